@@ -28,15 +28,14 @@ class EdgeSample:
 
 def edge_pixels(surface: npt.NDArray[np.uint16]) -> Bools:
     """Pixels (h, w) whose 3 x 3 neighbourhood shows more than one surface."""
-    mixed: Bools = cv2.dilate(surface, NEIGHBOURS) != cv2.erode(surface, NEIGHBOURS)
-    return mixed
+    return np.asarray(cv2.dilate(surface, NEIGHBOURS) != cv2.erode(surface, NEIGHBOURS))
 
 
 def pixel_offsets(count: int) -> Array:
     """Positions (count, 2) in a pixel, px from its centre: Hammersley's points, `count` a power of two.
 
-    All columns and all rows differ, so an edge along the pixels is located to 1/count px. A square grid of as many
-    points would give 1/sqrt(count) (J. H. Halton, 1960; van der Corput's sequence in base 2).
+    All columns and all rows differ, so an edge along the pixels is located to 1/count px. A square grid of `count`
+    points would locate it to 1/sqrt(count) px (J. H. Halton, 1960; van der Corput's sequence in base 2).
 
     Raises:
         InputError: `count` is not a power of two.
@@ -56,9 +55,9 @@ def edge_samples(
     edge: Bools,
     offsets: Array,
 ) -> Iterator[EdgeSample]:
-    """For each of `offsets` (n, 2) px, yield the first hits of the rays there in the pixels of `edge`, in their order.
+    """For each of `offsets` (n, 2) px, yield the rays at that position of all pixels of `edge`, and their first hits.
 
-    A pixel is tested against the solids in its 3 x 3 neighbourhood; a solid that is narrower than a pixel and lies
+    A pixel is tested against the solids in its 3 x 3 neighbourhood. A solid that is narrower than a pixel and lies
     between the pixel centres is missed.
     """
     row, column = np.nonzero(edge)

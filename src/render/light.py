@@ -14,7 +14,7 @@ import numpy.typing as npt
 from arm.robot.shapes import Body
 from arm.se3 import Array
 
-# Grey levels facing the lamp. Kinds that are not listed have OTHER_GREY.
+# grey levels of surfaces that face the lamp; kinds that are not listed have OTHER_GREY
 KIND_GREY = {
     "table": 112.0,
     "wall": 88.0,
@@ -37,10 +37,10 @@ class Light:
 
     Attributes:
         lamp: position of the lamp in the base frame, m; above everything in the camera's view.
-        ambient: share of ambient light, 0 to 1.
+        ambient: fraction of ambient light, 0 to 1.
         gain: exposure, a factor on all grey levels (the image saturates at 255).
-        shadow: share of the light removed by the lamp's shadow, 0 (none) to 1 - ambient.
-        vignette: share of the light lost in the image's corners.
+        shadow: fraction of the light that the lamp's shadow removes, 0 (none) to 1 - ambient.
+        vignette: fraction of the light lost in the image's corners.
         penumbra: standard deviation of a shadow's edge, m; represents the size of the lamp.
     """
 
@@ -54,13 +54,11 @@ class Light:
     def towards(self, point: npt.ArrayLike) -> Array:
         """Unit vector to the lamp from a point (3,) m; a body's centre serves for the whole body."""
         direction = np.asarray(self.lamp) - np.asarray(point, dtype=float)
-        unit: Array = direction / np.linalg.norm(direction)
-        return unit
+        return np.asarray(direction / np.linalg.norm(direction))
 
     def lambert(self, cosine: npt.ArrayLike) -> Array:
         """Factor on the grey level of surfaces with this cosine between normal and lamp, any shape."""
-        lit: Array = self.gain * (self.ambient + (1.0 - self.ambient) * np.maximum(cosine, 0.0))
-        return lit
+        return np.asarray(self.gain * (self.ambient + (1.0 - self.ambient) * np.maximum(cosine, 0.0)))
 
 
 def body_grey(body: Body) -> float:

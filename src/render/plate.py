@@ -1,8 +1,8 @@
 """A board's plate: a box with two printed markers on it and four square funnels ("pockets") cut into it.
 
-Markers lie in the plane z = 0 of the board frame, the plate's top; each has a white border one module wide. Pockets
-narrow from mouth to floor and have a finger hole in the floor (cell fact sheet). They get darker with depth, because
-their walls block part of the ambient light.
+Markers lie in the plane z = 0 of the board frame, the plate's top; each has a white border that is one module wide.
+Pockets narrow from mouth to floor and have a finger hole in the floor (cell fact sheet). They are darker at depth,
+because their walls block part of the ambient light.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from render.solids import Cast, cast_box
 from vision.markers.dictionaries import marker_modules
 
 FINGER_HOLE_RADIUS = 0.008  # m
-FLOOR_LIGHT = 0.45  # share of the light that reaches a pocket's floor
+FLOOR_LIGHT = 0.45  # fraction of the light that reaches a pocket's floor
 TOP_FACE = 2  # region of the plate's top, see `cast_box`
 BLACK, WHITE, WALLS, FLOOR, HOLE = 6, 7, 8, 12, 13  # further regions; four walls
 
@@ -60,7 +60,7 @@ class PlateSolid:
         return Cast(cast.depth.reshape(shape), cast.grey.reshape(shape), cast.region.reshape(shape))
 
     def _print_marker(self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: Bools) -> None:
-        """Print a marker on the rays `top` that hit the plate's top at (x, y) m from the marker's centre."""
+        """Print a marker where the rays `top` hit the plate's top, at (x, y) m from the marker's centre."""
         size, count = self._board.marker_size, len(modules)
         border = size / 2.0 + size / count
         near = np.flatnonzero((np.abs(x) <= border) & (np.abs(y) <= border))
@@ -73,7 +73,7 @@ class PlateSolid:
         cast.region[top[near]] = np.where(is_white, WHITE, BLACK)
 
     def _cut_pocket(self, cast: Cast, top: Indices, x: Floats, y: Floats, rays: Bundle) -> None:
-        """Continue the rays `top` that enter a mouth at (x, y) m from its centre to a wall or the floor."""
+        """Continue the rays `top`, which hit the plate's top at (x, y) m from a mouth's centre, to a wall or floor."""
         mouth = np.float32(self._board.pocket[0] / 2.0)
         near = np.flatnonzero((np.abs(x) < mouth) & (np.abs(y) < mouth))
         if not len(near):
@@ -81,14 +81,12 @@ class PlateSolid:
         x, y, ray = x[near], y[near], top[near]
         dx, dy, dz = rays.dx[ray], rays.dy[ray], rays.dz[ray]
         slope = np.float32((self._board.pocket[0] - self._board.pocket[1]) / 2.0 / POCKET_DEPTH)
-        further = np.stack(
-            [
-                (mouth - s * p) / np.maximum(s * d - slope * dz, 1e-9)
-                for s in (1, -1)
-                for p, d in ((x, dx), (y, dy))
-            ]
-            + [np.float32(POCKET_DEPTH) / -dz]
-        )
+        walls = [
+            (mouth - s * p) / np.maximum(s * d - slope * dz, 1e-9)
+            for s in (1, -1)
+            for p, d in ((x, dx), (y, dy))
+        ]
+        further = np.stack([*walls, np.float32(POCKET_DEPTH) / -dz])
         piece = np.argmin(further, axis=0)
         further = further[piece, np.arange(len(near))]
         depth_below = -further * dz

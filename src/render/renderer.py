@@ -1,8 +1,8 @@
 """Render images of the cell as its camera would take them.
 
-One ray through the centre of each pixel is tested against every solid that may be there; the nearest hit counts. Pixels
-whose neighbourhood shows more than one smooth surface then get sixteen rays, tested only against the solids in that
-neighbourhood, so edges are accurate at little cost. The blur of the lens is applied last.
+One ray through the centre of each pixel is tested against every solid that may be there, and the nearest hit counts.
+Then pixels whose neighbourhood shows more than one smooth surface get sixteen rays, which are tested only against the
+solids in that neighbourhood. So edges are accurate at little cost. The blur of the lens is applied last.
 """
 
 from __future__ import annotations
@@ -91,8 +91,7 @@ def _lit(hits: FirstHits, rays: PixelRays, light: Light, shadow: Shadow | None) 
 
 def _vignette(rays: PixelRays, light: Light) -> Floats:
     radius2 = rays.x * rays.x + rays.y * rays.y
-    kept: Floats = np.float32(1.0) - np.float32(light.vignette) / radius2.max() * radius2
-    return kept
+    return np.asarray(np.float32(1.0) - np.float32(light.vignette) / radius2.max() * radius2)
 
 
 def with_noise(image: Floats, rng: np.random.Generator, sigma_grey: float = 2.0) -> Image:

@@ -1,8 +1,8 @@
-"""Soft shadow of the lamp: the share of its light that is hidden from the points in view.
+"""Soft shadow of the lamp: the fraction of its light that is hidden from the points in view.
 
-A depth map from the lamp is blurred as its first two moments. Chebyshev's inequality then bounds the share of the lamp
-that is visible from a point (W. Donnelly and A. Lauritzen, "Variance shadow maps", 2006). The blur, `Light.penumbra`,
-represents the size of the lamp.
+The first two moments of a depth map from the lamp are blurred. Then Chebyshev's inequality bounds the fraction of the
+lamp that is visible from a point (W. Donnelly and A. Lauritzen, "Variance shadow maps", 2006). The blur,
+`Light.penumbra`, represents the size of the lamp.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from render.light import Light
 from render.rays import Floats, PixelRays
 from render.solids import Solid
 
-CELL = 2.5e-3  # m, pitch of the lamp's map in the camera's view
+CELL = 2.5e-3  # m, pitch of the depth map at the points in view
 DEPTH_NOISE = 1.5e-3  # m, smaller differences of depth cast no shadow
 MOST_CELLS = 1200  # per side
 
@@ -37,12 +37,13 @@ class Shadow:
     def __init__(
         self, solids: Sequence[Solid], light: Light, T_base_camera: Array, rays: PixelRays, depth: Floats
     ) -> None:
-        seen = _some_points(T_base_camera, rays, depth)
-        T_base_lamp = _looking_at(np.asarray(light.lamp), seen.mean(axis=0))
+        points = _some_points(T_base_camera, rays, depth)
+        T_base_lamp = _looking_at(np.asarray(light.lamp), points.mean(axis=0))
         self._T_lamp_camera = inverse(T_base_lamp) @ T_base_camera
-        lamp_points = apply(inverse(T_base_lamp), seen)
+        lamp_points = apply(inverse(T_base_lamp), points)
         on_plane = lamp_points[:, :2] / lamp_points[:, 2:]
-        self._cell = CELL / float(np.median(lamp_points[:, 2]))
+        self._reference = float(np.median(lamp_points[:, 2]))  # moments about it fit single precision
+        self._cell = CELL / self._reference
         margin = 4.0 * light.penumbra / CELL * self._cell
         self._low = on_plane.min(axis=0) - margin
         columns, rows = np.minimum(
@@ -53,7 +54,6 @@ class Shadow:
         )
         lamp_rays = PixelRays(x.astype(np.float32), y.astype(np.float32))
         found = first_hits(in_view(solids, T_base_lamp, lamp_rays), T_base_lamp, lamp_rays).depth
-        self._reference = float(np.median(lamp_points[:, 2]))  # moments about it fit single precision
         offset = np.where(np.isfinite(found), found - np.float32(self._reference), np.float32(1.0))
         sigma = light.penumbra / CELL
         self._mean, self._square = (
@@ -62,7 +62,7 @@ class Shadow:
         )
 
     def hidden(self, rays: PixelRays, depth: Floats) -> Floats:
-        """Share of the lamp, 0 to 1, that is hidden from points at `depth` m on the camera's rays, any shape."""
+        """Fraction of the lamp, 0 to 1, that is hidden from points at `depth` m on the camera's rays, any shape."""
         R, t = self._T_lamp_camera[:3, :3].astype(np.float32), self._T_lamp_camera[:3, 3].astype(np.float32)
         finite = np.where(np.isfinite(depth), depth, np.float32(1.0))
         px, py = finite * rays.x, finite * rays.y
@@ -87,7 +87,7 @@ def _sampled(field: Floats, columns: Floats, rows: Floats) -> Floats:
 
 
 def _some_points(T_base_camera: Array, rays: PixelRays, depth: Floats) -> Array:
-    """Points (n, 3) in the base frame seen by a coarse grid of pixels; a point below the camera if there are none."""
+    """Points (n, 3) m of the base frame at a coarse grid of pixels; a point below the camera if nothing is in view."""
     grid = np.s_[::20, ::20]
     x, y, z = rays.x[grid], rays.y[grid], depth[grid]
     met = np.isfinite(z)

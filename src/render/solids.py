@@ -1,6 +1,6 @@
 """Cast rays at solids: depth, grey level and smooth piece of the surface ("region") of each first hit.
 
-Solids are invisible from inside: cameras are outside of things.
+Solids are invisible from inside, where no camera is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from render.hulls import Hull
 from render.light import Light, body_grey
 from render.rays import Bundle, Floats, PixelRays, bundle_in
 
-REGIONS = 32  # a solid has fewer; a hull's faces share one if their numbers differ by a multiple
+REGIONS = (
+    32  # a solid has fewer; faces of a hull share a region if their numbers differ by a multiple of this
+)
 SEAM = 1e-7  # m; overlap of faces, so that rounding leaves no gap between them
 
 
@@ -108,7 +110,7 @@ class BodySolid:
         return Cast(depth, self._shaded(np.where(met, cosine, 0.0)), np.zeros(t.shape, dtype=np.uint8))
 
     def _capsule(self, radius: float, half: float, rays: Bundle) -> Cast:
-        """The nearest of the side and the two balls; one smooth piece."""
+        """The nearest of the cylinder's side and the two balls; one smooth piece."""
         side = self._cylinder(radius, half, rays)
         depth = np.where(side.region == 0, side.depth, np.float32(np.inf))  # the cylinder's ends are inside
         grey = side.grey

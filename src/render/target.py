@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, Bools, frozen, inverse, transform
+from arm.se3 import Array, frozen, inverse, transform
 from render.light import Light
 from render.rays import Floats, PixelRays, bundle_in
 from render.solids import Cast
@@ -14,7 +14,7 @@ from vision.targets.target import Target
 
 PAPER, INK = 235.0, 22.0
 MARGIN = 0.012  # m of white paper around the chessboard
-_BENT_STEPS = 6  # of the iteration to hit a bent plate; each reduces the error by a factor of about 20
+_BENT_STEPS = 6  # of the iteration towards a bent plate; each reduces the error by a factor of about 20
 
 
 class TargetSolid:
@@ -46,14 +46,9 @@ class TargetSolid:
         normal = -self.T_base_solid[:3, 2]
         lit = light.lambert(np.abs(normal @ light.towards(self.T_base_solid[:3, 3])))
         self._levels = (np.float32(INK * lit), np.float32(PAPER * lit))
-        self._modules = self._printed_modules()
-
-    def _printed_modules(self) -> Bools:
-        """All markers with their black borders, (markers, m, m), True for white."""
-        if self._target.kind == "checkerboard":
-            return np.empty((0, 1, 1), dtype=bool)
-        count = len(self._target.marker_squares())
-        return np.stack([marker_modules(self._target.dictionary, i) for i in range(count)])
+        # all markers with their black borders, (markers, m, m), True for white
+        count = 0 if target.kind == "checkerboard" else len(target.marker_squares())
+        self._modules = np.array([marker_modules(target.dictionary, i) for i in range(count)])
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
         """Cast the rays of a camera at the plate. Regions: 0 ink, 1 paper, 2 the paper's margin."""
@@ -66,9 +61,8 @@ class TargetSolid:
             for _ in range(_BENT_STEPS if self._bend else 0):
                 x = o[0] + depth * bundle.dx
                 rise = np.float32(-self._bend) * (1.0 - (x / np.float32(target_half)) ** 2)
-                depth = (
-                    np.clip(rise, -abs(self._bend), abs(self._bend)).astype(np.float32) - o[2]
-                ) / bundle.dz
+                height = np.clip(rise, -abs(self._bend), abs(self._bend)).astype(np.float32)
+                depth = (height - o[2]) / bundle.dz
             x, y = o[0] + depth * bundle.dx, o[1] + depth * bundle.dy
             met = (depth > 0.0) & (np.abs(x) <= self._half[0]) & (np.abs(y) <= self._half[1])
         met &= o[2] < 0.0  # the back is not rendered

@@ -35,9 +35,9 @@ class Window:
 def window_of(
     T_base_solid: Array, half_extent: Array, T_base_camera: Array, rays: PixelRays
 ) -> Window | None:
-    """Return the window with every pixel (and its neighbours) whose ray can hit a box, or None if there is none.
+    """Return the window of all pixels (and their neighbours) whose rays can hit a box; None if there are none.
 
-    It works on the plane z = 1, where edges are straight whatever the distortion.
+    The plane z = 1 is used, where edges are straight despite the distortion.
 
     Args:
         T_base_solid: pose of the box's centre, 4x4.
@@ -70,8 +70,7 @@ def window_of(
 
 def _slack(cells: Array) -> Array:
     """A quarter of a cell: allows for the curved sides of cells and the neighbours of edge pixels."""
-    slack: Array = 0.25 * (cells.max(axis=0) - cells.min(axis=0))
-    return slack
+    return np.asarray(0.25 * (cells.max(axis=0) - cells.min(axis=0)))
 
 
 def _visible_corners(T_camera_solid: Array, half: Array) -> Array:

@@ -1,8 +1,8 @@
 """Bundle adjustment of the intrinsics and the target pose of every view, by Levenberg-Marquardt.
 
 Views are coupled only through the intrinsics, so the pose of each view is eliminated (Schur complement; B. Triggs et
-al., "Bundle adjustment: a modern synthesis", 2000, section 6.1). The reduced 9 x 9 information matrices add up over
-views: selecting views, holding some out and proposing the next one all work on sums of them.
+al., "Bundle adjustment: a modern synthesis", 2000, section 6.1). The information of several views is the sum of their
+reduced 9 x 9 matrices. Selecting views, holding some out and proposing the next one all work on such sums.
 """
 
 from __future__ import annotations
@@ -29,16 +29,18 @@ from vision.camera.model import Camera
 
 _STEPS = 100
 COST_DONE = 1e-10  # relative change of the cost
-PRIOR_CORNER_PX = 0.02  # corner error the prior is weighted against; the true one is known only after the fit
+PRIOR_CORNER_PX = (
+    0.02  # corner error assumed in the weight of the prior; the actual one is known only after the fit
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Prior on the intrinsics: keeps parameters bounded that no view determines.
+    """Prior on the intrinsics: it bounds parameters that no view determines.
 
     Attributes:
         mean: (9,).
-        sigma: (9,), wide enough not to affect parameters that the views determine.
+        sigma: standard deviations (9,), wide enough not to affect parameters that the views determine.
     """
 
     mean: Array
@@ -114,7 +116,7 @@ class Bundle:
 def view_equations(
     camera: Camera, T_camera_target: Array, points: Array, residual: Array | None = None, damping: float = 0.0
 ) -> Eliminated:
-    """Return a view's normal equations of the nine intrinsics, its pose eliminated; coordinates are measured to 1 px.
+    """Return the normal equations of the nine intrinsics from a view, its pose eliminated, for corner errors of 1 px.
 
     Args:
         camera: intrinsics.
@@ -123,9 +125,9 @@ def view_equations(
         residual: (n, 2) px; default: zero.
         damping: of the pose, see `calib.model.least_squares.eliminate`.
     """
-    seen = Projection(camera, T_camera_target, points)
+    p = Projection(camera, T_camera_target, points)
     r = np.zeros(2 * len(points)) if residual is None else residual.reshape(-1)
-    return eliminate(seen.by_intrinsics.reshape(-1, COUNT), seen.by_target.reshape(-1, 6), r, damping=damping)
+    return eliminate(p.by_intrinsics.reshape(-1, COUNT), p.by_target.reshape(-1, 6), r, damping=damping)
 
 
 def residual_of(camera: Camera, T_camera_target: Array, view: View) -> Array:
@@ -141,11 +143,11 @@ def adjust(
     prior: Prior | None = None,
     done: float = COST_DONE,
 ) -> Bundle:
-    """Minimise the reprojection error over intrinsics and poses, from a start.
+    """Minimise the reprojection error over intrinsics and poses.
 
     Args:
         views: of the target.
-        camera, poses: the start; intrinsics that are not free keep the values of `camera`.
+        camera, poses: where to start; intrinsics that are not free keep the values of `camera`.
         free: (9,) of bool, see `calib.model.intrinsics.NAMES`.
         prior: on the intrinsics; default: about `camera`.
         done: relative change of the cost at which to stop.

@@ -26,7 +26,9 @@ from vision.targets.target import FEWEST_CORNERS, Target
 
 FEWEST_VIEWS = 3  # needed to compute anything
 WEAK, FELT = 3e-3, 2.0  # see `_undetermined`
-MOST_KEPT = 0.75  # drop no more corners once this share of a view's is left: then the view is wrong
+MOST_KEPT = (
+    0.75  # of a view's corners; once fewer are left, no more are dropped, because the whole view is wrong
+)
 _ROUNDS = 12  # of outlier rejection
 
 
@@ -59,24 +61,22 @@ def calibrate_camera(
     if len(candidates) < FEWEST_VIEWS:
         raise CalibrationRefused(_too_few(photos, reasons), usable=len(candidates), photographs=len(photos))
     found = _without_outliers(photos, candidates, target, size, free, reasons)
-    points = work or _distances(found.bundle, found.views)
-    place = working_volume(found.bundle.camera, *points)
+    distances = work or _distances(found.bundle, found.views)
+    volume = working_volume(found.bundle.camera, *distances)
     informations = information(found.bundle, found.views)
-    scale = found.bundle.corner_sigma
-    prior = (scale / found.bundle.prior.sigma) ** 2
+    prior = np.diag((found.bundle.corner_sigma / found.bundle.prior.sigma) ** 2)
     if len(found.index) > limits.most_views:
-        design = OptimalDesign(np.array(informations), np.diag(prior), place.worth)
+        design = OptimalDesign(np.array(informations), prior, volume.worth)
         found = _best(found, sorted(design.best(limits.most_views, exchange=False).places), reasons)
-        place = working_volume(found.bundle.camera, *points)
+        volume = working_volume(found.bundle.camera, *distances)
         informations = information(found.bundle, found.views)
     bundle = found.bundle
     covariance = intrinsics_covariance(informations, free, bundle.corner_sigma, bundle.prior)
-    known = np.diag(prior) + sum(informations)
+    known = prior + sum(informations)
     undetermined = _undetermined(bundle.camera, covariance, free, bundle.corner_sigma)
     hypotheses = tuple(error_hypotheses(bundle, found.views, target))
-    moved = sum(
-        (place.shifts(s.intrinsics_change) ** 2 for s in hypotheses if s.sure), np.zeros(len(place.points))
-    )
+    shifts = [volume.shifts(s.intrinsics_change) for s in hypotheses if s.sure]
+    variances = volume.sigmas(covariance) ** 2 + sum(shift**2 for shift in shifts)
     calibration = CameraCalibration(
         bundle.camera,
         frozen(covariance),
@@ -84,12 +84,12 @@ def calibrate_camera(
         bundle.corner_sigma,
         _calibration_views(photos, reasons, found, target),
         target,
-        place,
-        frozen(np.sqrt(place.sigmas(covariance) ** 2 + moved)),
-        cross_validate(bundle, found.views, place),
+        volume,
+        frozen(np.sqrt(variances)),
+        cross_validate(bundle, found.views, volume),
         hypotheses,
-        {name: _most_informative(name, bundle.camera, target, known, points) for name in undetermined},
-        tuple(next_views(bundle.camera, target, known, place.worth, *points)),
+        {name: _most_informative(name, bundle.camera, target, known, distances) for name in undetermined},
+        tuple(next_views(bundle.camera, target, known, volume.worth, *distances)),
         limits,
     )
     return with_verdict(calibration)
@@ -97,7 +97,7 @@ def calibrate_camera(
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """An adjustment of the images `index`, with the corners kept in each."""
+    """An adjustment of the images with these indices, and the corners kept in each."""
 
     bundle: Bundle
     views: list[View]
@@ -111,10 +111,6 @@ def _view(photo: TargetPhoto, target: Target, kept: Bools) -> View:
     return View(target.points()[photo.view.ids[kept]], photo.view.corners_px[kept])
 
 
-def _corners(photo: TargetPhoto) -> int:
-    return 0 if photo.view is None else len(photo.view.ids)
-
-
 def _without_outliers(
     photos: Sequence[TargetPhoto],
     candidates: Sequence[int],
@@ -125,7 +121,7 @@ def _without_outliers(
 ) -> _Found:
     """Adjust, reject outlying views and corners, and repeat until there are none."""
     index = list(candidates)
-    kept = {i: np.ones(_corners(photos[i]), dtype=bool) for i in index}
+    kept = {i: np.ones(len(view.ids), dtype=bool) for i in index if (view := photos[i].view) is not None}
     views = [_view(photos[i], target, kept[i]) for i in index]
     bundle = initial_guess(views, size)
     bundle = adjust(views, bundle.camera, bundle.poses, free, bundle.prior)
@@ -179,11 +175,12 @@ def _distances(bundle: Bundle, views: Sequence[View]) -> tuple[float, float]:
 
 
 def _undetermined(camera: Camera, covariance: Array, free: Bools, corner_sigma: float) -> tuple[str, ...]:
-    """Intrinsics that the views leave undetermined.
+    """Intrinsics that the views do not determine.
 
-    This holds for focal length and principal point if the standard deviation exceeds `WEAK` times the image width. It
-    holds for a distortion coefficient within 2 standard deviations of zero if one standard deviation moves the image
-    corner by more than `FELT` times the corner error (a coefficient known to be small is determined).
+    A focal length or a coordinate of the principal point is undetermined if its standard deviation exceeds `WEAK` times
+    the image width. A distortion coefficient is undetermined if it is within two standard deviations of zero, and one
+    standard deviation moves the image's corner by more than `FELT` times the corner error. So a coefficient that is
+    known to be small is determined.
     """
     sigma = np.sqrt(np.diag(covariance))
     middle = (np.array(camera.size) - 1.0) / 2.0

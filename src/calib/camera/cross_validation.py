@@ -1,9 +1,9 @@
 """Cross-validation: groups of views are held out in turn.
 
-The intrinsics are fitted without each group, and the corners of that group validate them (with their poses free). The
-scatter of the fits at the work points gives an error that assumes no noise model (delete-a-group jackknife; B. Efron,
-1982). If it is much larger than the error predicted from the residuals, the residuals are not independent and the
-prediction is optimistic.
+The intrinsics are fitted without a group, and the corners of that group validate them (with free poses). The scatter of
+the fits at the work points is an error estimate without any noise model (delete-a-group jackknife; B. Efron, 1982). If
+it is much larger than the error predicted from the residuals, the residuals are not independent, and the prediction is
+too optimistic.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class CrossValidation:
     """Result of cross-validation.
 
     Attributes:
-        sigma_px: error of held-out corner coordinates, px. The degrees of freedom of each view's pose and the part
-            that the uncertainty of the fitted intrinsics explains are removed: otherwise a single view at an image
-            edge that no other view reaches would look wrong without being so.
+        sigma_px: error of held-out corner coordinates, px. It excludes the degrees of freedom of each view's pose, and
+            what the uncertainty of the fitted intrinsics explains. Otherwise a correct view at an image edge would look
+            wrong if no other view reaches that edge.
         work_sigmas: (n,) m jackknife standard deviation of each work point.
     """
 
@@ -48,20 +48,16 @@ def cross_validate(bundle: Bundle, views: Sequence[View], work: WorkingVolume) -
     """
     groups = min(GROUPS, len(views))
     group = np.arange(len(views)) % groups
-    squares, freedom, lenses = 0.0, 0, []
+    squares, freedom, intrinsics = 0.0, 0, []
+    prior = np.diag((bundle.corner_sigma / bundle.prior.sigma) ** 2)
     for g in range(groups):
-        rest = [i for i in range(len(views)) if group[i] != g]
-        fit = adjust(
-            [views[i] for i in rest],
-            bundle.camera,
-            [bundle.poses[i] for i in rest],
-            bundle.free,
-            bundle.prior,
-        )
-        lenses.append(vector_of(fit.camera))
-        known = np.diag((bundle.corner_sigma / bundle.prior.sigma) ** 2)
-        known = np.asarray(sum(information(fit, [views[i] for i in rest]), known))
-        for i in map(int, np.flatnonzero(group == g)):
+        held = group == g
+        rest = [view for view, out in zip(views, held, strict=True) if not out]
+        poses = [T for T, out in zip(bundle.poses, held, strict=True) if not out]
+        fit = adjust(rest, bundle.camera, poses, bundle.free, bundle.prior)
+        intrinsics.append(vector_of(fit.camera))
+        known = np.asarray(sum(information(fit, rest), prior))
+        for i in map(int, np.flatnonzero(held)):
             T = pose_of(views[i], fit.camera)
             residual = residual_of(fit.camera, T, views[i])
             own = view_equations(fit.camera, T, views[i].points, residual)
@@ -69,7 +65,7 @@ def cross_validate(bundle: Bundle, views: Sequence[View], work: WorkingVolume) -
             explained = float(score @ solve_scaled(of_free, score))  # by the uncertainty of the intrinsics
             squares += float((residual**2).sum()) - explained
             freedom += residual.size - 6
-    changes = np.stack(lenses) - np.mean(lenses, axis=0)
+    changes = np.stack(intrinsics) - np.mean(intrinsics, axis=0)
     scatter = np.stack([work.shifts(change) for change in changes])
     sigmas = np.sqrt((groups - 1) / groups * (scatter**2).sum(axis=0))
     return CrossValidation(float(np.sqrt(squares / max(freedom, 1))), np.asarray(sigmas))

@@ -14,13 +14,13 @@ from vision.targets.target import Target, TargetView
 STILL_PX = 0.5  # largest shift of the corners between two frames of a target held still
 NEW_SHARE = 0.01  # of the image width: least difference between a new view and all previous ones
 ENOUGH_VIEWS = 16  # after these, intrinsics that hardly matter at the work points may stay undetermined
-GOOD = 1 / 3  # of the limit at the work points; better than just accepted costs a person few more views
+GOOD = (
+    1 / 3
+)  # of the limit at the work points: a few more views than for acceptance make a better calibration
+_EDGES = ("left", "right", "upper", "lower")
 FIRST = (
     "in the middle of the image, filling two thirds of it, facing the camera",
-    "in the middle of the image, tilted some 30 deg with its left edge nearer",
-    "in the middle of the image, tilted some 30 deg with its right edge nearer",
-    "in the middle of the image, tilted some 30 deg with its upper edge nearer",
-    "in the middle of the image, tilted some 30 deg with its lower edge nearer",
+    *(f"in the middle of the image, tilted some 30 deg with its {edge} edge nearer" for edge in _EDGES),
 )
 
 
@@ -30,7 +30,7 @@ class Advice:
 
     Attributes:
         words: where to hold the target.
-        T_camera_target: the same as a pose, once rough intrinsics are known; else None.
+        T_camera_target: the same as a pose; None until rough intrinsics are known.
         done: whether the views suffice.
         work_mm: largest standard deviation at the work points so far, mm; None if unknown.
     """
@@ -65,7 +65,7 @@ class GuidedViews:
         self._last: TargetView | None = None
 
     def consider(self, photo: TargetPhoto) -> str:
-        """Add a frame if it is usable; return "" if it was added, else the reason, for a person."""
+        """Add a frame if it is usable; return "" if it was added, else the reason in words."""
         last, self._last = self._last, photo.view
         if photo.view is None or photo.quality is None:
             return "no target in view"

@@ -20,15 +20,11 @@ _PINHOLE = np.array([True, True, True, True, False, False, False, False, False])
 
 
 def pose_of(view: View, camera: Camera) -> Array:
-    """T_camera_target (4x4) of a view for given intrinsics: refine both planar solutions and return the better."""
-    corners = Corners(view.pixels[None], view.points)
-    weights = np.ones((1, len(view.points)))
-    fits = [
-        fit_weighted(corners, weights, start, camera)
-        for start in planar_poses(view.pixels, view.points, camera)
-    ]
-    costs = [fit.cost if np.isfinite(fit.cost) else np.inf for fit in fits]
-    return fits[int(np.argmin(costs))].T_camera_board
+    """Return T_camera_target (4x4) of a view for given intrinsics: the better of both planar solutions, refined."""
+    corners, weights = Corners(view.pixels[None], view.points), np.ones((1, len(view.points)))
+    starts = planar_poses(view.pixels, view.points, camera)
+    fits = [fit_weighted(corners, weights, start, camera) for start in starts]
+    return min(fits, key=lambda fit: fit.cost if np.isfinite(fit.cost) else np.inf).T_camera_board
 
 
 def initial_guess(views: Sequence[View], size: tuple[int, int]) -> Bundle:
@@ -39,11 +35,8 @@ def initial_guess(views: Sequence[View], size: tuple[int, int]) -> Bundle:
     """
     some = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, MOST_VIEWS).astype(int))]
     tried: list[Bundle] = []
-    for share in FOCAL_LENGTHS:
-        f = share * size[0]
-        camera = camera_of(
-            np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]), size
-        )
+    for f in np.multiply(FOCAL_LENGTHS, size[0]):
+        camera = camera_of(np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, *np.zeros(5)]), size)
         try:
             poses = [pose_of(view, camera) for view in some]
             bundle = adjust(some, camera, poses, _PINHOLE, done=ROUGH)

@@ -17,7 +17,7 @@ from vision.targets.target import Target
 TILT = np.radians(35.0)
 TURNED = 8  # tilt directions
 MARGIN_PX = 8.0
-LEAST_SEEN = 0.5  # share of the corners that must be in the image
+LEAST_SEEN = 0.5  # fraction of the corners that must be in the image
 _ACROSS = ("left", "", "right")
 _DOWN = ("upper", "", "lower")
 _NEARER = ("right", "lower right", "lower", "lower left", "left", "upper left", "upper", "upper right")
@@ -53,9 +53,9 @@ def next_views(
 
     Args:
         camera: current estimate.
-        target: to be shown.
-        information: (9, 9) of the views so far and the prior, per px^2 of corner variance.
-        worth: of the errors, see `calib.camera.working_volume.WorkingVolume.worth`.
+        target: the target.
+        information: (9, 9) of the views so far and the prior, for corner errors of 1 px.
+        worth: weights of the errors, see `calib.camera.working_volume.WorkingVolume.worth`.
         near, far: range of distances for the target, m.
     """
     candidates = _candidates(camera, target, near, far)
@@ -96,8 +96,8 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
 
 def _rotation_in_plane(camera: Camera, target: Target) -> float:
     """Rotation of the target, rad, that aligns its long side with that of the image."""
-    along = (camera.size[0] >= camera.size[1]) == (target.size[0] >= target.size[1])
-    return 0.0 if along else np.pi / 2.0
+    aligned = (camera.size[0] >= camera.size[1]) == (target.size[0] >= target.size[1])
+    return 0.0 if aligned else np.pi / 2.0
 
 
 def _words(column: int, row: int, z: float, turned: int) -> str:

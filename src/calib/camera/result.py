@@ -28,8 +28,8 @@ class CalibrationLimits:
         views: fewest views used.
         tilted: fewest views tilted by at least `tilt`.
         tilt: rad.
-        marker_share: largest relative deviation of the marker size from the target file.
-        most_views: views beyond this number are held out.
+        marker_share: largest relative deviation of the marker size from that in the target file.
+        most_views: largest number of views in the fit; the others are held out.
     """
 
     work_mm: float = 0.3
@@ -91,12 +91,12 @@ class CameraCalibration(Judged):
         views: every image, in input order.
         target: shown in the views.
         work: the points where errors count.
-        work_sigmas: (n,) m standard deviation across the line of sight at each, including the shifts due to model
-            errors found present.
+        work_sigmas: standard deviation of each across the line of sight, (n,) m, with the shifts due to model errors
+            that are present.
         cross: result of cross-validation.
         hypotheses: tested model errors, the most significant first.
-        undetermined: intrinsics that the views leave undetermined, each with its most informative next view.
-        next: views that would reduce the error at the work points most.
+        undetermined: intrinsics that the views do not determine, each with its most informative next view.
+        next: views that would most reduce the error at the work points.
         limits: for acceptance.
     """
 

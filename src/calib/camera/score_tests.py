@@ -1,4 +1,4 @@
-"""Score tests for model errors: how much of the residuals each explains, and how it would change the intrinsics."""
+"""Score tests for model errors: how much of the residuals each one explains, and how it would change the intrinsics."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class ErrorHypothesis:
         sigma: standard deviation of `amount`.
         unit: of both.
         sigmas: significance of all its parameters together, in standard deviations.
-        intrinsics_change: (9,) change of the intrinsics if the model included it; for a changed focus, the change
-            between the middle of the views and their end.
+        intrinsics_change: change of the intrinsics if the model included the error, (9,); for a changed focus, their
+            change from the middle of the views to the last.
     """
 
     name: str
@@ -43,7 +43,7 @@ class ErrorHypothesis:
 
     @property
     def sure(self) -> bool:
-        """Whether it is present; poorly determined parameters may be significant with an amount near zero."""
+        """Whether it is present; poorly determined parameters may be significant, but with an amount near zero."""
         return self.sigmas > SURE and abs(self.amount) > SURE * self.sigma
 
 
@@ -54,20 +54,22 @@ def error_hypotheses(bundle: Bundle, views: Sequence[View], target: Target) -> l
         bundle: a finished adjustment of `views`.
         views: of `target`, in the order in which they were taken.
     """
-    seen = [Projection(bundle.camera, T, v.points) for T, v in zip(bundle.poses, views, strict=True)]
+    fitted = [Projection(bundle.camera, T, v.points) for T, v in zip(bundle.poses, views, strict=True)]
     focal, half = np.diag(bundle.camera.K)[:2], np.array(target.size) / 2.0
     # z = a X^2 + b X Y + c Y^2, with X and Y from -1 to 1 over the target
-    bent = [p.by_point[..., 2:] * _bulges(p.points[:, :2] / half - 1.0)[:, None] for p in seen]
+    bent = [p.by_point[..., 2:] * _bulges(p.points[:, :2] / half - 1.0)[:, None] for p in fitted]
     # rows are further apart than columns by a relative amount, as some printers make them
-    stretched = [p.by_point[..., 1:2] * p.points[:, 1, None, None] for p in seen]
+    stretched = [p.by_point[..., 1:2] * p.points[:, 1, None, None] for p in fitted]
     # the focal length changes linearly from the first view to the last, by a relative amount
     times = np.linspace(-0.5, 0.5, len(views))
-    refocused = [t * (p.by_intrinsics[..., :2] @ focal)[..., None] for t, p in zip(times, seen, strict=True)]
+    refocused = [
+        t * (p.by_intrinsics[..., :2] @ focal)[..., None] for t, p in zip(times, fitted, strict=True)
+    ]
     to_the_end = np.append(0.5 * focal, np.zeros(COUNT - 2))
     found = (
-        _tested(bundle, seen, "bent target", "m", bent),
-        _tested(bundle, seen, "stretched target", "", stretched),
-        _tested(bundle, seen, "changed focus", "", refocused, to_the_end),
+        _tested(bundle, fitted, "bent target", "m", bent),
+        _tested(bundle, fitted, "stretched target", "", stretched),
+        _tested(bundle, fitted, "changed focus", "", refocused, to_the_end),
     )
     return sorted((h for h in found if h is not None), key=lambda h: -h.sigmas)
 
@@ -86,7 +88,7 @@ def _height(amount: Array) -> Array:
 
 def _tested(
     bundle: Bundle,
-    seen: Sequence[Projection],
+    projections: Sequence[Projection],
     name: str,
     unit: str,
     columns: Sequence[Array],
@@ -96,17 +98,17 @@ def _tested(
 
     Args:
         bundle: adjustment.
-        seen: its views.
+        projections: of its views.
         name, unit: of the error.
-        columns: derivative of the corners of each view by its m parameters, (n, 2, m).
-        to_the_end: change of the intrinsics from the middle of the views to the last per unit of it, (9,).
+        columns: derivative of the corners of each view by the m parameters of the error, (n, 2, m).
+        to_the_end: change of the intrinsics from the middle of the views to the last per unit of the error, (9,).
     """
     m, n = columns[0].shape[-1], int(bundle.free.sum())
     fitted = np.append(bundle.free, np.ones(m, dtype=bool))
     weight = np.append(bundle.prior.weight, np.zeros(m))
     S = np.diag(weight)
     g = weight * np.append(bundle.prior.mean - vector_of(bundle.camera), np.zeros(m))
-    for p, more, residual in zip(seen, columns, bundle.residuals, strict=True):
+    for p, more, residual in zip(projections, columns, bundle.residuals, strict=True):
         J = np.concatenate([p.by_intrinsics, more], axis=-1).reshape(-1, len(fitted))
         own = eliminate(J, p.by_target.reshape(-1, 6), residual.reshape(-1))
         S, g = S + own.S, g + own.g

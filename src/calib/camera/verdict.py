@@ -39,16 +39,10 @@ def coverage(c: CameraCalibration) -> float:
 
 def cells(c: CameraCalibration) -> Indices:
     """Number of corners of used views in each cell of the image, rows by columns."""
-    columns, rows = CELLS
-    count = np.zeros((rows, columns), dtype=np.intp)
-    for view in c.used:
-        if view.photo.view is None:
-            continue
-        at = (view.photo.view.corners_px + 0.5) / c.camera.size
-        column = np.clip((at[:, 0] * columns).astype(np.intp), 0, columns - 1)
-        row = np.clip((at[:, 1] * rows).astype(np.intp), 0, rows - 1)
-        np.add.at(count, (row, column), 1)
-    return count
+    corners = [v.photo.view.corners_px for v in c.used if v.photo.view is not None]
+    x, y = np.clip((np.concatenate(corners) + 0.5) / c.camera.size, 0.0, 1.0).T
+    count, *_ = np.histogram2d(y, x, bins=CELLS[::-1], range=((0.0, 1.0), (0.0, 1.0)))
+    return np.asarray(count, dtype=np.intp)
 
 
 def _too_few_views(c: CameraCalibration) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Select the views for a calibration, and give a reason for each one left out."""
+"""Select the views for a calibration, and give a reason for each view that is left out."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from vision.camera.model import Image
 from vision.targets.quality import Quality, measure_quality
 from vision.targets.target import FEWEST_CORNERS, TargetFinder, TargetView
 
-BLURRED = 2.0  # largest blur relative to the sharpest quarter of the views,
-LEAST_BLUR_PX = 1.5  # but this much is always allowed
-MOST_BLUR_PX = 4.0  # and this much never is
+# a view is blurred above this multiple of the median blur of the sharpest quarter, within these limits
+BLURRED, LEAST_BLUR_PX, MOST_BLUR_PX = 2.0, 1.5, 4.0
 LEAST_CONTRAST = 25.0  # grey levels
-SATURATED = 0.5  # largest share of saturated white
-SAME_PX = 4.0  # views whose corners differ by less than this count as the same
-OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others,
-OUTLIER_SIGMA = 2.5  # and at least this multiple of their corner error: tilt, light and sharpness differ too,
-LEAST_OUTLIER_RMS_PX = 0.1  # and at least this: a target that moved gives more
-OUTLIER_CORNER = 6.0  # standard deviations,
-LEAST_OUTLIER_PX = 0.25  # and at least this: correct detections may err by as much
+SATURATED = 0.5  # largest fraction of saturated white
+SAME_PX = 4.0  # views whose corners differ by less are the same view
+# an outlying view exceeds all three:
+OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others
+OUTLIER_SIGMA = 2.5  # times the corner error of the others: tilt, light and sharpness differ too
+LEAST_OUTLIER_RMS_PX = 0.1  # a target that moved gives more
+# an outlying corner exceeds both:
+OUTLIER_CORNER = 6.0  # standard deviations
+LEAST_OUTLIER_PX = 0.25  # correct detections may err by as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class TargetPhoto:
         name: of its file.
         view: the detected target, or None.
         quality: of the detection, or None.
-        taken_s: time in s on a clock common to all images; None if unknown.
+        taken_s: time on a clock common to all images, s; None if unknown.
     """
 
     name: str
@@ -93,11 +94,7 @@ def _on_one_line(view: TargetView) -> bool:
 
 def _same_as(photo: TargetPhoto, kept: Sequence[TargetPhoto]) -> str:
     for other in kept:
-        if (
-            photo.view is not None
-            and other.view is not None
-            and corner_shift(photo.view, other.view) < SAME_PX
-        ):
+        if photo.view and other.view and corner_shift(photo.view, other.view) < SAME_PX:
             return f"shows the target in the same place as {other.name}"
     return ""
 
@@ -124,7 +121,7 @@ def outlying_views(variances: Array, counts: Indices) -> Bools:
 
 
 def outlying_corner(residual: Array, sigma: float) -> int | None:
-    """The worst corner of a view if it is an outlier; only one, as it distorts the residuals of the others."""
+    """Return the worst corner of a view if it is an outlier; only one, as it distorts the residuals of the others."""
     off = np.abs(residual).max(axis=1)
     worst = int(np.argmax(off))
     return worst if off[worst] > max(OUTLIER_CORNER * sigma, LEAST_OUTLIER_PX) else None

@@ -1,8 +1,8 @@
 """Effect of errors of the intrinsics at the points where the camera works.
 
-A camera with slightly wrong intrinsics also gets slightly wrong extrinsics, and these absorb most of the error. What
-counts is the error that remains after the extrinsics are refitted (mrcal's "implied transformation"; here linearised,
-over points that fill the image between two distances).
+A camera with slightly wrong intrinsics also gets slightly wrong extrinsics, which absorb most of the error. What counts
+is the error that remains after the extrinsics are refitted (mrcal's "implied transformation"). Here the refit is
+linearised, over points that fill the image between two distances.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class WorkingVolume:
     Attributes:
         near, far: distances from the camera, m.
         points: (n, 3) m, at most LAYERS * ROWS * COLUMNS.
-        effect: (2 n, 9) shift in m across the line of sight per unit of each intrinsic, extrinsics refitted.
-        seen: (ROWS, COLUMNS) image places where the distortion has an inverse; elsewhere there are no points.
+        effect: shift across the line of sight, m, per unit of each intrinsic, with refitted extrinsics, (2 n, 9).
+        seen: where in the image the distortion has an inverse, (ROWS, COLUMNS); elsewhere there are no points.
     """
 
     near: float
@@ -39,7 +39,7 @@ class WorkingVolume:
 
     @property
     def blind(self) -> float:
-        """Share of the image in which the distortion has no inverse."""
+        """Fraction of the image in which the distortion has no inverse."""
         return float(1.0 - self.seen.mean())
 
     def sigmas(self, covariance: Array) -> Array:
@@ -83,8 +83,9 @@ def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
     flat = np.concatenate([rays, np.ones((len(rays), 1))], axis=-1)
     points = np.concatenate([z * flat for z in np.linspace(near, far, LAYERS)])
     to_metres = points[:, 2, None, None] / np.diag(camera.K)[:2, None]
-    by_lens = (to_metres * lens_parameter_jacobian(camera, points)).reshape(-1, 9)
+    by_intrinsics = (to_metres * lens_parameter_jacobian(camera, points)).reshape(-1, 9)
     by_point = to_metres * camera.projection_jacobian(points)
-    by_place = by_twist(by_point, points).reshape(-1, 6)
-    absorbed, *_ = np.linalg.lstsq(by_place, by_lens, rcond=None)
-    return WorkingVolume(near, far, points, by_lens - by_place @ absorbed, finite.reshape(ROWS, COLUMNS))
+    by_pose = by_twist(by_point, points).reshape(-1, 6)
+    absorbed, *_ = np.linalg.lstsq(by_pose, by_intrinsics, rcond=None)
+    effect = by_intrinsics - by_pose @ absorbed
+    return WorkingVolume(near, far, points, effect, finite.reshape(ROWS, COLUMNS))

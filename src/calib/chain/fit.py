@@ -1,9 +1,9 @@
 """Fit the unknowns of kinematic chains to images of targets at their ends: least squares with errors in the readings.
 
-Every reading of an encoder that is not exact gets an error of its own, with the encoder's standard deviation as its
-prior, shared by all images taken at that reading. These errors are eliminated stance by stance (Schur complement), as
-the poses are in `calib.camera.bundle_adjustment`. To first order this equals weighting the pixels by their full
-covariance (generalised least squares); a coarse encoder is not treated as exact (fact sheet of calibration, finding 1).
+Every reading of an inexact encoder gets an error of its own. Its prior has the encoder's standard deviation, and all
+images taken at that reading share it. These errors are eliminated stance by stance (Schur complement), as the poses are
+in `calib.camera.bundle_adjustment`. To first order this equals weighting the pixels by their full covariance
+(generalised least squares), so a coarse encoder is not treated as exact (fact sheet of calibration, finding 1).
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Sightings:
     Attributes:
         chain: T_camera_target.
         readings: (n, readings) rad or m at each image.
-        reading_ids: (n, readings) images with the same number in a column share that reading and its error.
-        stances: (n,) images with the same number are eliminated together; only these may share readings.
+        reading_ids: (n, readings); images with the same number in a column share that reading and its error.
+        stances: (n,); images with the same number are eliminated together, and only these may share readings.
         points: (m, 3) m in the target frame.
         pixels: (n, m, 2) px, NaN where a point was not detected.
         gains: of unknowns, or None.
@@ -82,11 +82,12 @@ class Problem:
     Attributes:
         sightings: of every chain.
         camera: intrinsics; at the origin.
-        start: of the unknowns (count,).
-        prior_sigma: of the unknowns about the start, (count,); infinite without a prior.
-        pixel_sigma: of x and y, (2,) px.
-        reading_sigma: of the readings (readings,) rad or m; 0 for exact ones.
-        free: (count,) unknowns that are fitted.
+        start: of the unknowns, (count,); also the mean of their prior.
+        prior_sigma: standard deviation of the unknowns' prior, (count,); infinite without a prior.
+        pixel_sigma: standard deviation of a corner's x and y, (2,) px.
+        reading_sigma: standard deviation of the readings, (readings,) rad or m; 0 for exact ones.
+        free: which unknowns are fitted, (count,).
+        noise_freedom: measurements that `pixel_sigma` was estimated from; infinite if it is known.
     """
 
     sightings: Sequence[Sightings]
@@ -96,6 +97,7 @@ class Problem:
     pixel_sigma: Array
     reading_sigma: Array
     free: Bools
+    noise_freedom: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,8 @@ class ChainFit:
         cost: minimised sum of squares over their variances.
         information: (free, free) of the free unknowns, including the priors.
         iterations: number of steps.
-        freedom: measurements minus unknowns; an error of a reading adds one of each, as its prior is a measurement.
+        freedom: measurements minus unknowns; a reading's error adds one of each, because its prior is a measurement.
+        weights: of every image of every chain, (n,) each.
     """
 
     unknowns: Array
@@ -133,22 +136,20 @@ class ChainFit:
 
     @property
     def own(self) -> int:
-        """Degrees of freedom if every used image had a pose of its own, so that its residuals are noise alone."""
-        seen = [
-            np.isfinite(r[w > 0.0]).sum(axis=(1, 2))
-            for r, w in zip(self.residuals, self.weights, strict=True)
-        ]
-        return int(np.maximum(np.concatenate(seen) - 6, 0).sum())
+        """Degrees of freedom if every used image had a pose of its own, so that its residuals were noise alone."""
+        images = zip(self.residuals, self.weights, strict=True)
+        measured = [np.isfinite(r[w > 0.0]).sum(axis=(1, 2)) for r, w in images]
+        return int(np.maximum(np.concatenate(measured) - 6, 0).sum())
 
     def excess(self, noise_freedom: float, drop: float = 0.0, unknowns: int = 0) -> float:
         """Cost per degree of freedom between images, about 1 if the model is complete.
 
-        If the noise was estimated from the images, each degree of freedom within an image costs 1, and the rest is due
-        to the chain. With many corners per image, `chi2_dof` is hardly sensitive to that.
+        If the noise was estimated from the images, each degree of freedom within an image costs 1, and the chain causes
+        the rest of the cost. `chi2_dof` hardly shows that rest if there are many corners per image.
 
         Args:
-            noise_freedom: measurements that the noise was estimated from; infinite if it was known, then all count.
-            drop: of the cost, by further unknowns.
+            noise_freedom: measurements that the noise was estimated from; infinite if it was known (then all count).
+            drop: decrease of the cost by further unknowns.
             unknowns: number of further unknowns.
         """
         own = self.own if np.isfinite(noise_freedom) else 0
@@ -177,14 +178,18 @@ def fit_chains(
         errors = [e.copy() for e in begin.errors]
 
     def linearise(at: _State) -> Step[_State]:
-        system = _System.of(problem, *at, weights)
+        S, g, stances = _system(problem, *at, weights)
 
         def step(damping: float) -> tuple[_State, bool]:
-            change, changes = system.step(damping)
-            trial = at[0].copy()
-            trial[problem.free] += change
-            close = np.abs(change * np.sqrt(np.diag(system.S))).max(initial=0.0) < _STEP_DONE
-            return (trial, [e + c for e, c in zip(at[1], changes, strict=True)]), bool(close)
+            change = solve_scaled(S + damping * np.diag(np.diag(S)), g)
+            x, errors = at[0].copy(), [e.copy() for e in at[1]]
+            x[problem.free] += change
+            for stance in stances:
+                values = stance.equations.alone - stance.equations.by_kept @ change
+                for value, (j, shared) in zip(values, stance.columns, strict=True):
+                    errors[stance.chain][shared, j] += value
+            close = np.abs(change * np.sqrt(np.diag(S))).max(initial=0.0) < _STEP_DONE
+            return (x, errors), bool(close)
 
         return step
 
@@ -195,23 +200,23 @@ def fit_chains(
         s.pixels - s.projection(problem.camera, x, e).pixels
         for s, e in zip(problem.sightings, errors, strict=True)
     )
-    seen = sum(int(np.isfinite(r[w > 0.0]).sum()) for r, w in zip(residuals, weights, strict=True))
-    known = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
+    measured = sum(int(np.isfinite(r[w > 0.0]).sum()) for r, w in zip(residuals, weights, strict=True))
+    priors = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
     return ChainFit(
         x,
         tuple(errors),
         residuals,
         _cost(problem, x, errors, weights),
-        _System.of(problem, x, errors, weights).S,
+        _system(problem, x, errors, weights)[0],
         iterations,
-        seen - int(problem.free.sum()) + known,
+        measured - int(problem.free.sum()) + priors,
         tuple(weights),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Normal equations of each stance in the free unknowns and k further columns, with reading errors eliminated.
+    """Normal equations of each stance for the free unknowns and k further ones, with reading errors eliminated.
 
     Attributes:
         prior: information and gradient of the priors, (free + k, free + k) and (free + k,).
@@ -276,35 +281,17 @@ class _Stance:
     equations: Eliminated
 
 
-@dataclass(frozen=True, eq=False)
-class _System:
-    """Normal equations of the free unknowns with all errors eliminated."""
-
-    S: Array
-    g: Array
-    stances: list[_Stance]
-    shapes: list[tuple[int, ...]]
-
-    @classmethod
-    def of(cls, problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> _System:
-        S, g = _priors(problem, x)
-        stances: list[_Stance] = []
-        for number in range(len(problem.sightings)):
-            for stance in _stances(problem, number, x, errors, weights, apart=False):
-                S += stance.equations.S
-                g += stance.equations.g
-                stances.append(stance)
-        return cls(S, g, stances, [e.shape for e in errors])
-
-    def step(self, damping: float) -> tuple[Array, list[Array]]:
-        """Changes of the free unknowns and of all reading errors."""
-        step = solve_scaled(self.S + damping * np.diag(np.diag(self.S)), self.g)
-        changes = [np.zeros(shape) for shape in self.shapes]
-        for stance in self.stances:
-            change = stance.equations.alone - stance.equations.by_kept @ step
-            for value, (j, shared) in zip(change, stance.columns, strict=True):
-                changes[stance.chain][shared, j] = value
-        return step, changes
+def _system(
+    problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]
+) -> tuple[Array, Array, list[_Stance]]:
+    """Information and negative gradient of the free unknowns with all errors eliminated, and their stances."""
+    S, g = _priors(problem, x)
+    chains = range(len(problem.sightings))
+    stances = [s for k in chains for s in _stances(problem, k, x, errors, weights, apart=False)]
+    for stance in stances:
+        S += stance.equations.S
+        g += stance.equations.g
+    return S, g, stances
 
 
 def _priors(problem: Problem, x: Array, more: int = 0) -> tuple[Array, Array]:
@@ -321,14 +308,17 @@ def _stances(
     extra: Sequence[Array] | None = None,
     apart: bool = True,
 ) -> Iterator[_Stance]:
-    """Yield every stance of a chain with weight; unless `apart`, stances without reading errors are merged."""
+    """Yield every used stance of a chain; unless `apart`, merge the stances if no reading has an error."""
     s, e, w = problem.sightings[chain], errors[chain], weights[chain]
-    r, J, by_reading = _linearised(problem, s, s.evaluate(x, e), w)
+    at = s.evaluate(x, e)
+    r, by_target = whitened(problem, s, at, w)
+    J = along(by_target, at.by_unknown[:, problem.free])
     if extra is not None:
         scale = (np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma))[..., None]
-        seen = np.isfinite(s.pixels)[..., None]
-        J = np.concatenate([J, np.where(seen, extra[chain] * scale, 0.0)], axis=-1)
+        detected = np.isfinite(s.pixels)[..., None]
+        J = np.concatenate([J, np.where(detected, extra[chain] * scale, 0.0)], axis=-1)
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
+    by_reading = along(by_target, at.by_reading) if len(inexact) else np.zeros((*r.shape, 0))
     stances = s.stances if apart or len(inexact) else np.zeros_like(s.stances)
     for stance in np.unique(stances[w > 0.0]):
         together = np.flatnonzero(stances == stance)
@@ -350,17 +340,11 @@ def _stances(
         yield _Stance(chain, columns, eliminate(A, N.reshape(len(rows), -1), rows, *prior))
 
 
-def _linearised(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array, Array]:
-    """Whitened residuals (n, m, 2), derivatives (n, m, 2, count) by free unknowns, and by readings unless exact."""
+def whitened(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array]:
+    """Whitened residuals (n, m, 2), and derivatives of the points by the target's twist (n, m, 2, 6); 0 if missing."""
     projection = Projection(problem.camera, at.T, s.points)
     r = s.pixels - projection.pixels
     scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
-    seen = np.isfinite(r)
-    twists = np.where(seen[..., None], projection.by_target * scale[..., None], 0.0)
-    r = np.where(seen, r * scale, 0.0)
-    inexact = (problem.reading_sigma > 0.0).any()
-    return (
-        r,
-        along(twists, at.by_unknown[:, problem.free]),
-        along(twists, at.by_reading) if inexact else np.zeros((*r.shape, 0)),
-    )
+    measured = np.isfinite(r)
+    by_target = np.where(measured[..., None], projection.by_target * scale[..., None], 0.0)
+    return np.where(measured, r * scale, 0.0), by_target

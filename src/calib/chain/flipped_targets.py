@@ -1,4 +1,4 @@
-"""Rejected images that fit if the target is rotated: its corners were numbered from another corner."""
+"""Find rejected images that fit with the target rotated: its corners were numbered from another corner."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ _SAME = 0.05  # of the target's size: largest distance between corresponding poi
 
 
 def flipped_targets(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
-    """Find rejected images of the first chain that fit with their corners renumbered, by rotation in degrees.
+    """Find the rejected images of the first chain that fit with their corners renumbered.
 
-    The rotation is the one about z with which the target was detected.
-
-    Args:
-        c: a calibration.
+    Returns:
+        By the rotation about z with which the target was detected, deg: the numbers of the images.
     """
     s = c.problem.sightings[0]
     images = c.wrong[0]
@@ -27,9 +25,9 @@ def flipped_targets(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
     expected = s.projection(c.problem.camera, c.fit.unknowns, c.fit.errors[0]).pixels[images]
     noise = s.sigma(c.problem.pixel_sigma)[images]
     found: dict[int, list[int]] = {}
-    for image, seen, wanted, sigma in zip(images, s.pixels[images], expected, noise, strict=True):
+    for image, measured, projected, sigma in zip(images, s.pixels[images], expected, noise, strict=True):
         for turn, order in orders.items():
-            rms = float(np.sqrt(np.nanmean(((seen - wanted[order]) / sigma) ** 2)))
+            rms = float(np.sqrt(np.nanmean(((measured - projected[order]) / sigma) ** 2)))
             if rms < FITS:
                 found.setdefault(turn, []).append(int(image))
     return {turn: tuple(of) for turn, of in sorted(found.items())}

@@ -1,8 +1,8 @@
 """Select the parts of a chain's model and reject wrong images, from the residuals.
 
 Optional parts of a model (offsets of a head, joint compliance, backlash, link errors) are dropped one by one as long as
-the cost rises no more than it would for meaningless unknowns (likelihood-ratio test, chi square). A model with a part
-too many is more uncertain than necessary; a model that lacks a part is wrong without showing it.
+the cost rises no more than it would for meaningless unknowns (likelihood-ratio test, chi square). A model with a
+superfluous part is more uncertain than necessary. A model that lacks a part is wrong, and nothing else shows it.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from calib.chain.fit import MOST_STEPS, ChainFit, Problem, Sightings, fit_chains
 
 MEANINGLESS = 1e-3  # probability of keeping a part that is not there
 WRONG_IMAGE = 1e-6  # probability of rejecting a correct image
-_SOFT, _ROUNDS = 2.0, 12
-_SECOND_CHANCES, _FAR = 10, 10.0
-_SPOILT = 1.5  # chi2 per degree of freedom above which wrong images may have bent the model
+_SOFT, _ROUNDS = 2.0, 12  # softness and rounds of the robust weights
+_SECOND_CHANCES, _FAR = 10, 10.0  # rejected images to try again, at most so many times their limit
+_SPOILT = 1.5  # chi2 per degree of freedom above which wrong images may have distorted the model
 
 
 def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
     """Change of the cost that meaningless unknowns exceed with probability `chance`.
 
-    The noise was estimated from `noise_freedom` measurements, hence R. A. Fisher's variance ratio.
+    It follows Fisher's F distribution, as the noise was estimated from `noise_freedom` measurements.
     """
     if np.isinf(noise_freedom):
         return float(stats.chi2.isf(chance, unknowns))
@@ -85,7 +85,6 @@ def choose_model(
     problem: Problem,
     parts: Sequence[Part],
     weights: Sequence[Array] | None = None,
-    noise_freedom: float = np.inf,
 ) -> Choice:
     """Fit with all parts, reject wrong images, then drop the parts that are not needed.
 
@@ -93,22 +92,21 @@ def choose_model(
         problem: with the unknowns of all parts free.
         parts: that may be dropped.
         weights: initial weights, 0 for images known to be wrong, (n,) of every chain.
-        noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
     """
-    fit = _without_wrong_images(problem, weights, noise_freedom)
-    if fit.chi2_dof > _SPOILT:  # wrong images bend a model with many unknowns, but not one with few
+    fit = _without_wrong_images(problem, weights)
+    if fit.chi2_dof > _SPOILT:  # wrong images distort a model with many unknowns, but not one with few
         bare = problem
         for part in parts:
             bare = _without(bare, part)
-        begun = _without_wrong_images(bare, weights, noise_freedom)
-        other = _without_wrong_images(problem, begun.weights, noise_freedom)
+        begun = _without_wrong_images(bare, weights)
+        other = _without_wrong_images(problem, begun.weights)
         fit = min(fit, other, key=lambda one: one.chi2_dof)
     kept = list(parts)
     trials: dict[str, Trial] = {}
     while kept:
         fits = {part.name: fit_chains(_without(problem, part), fit.weights, fit) for part in kept}
         for part in kept:
-            limit = largest_rise(MEANINGLESS, len(part.unknowns), noise_freedom)
+            limit = largest_rise(MEANINGLESS, len(part.unknowns), problem.noise_freedom)
             trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
         least = min(kept, key=lambda part: trials[part.name].rise / trials[part.name].limit)
         if trials[least.name].needed:
@@ -125,9 +123,7 @@ def _without(problem: Problem, part: Part) -> Problem:
     return replace(problem, free=free, start=start)
 
 
-def _without_wrong_images(
-    problem: Problem, weights: Sequence[Array] | None, noise_freedom: float
-) -> ChainFit:
+def _without_wrong_images(problem: Problem, weights: Sequence[Array] | None) -> ChainFit:
     """Fit with robust weights first, then with weights 0 or 1."""
     fit = fit_chains(problem, weights)
     if fit.iterations >= MOST_STEPS:  # a fit that does not converge cannot judge images
@@ -136,23 +132,21 @@ def _without_wrong_images(
     for _ in range(_ROUNDS):
         off = _off(problem, fit)
         then = [1.0 / (1.0 + (_SOFT * np.maximum(o - 1.0, 0.0)) ** 2) for o in off]
-        done = max(float(np.abs(a - b).max()) for a, b in zip(then, now, strict=True)) < 0.02
-        if done:
+        if max(float(np.abs(a - b).max()) for a, b in zip(then, now, strict=True)) < 0.02:
             break
         now = then
         fit = fit_chains(problem, now, fit)
     for _ in range(_ROUNDS):
-        then = _within(problem, fit, noise_freedom)
-        same = all(np.array_equal(a, b) for a, b in zip(then, fit.weights, strict=True))
-        if same:
+        then = _within(problem, fit)
+        if all(np.array_equal(a, b) for a, b in zip(then, fit.weights, strict=True)):
             break
         fit = fit_chains(problem, then, fit)
-    return _taken_back(problem, fit, noise_freedom)
+    return _taken_back(problem, fit)
 
 
-def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainFit:
-    """Restore images that only seemed wrong: few others predict an image badly, but with it all may agree."""
-    limits = [_limit(s, noise_freedom) for s in problem.sightings]
+def _taken_back(problem: Problem, fit: ChainFit) -> ChainFit:
+    """Restore images that only seemed wrong: a few others predict an image badly, but with it all may agree."""
+    limits = [_limit(s, problem.noise_freedom) for s in problem.sightings]
     left = [
         (float(off[i] / limit[i]), chain, int(i))
         for chain, (off, limit) in enumerate(zip(_off(problem, fit), limits, strict=True))
@@ -165,34 +159,28 @@ def _taken_back(problem: Problem, fit: ChainFit, noise_freedom: float) -> ChainF
         weights[chain][i] = 1.0
         trial = fit_chains(problem, weights, fit)
         used = (w > 0.0 for w in weights)
-        if all(w[u].all() for w, u in zip(_within(problem, trial, noise_freedom), used, strict=True)):
+        if all(w[u].all() for w, u in zip(_within(problem, trial), used, strict=True)):
             fit = trial
     return fit
 
 
-def _within(problem: Problem, fit: ChainFit, noise_freedom: float) -> list[Array]:
+def _within(problem: Problem, fit: ChainFit) -> list[Array]:
     """1 for images with residuals within the limit, 0 for others."""
     off = _off(problem, fit)
-    return [
-        (o <= _limit(s, noise_freedom)).astype(float) for o, s in zip(off, problem.sightings, strict=True)
-    ]
+    limits = [_limit(s, problem.noise_freedom) for s in problem.sightings]
+    return [(o <= limit).astype(float) for o, limit in zip(off, limits, strict=True)]
 
 
 def _off(problem: Problem, fit: ChainFit) -> list[Array]:
-    """Rms residual of every image relative to corner noise, or to the typical image if the model is incomplete."""
-    sizes = [
-        np.sqrt(np.nanmean((r / s.sigma(problem.pixel_sigma)) ** 2, axis=(1, 2)))
-        for s, r in zip(problem.sightings, fit.residuals, strict=True)
-    ]
-    counts = [np.isfinite(s.pixels).sum(axis=(1, 2)) for s in problem.sightings]
-    used = np.concatenate(
-        [
-            (o * np.sqrt(c / stats.chi2.median(c)))[w > 0.0]
-            for o, c, w in zip(sizes, counts, fit.weights, strict=True)
-        ]
-    )
-    typical = max(1.0, float(np.median(used)))
-    return [o / typical for o in sizes]
+    """Rms residual of every image, relative to corner noise, or to the typical image if the model is incomplete."""
+    sizes, used = [], []
+    for s, r, w in zip(problem.sightings, fit.residuals, fit.weights, strict=True):
+        size = np.sqrt(np.nanmean((r / s.sigma(problem.pixel_sigma)) ** 2, axis=(1, 2)))
+        count = np.isfinite(s.pixels).sum(axis=(1, 2))
+        sizes.append(size)
+        used.append((size * np.sqrt(count / stats.chi2.median(count)))[w > 0.0])
+    typical = max(1.0, float(np.median(np.concatenate(used))))
+    return [size / typical for size in sizes]
 
 
 def _limit(s: Sightings, noise_freedom: float) -> Array:

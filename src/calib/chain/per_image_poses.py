@@ -1,6 +1,6 @@
-"""Fit a pose of the target to each image alone: gives the noise of the corners, and wrong corners.
+"""Fit a pose of the target to each image alone, to estimate the noise of the corners and to find wrong corners.
 
-No arm is involved, so this is the reference for an arm's model: residuals that are larger with the arm are the arm's.
+No arm is involved, so this is the reference for an arm's model: if residuals are larger with the arm, the arm is why.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ from vision.camera.model import Camera
 
 FEWEST = 4  # corners of an image
 WRONG_CORNER = 6.0  # standard deviations
-_MANY = 8  # corners needed to tell which are wrong
-_FEW_IMAGES, _SURE = 6, 3.0  # images and standard deviations needed to conclude that their noise differs
+_MANY = 8  # corners needed to identify wrong ones
+_FEW_IMAGES, _SURE = (
+    6,
+    3.0,
+)  # images and standard deviations needed to conclude that the images' noise differs
 _PER_AXIS = 16  # corners needed to estimate x and y separately
 _FINEST = 1e-6  # px; rendered images have no noise, and weights need some
 
@@ -34,8 +37,8 @@ class PerImagePoses:
         residuals: (n, m, 2) px, NaN where a corner was not detected.
         pixel_sigma: standard deviation of a corner's x and y, (2,) px.
         freedom: degrees of freedom of `pixel_sigma`.
-        noise: of each image's corners, relative to a typical image, (n,): far, oblique or blurred targets are detected
-            less accurately. Ones if images do not differ significantly.
+        noise: of each image's corners, relative to a typical image, (n,), because far, oblique or blurred targets are
+            detected less accurately; 1 if images do not differ significantly.
         wrong: (n, m) corners that do not fit the others of their image.
     """
 
@@ -50,7 +53,7 @@ class PerImagePoses:
 def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImagePoses:
     """Fit a pose to every image.
 
-    The standard deviation is that of the better half of the images, so that a few with wrong corners do not count.
+    The standard deviation comes from the better half of the images, so a few with wrong corners have no influence.
 
     Args:
         camera: at the origin.
@@ -60,11 +63,11 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
     Raises:
         InputError: an image has fewer than four corners within the lens's view, or no pose fits it.
     """
-    shown = pixels.copy()
+    used = pixels.copy()
     with np.errstate(all="ignore"):
         wrong = np.isfinite(pixels[..., 0]) & ~np.isfinite(camera.normalised(pixels)).all(axis=-1)
-    shown[wrong] = np.nan
-    few = np.flatnonzero(np.isfinite(shown[..., 0]).sum(axis=1) < FEWEST)
+    used[wrong] = np.nan
+    few = np.flatnonzero(np.isfinite(used[..., 0]).sum(axis=1) < FEWEST)
     if len(few):
         raise InputError(
             f"image {few[0]}: fewer than {FEWEST} of its corners lie within the lens's view; are they in px, and of "
@@ -72,14 +75,12 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
             images=few.tolist(),
         )
     for _ in range(4):
+        mask = np.isfinite(used[..., 0])
         poses = np.array(
-            [
-                pose_of(View(points[seen], image[seen]), camera)
-                for image, seen in zip(shown, np.isfinite(shown[..., 0]), strict=True)
-            ]
+            [pose_of(View(points[here], image[here]), camera) for image, here in zip(used, mask, strict=True)]
         )
-        residuals, left_share = _residuals(camera, points, pixels, shown, poses)
-        sigma, freedom = _sigma(residuals, left_share, np.isfinite(shown[..., 0]))
+        residuals, left_share = _residuals(camera, points, pixels, mask, poses)
+        sigma, freedom = _sigma(residuals, left_share, mask)
         off = np.linalg.norm(residuals / sigma, axis=-1)
         lost = np.flatnonzero(~np.isfinite(off).any(axis=1))
         if len(lost):
@@ -89,7 +90,7 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
             )
         worst = np.nanargmax(off, axis=1)
         rows = np.arange(len(off))
-        count = np.isfinite(shown[..., 0]).sum(axis=1)
+        count = mask.sum(axis=1)
         far = (off > WRONG_CORNER) & (off >= 0.5 * off[rows, worst][:, None])
         # if most corners are far off, the image shows something else, and no corner can be singled out
         drop = (count > _MANY) & ~wrong[rows, worst] & (2 * far.sum(axis=1) < count) & far[rows, worst]
@@ -97,41 +98,41 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
             break
         far &= drop[:, None]
         wrong |= far
-        shown[far] = np.nan
-    noise = _noise(residuals / sigma, np.where(np.isfinite(shown), left_share, 0.0))
+        used[far] = np.nan
+    noise = _noise(residuals / sigma, np.where(np.isfinite(used), left_share, 0.0))
     return PerImagePoses(poses, residuals, sigma, freedom, noise, wrong)
 
 
 def _residuals(
-    camera: Camera, points: Array, pixels: Array, shown: Array, poses: Array
+    camera: Camera, points: Array, pixels: Array, used: Bools, poses: Array
 ) -> tuple[Array, Array]:
-    """Residuals of all corners (n, m, 2), and the share of each coordinate's variance left in them."""
+    """Residuals of all corners (n, m, 2), and the fraction of each coordinate's variance left in them."""
     projection = Projection(camera, poses, points)
-    seen = np.isfinite(shown[..., :1, None])
-    Q, _ = np.linalg.qr(np.where(seen, projection.by_target, 0.0).reshape(len(poses), -1, 6))
+    Q, _ = np.linalg.qr(np.where(used[..., None, None], projection.by_target, 0.0).reshape(len(poses), -1, 6))
     return pixels - projection.pixels, 1.0 - (Q**2).sum(axis=-1).reshape(pixels.shape)
 
 
-def _sigma(residuals: Array, left_share: Array, seen: Bools) -> tuple[Array, float]:
-    """Standard deviation of x and y, (2,) px, from the images with smaller squares, and its degrees of freedom."""
-    squares = np.where(seen[..., None], residuals, 0.0) ** 2
-    freedom = np.where(seen[..., None], left_share, 0.0).sum(axis=(1, 2))
+def _sigma(residuals: Array, left_share: Array, used: Bools) -> tuple[Array, float]:
+    """Standard deviation of x and y, (2,) px, from the images with smaller residuals, and its degrees of freedom."""
+    squares = np.where(used[..., None], residuals, 0.0) ** 2
+    left = np.where(used[..., None], left_share, 0.0)
+    freedom = left.sum(axis=(1, 2))
     usable = freedom > 0.5
     mean = squares.sum(axis=(1, 2))[usable] / freedom[usable]
     typical = np.median(mean) / np.median(stats.chi2.median(freedom[usable]) / freedom[usable])
     good = usable.copy()
     good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
-    total = squares[good].sum(axis=(0, 1)), np.where(seen[..., None], left_share, 0.0)[good].sum(axis=(0, 1))
-    if np.median(seen.sum(axis=1)) < _PER_AXIS:
+    total = squares[good].sum(axis=(0, 1)), left[good].sum(axis=(0, 1))
+    if np.median(used.sum(axis=1)) < _PER_AXIS:
         return np.full(2, max(np.sqrt(total[0].sum() / total[1].sum()), _FINEST)), float(total[1].sum())
     return np.maximum(np.sqrt(total[0] / total[1]), _FINEST), float(total[1].sum())
 
 
 def _noise(whitened: Array, left_share: Array) -> Array:
-    """Noise of each image, (n,), shrunk towards 1 by an empirical Bayes estimate of variances.
+    """Noise of each image, (n,), shrunk towards 1 by empirical Bayes.
 
-    The prior on the variances is inverse chi square, with degrees of freedom from the spread of their logarithms beyond
-    that due to few corners.
+    The variances have an inverse chi-square prior. Its degrees of freedom come from the spread of their logarithms, as
+    far as it exceeds the spread that few corners cause.
     """
     freedom = left_share.sum(axis=(1, 2))
     squares = np.where(left_share > 0.0, whitened, 0.0) ** 2

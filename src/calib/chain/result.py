@@ -19,7 +19,9 @@ from calib.model.verdict import Judged
 FOLDS = 5
 CHANCE = 1e-4  # probability of refusing a complete model for its residuals
 CORRELATED = 0.9
-_INFORMATIVE = 2  # measurements beyond the unknowns, per optional one, to conclude that readings are exact
+_INFORMATIVE = (
+    2  # degrees of freedom per optional unknown that are needed to conclude that readings are exact
+)
 SIZE = 1e-3  # relative tolerance of a target's size
 
 
@@ -28,12 +30,12 @@ class ChainLimits:
     """Limits for accepting a chain calibration.
 
     Attributes:
-        chi2_dof: largest cost per degree of freedom; above it, the model is incomplete. With few images, chance allows
-            more, see `ChainCalibration.chi2_limit`.
+        chi2_dof: largest cost per degree of freedom of a complete model; higher with few images, because of chance, see
+            `ChainCalibration.chi2_limit`.
         held_out: largest error of held-out predictions, m.
-        wrong: largest share of rejected images.
+        wrong: largest fraction of rejected images.
         images: fewest images used.
-        undetermined: standard deviations from which an angle (rad) and a length (m) count as undetermined.
+        undetermined: standard deviation above which an angle (rad) and a length (m) are undetermined.
     """
 
     chi2_dof: float = 1.25
@@ -49,8 +51,8 @@ class HeldOut:
 
     Attributes:
         px: rms of the residuals' coordinates.
-        metres: rms distance, across the line of sight, between the target's centre and its prediction; inf if a target
-            was predicted outside the camera's view, such as behind it.
+        metres: rms distance between the target's centre and its prediction, across the line of sight, m; inf if a
+            target was predicted outside the camera's view, such as behind it.
     """
 
     px: float
@@ -68,12 +70,11 @@ class ChainCalibration(Judged):
         problem: with the selected unknowns free.
         fit: of it; weights 0 for rejected images.
         trials: trial of each optional part of the model.
-        held_out: from `FOLDS` fits that each lack a part of the stances.
+        held_out: from `FOLDS` fits, each without a part of the stances.
         hypotheses: possible model errors, the most significant first.
         iterations: steps from the start to the solution, with the selected model.
         solve_s: their time.
         limits: of the verdict.
-        noise_freedom: measurements that the corner noise was estimated from.
         change: first image that no longer fits those before it; None if there is none.
     """
 
@@ -87,24 +88,25 @@ class ChainCalibration(Judged):
     iterations: int
     solve_s: float
     limits: ChainLimits
-    noise_freedom: float = np.inf
     change: int | None = None
 
     @property
     def chi2_limit(self) -> float:
-        """Largest accepted cost per degree of freedom: that of the limits, or that due to chance if it is larger."""
-        return chi2_limit(self.limits, *_freedoms(self.fit, self.noise_freedom), self.noise_freedom)
+        """Largest accepted cost per degree of freedom: that of `limits`, or what chance explains if it is larger."""
+        return chi2_limit(
+            self.limits, *_freedoms(self.fit, self.problem.noise_freedom), self.problem.noise_freedom
+        )
 
     @property
     def excess(self) -> float:
         """Cost per degree of freedom between images (`ChainFit.excess`)."""
-        return self.fit.excess(self.noise_freedom)
+        return self.fit.excess(self.problem.noise_freedom)
 
     @property
     def excess_limit(self) -> float:
-        """Largest `excess` due to chance."""
-        _, more = _freedoms(self.fit, self.noise_freedom)
-        return largest_rise(CHANCE, more, self.noise_freedom) / more
+        """Largest `excess` that chance explains."""
+        _, more = _freedoms(self.fit, self.problem.noise_freedom)
+        return largest_rise(CHANCE, more, self.problem.noise_freedom) / more
 
     @property
     def images(self) -> int:
@@ -120,7 +122,7 @@ class ChainCalibration(Judged):
     def covariance(self) -> Array:
         """Covariance of all unknowns, SI; zero where held.
 
-        It is inflated by `excess`, and by the tolerance of the target's size (`SIZE`), which link errors compensate.
+        It is inflated by `excess`, and by the tolerance of the target's size (`SIZE`), which link errors can absorb.
         """
         covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
         size = next((s for s in self.hypotheses if s.name == "target size" and len(s.others)), None)
@@ -155,9 +157,9 @@ class ChainCalibration(Judged):
 
     @cached_property
     def weakest(self) -> tuple[tuple[str, float], ...]:
-        """The least determined combination of unknowns: names and shares, largest first.
+        """The least determined combination of unknowns: names and coefficients, largest first.
 
-        Each share is in the unknown's own standard deviation if the others were known.
+        The unit of a coefficient is the standard deviation that the unknown would have if the others were known.
         """
         free = np.flatnonzero(self.problem.free)
         scale = 1.0 / np.sqrt(np.diag(self.fit.information))
@@ -174,7 +176,6 @@ def calibrate_chain(
     parts: Sequence[Part],
     limits: ChainLimits,
     weights: Sequence[Array] | None = None,
-    noise_freedom: float = np.inf,
     refined: Callable[[Choice], Choice] = lambda choice: choice,
     readings: Sequence[str] = (),
     step_known: bool = False,
@@ -188,14 +189,13 @@ def calibrate_chain(
         parts: of the model that may be dropped.
         limits: of the verdict.
         weights: initial weights, 0 for images known to be wrong, (n,) of every chain.
-        noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
         refined: refines a choice, such as the shape of one of its parts.
         readings: their names, for a single chain.
         step_known: whether `reading_sigma` is certain; otherwise readings are assumed exact if that fits.
     """
     if not step_known:
-        problem = _exact_if_it_fits(problem, parts, limits, noise_freedom)
-    choice = refined(choose_model(problem, parts, weights, noise_freedom))
+        problem = _exact_if_it_fits(problem, parts, limits)
+    choice = refined(choose_model(problem, parts, weights))
     began = time.perf_counter()
     again = fit_chains(choice.problem, choice.fit.weights)
     took = time.perf_counter() - began
@@ -209,17 +209,16 @@ def calibrate_chain(
         fit,
         choice.trials,
         hold_out(choice),
-        find_error_hypotheses(choice.problem, believed, noise_freedom, readings),
+        find_error_hypotheses(choice.problem, believed, readings),
         again.iterations,
         took,
         limits,
-        noise_freedom,
         change,
     )
 
 
 def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
-    """Weights (n,) with the images on both sides of a change restored; one side was only wrong given the other."""
+    """Weights (n,) with the rejected side of a change restored: its images only disagree with those of the other."""
     wrong = fit.weights[0] == 0.0
     after = np.arange(len(wrong)) >= change
     mistaken = after == (wrong[after].mean() > wrong[~after].mean())
@@ -231,8 +230,8 @@ def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
 def chi2_limit(limits: ChainLimits, known: int, more: int, noise_freedom: float) -> float:
     """See `ChainCalibration.chi2_limit`.
 
-    The noise is known from the images alone. The squares that an arm between them adds vary by chance, the more the
-    fewer they are.
+    The noise is known from the images alone. The cost that the arm adds varies by chance, the more the fewer degrees of
+    freedom it has.
 
     Args:
         limits: of the verdict.
@@ -249,12 +248,10 @@ def _freedoms(fit: ChainFit, noise_freedom: float) -> tuple[int, int]:
     return max(fit.freedom - more, 0), more
 
 
-def _exact_if_it_fits(
-    problem: Problem, parts: Sequence[Part], limits: ChainLimits, noise_freedom: float
-) -> Problem:
-    """Assume exact readings if that fits: a grid in the readings may come from the commands.
+def _exact_if_it_fits(problem: Problem, parts: Sequence[Part], limits: ChainLimits) -> Problem:
+    """Assume exact readings if the images agree: a grid in the readings may come from the commands.
 
-    With few images the optional unknowns could absorb reading errors, so nothing is assumed.
+    With few images the optional unknowns could absorb reading errors, so the problem is returned unchanged.
     """
     if not (problem.reading_sigma > 0.0).any():
         return problem
@@ -262,10 +259,11 @@ def _exact_if_it_fits(
     fit = fit_chains(exact)
     optional = {place for part in parts for place in part.unknowns}
     priors = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
-    known, more = _freedoms(fit, noise_freedom)
+    known, more = _freedoms(fit, problem.noise_freedom)
     if more - priors < _INFORMATIVE * len(optional):
         return problem
-    return exact if fit.chi2_dof < chi2_limit(limits, known, more, noise_freedom) else problem
+    limit = chi2_limit(limits, known, more, problem.noise_freedom)
+    return exact if fit.chi2_dof < limit else problem
 
 
 def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
@@ -285,9 +283,10 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
             squares += float(np.nansum(r**2))
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]
-            seen, there = (np.isfinite(v).any(axis=(1, 2)) for v in (r, s.pixels[images]))
-            lost = lost or bool(np.any(there & ~seen))
-            metres.append(np.linalg.norm(np.nanmean(r[seen], axis=1) / focal * depth[seen, None], axis=1))
+            predicted, detected = (np.isfinite(v).any(axis=(1, 2)) for v in (r, s.pixels[images]))
+            lost = lost or bool(np.any(detected & ~predicted))
+            off = np.nanmean(r[predicted], axis=1) / focal * depth[predicted, None]
+            metres.append(np.linalg.norm(off, axis=1))
     if not count:
         return HeldOut(float("nan"), float("nan"))
     rms = float("inf") if lost else float(np.sqrt(np.mean(np.concatenate(metres) ** 2)))

@@ -1,4 +1,4 @@
-"""Score tests for model errors of a calibrated chain, such as a wrong target size: how much would each explain?"""
+"""Score tests for model errors of a calibrated chain, such as a wrong target size: how much would each one explain?"""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from calib.model.projection import Projection, along
 from calib.model.score_test import score_test
 from vision.camera.model import Camera
 
-SURE = 1e-5  # probability that an error that is not there looks as significant
-_ACROSS = 3.0  # an arm's scatter shows in two of a pose's six degrees of freedom: across the line of sight
-_MOST = 0.5  # relative, or m; larger amounts are beyond a linear test
+SURE = 1e-5  # false alarm rate
+_ACROSS = 3.0  # six over two: an arm's scatter affects two of a pose's six degrees of freedom, across the line of sight
+_MOST = 0.5  # relative, or m; a linear test is invalid for larger amounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,29 +56,29 @@ class ChainErrorHypothesis:
 
 def _columns(s: Sightings, at: Evaluated, camera: Camera, readings: Sequence[str]) -> dict[str, Array]:
     """Derivatives of the projected points by model errors, (n, m, 2, k) px; `readings` are named for a single chain."""
-    seen = Projection(camera, at.T, s.points)
-    by_reading = along(seen.by_target, at.by_reading)
+    projection = Projection(camera, at.T, s.points)
+    by_reading = along(projection.by_target, at.by_reading)
     back = np.zeros_like(s.readings)
     back[1:] = s.readings[:-1] - s.readings[1:]
     columns = {
-        "target size": seen.by_point @ s.points[..., None],
-        "focal length": (seen.pixels - camera.K[:2, 2])[..., None],
+        "target size": projection.by_point @ s.points[..., None],
+        "focal length": (projection.pixels - camera.K[:2, 2])[..., None],
         "time skew": by_reading @ back[:, None, :, None],
     }
     for j, name in enumerate(readings):
         columns[f"scale of {name}"] = by_reading[..., [j]] * s.readings[:, None, None, [j]]
-    return columns | ({"target moved": seen.by_target, "camera moved": seen.by_camera} if readings else {})
+    moved = {"target moved": projection.by_target, "camera moved": projection.by_camera}
+    return columns | moved if readings else columns
 
 
 def find_error_hypotheses(
-    problem: Problem, fit: ChainFit, noise_freedom: float = np.inf, readings: Sequence[str] = ()
+    problem: Problem, fit: ChainFit, readings: Sequence[str] = ()
 ) -> tuple[ChainErrorHypothesis, ...]:
     """Test all known model errors, the most significant first.
 
     Args:
         problem: of the fit.
         fit: without the errors.
-        noise_freedom: measurements that the problem's `pixel_sigma` was estimated from.
         readings: their names, for a single chain; default: their numbers.
     """
     at = [s.evaluate(fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)]
@@ -88,7 +88,7 @@ def find_error_hypotheses(
     together = [np.concatenate(list(of.values()), axis=-1) for of in columns]
     moves = [np.swapaxes(a.by_unknown[:, problem.free, :3], 1, 2) for a in at]
     shifts = np.concatenate([m[w > 0.0] for m, w in zip(moves, fit.weights, strict=True)])
-    tests = _ScoreTests(problem, fit, together, shifts, noise_freedom)
+    tests = _ScoreTests(problem, fit, together, shifts)
     found: list[ChainErrorHypothesis] = []
     place = 0
     for name, of in columns[0].items():
@@ -109,15 +109,12 @@ class _ScoreTests:
         problem, fit: without them.
         columns: derivatives of the projected points by them, (n, m, 2, k) px of every chain.
         shifts: of the used targets by the free unknowns, (images, 3, free) m.
-        noise_freedom: see `find_error_hypotheses`.
     """
 
-    def __init__(
-        self, problem: Problem, fit: ChainFit, columns: Sequence[Array], shifts: Array, noise_freedom: float
-    ) -> None:
+    def __init__(self, problem: Problem, fit: ChainFit, columns: Sequence[Array], shifts: Array) -> None:
         equations, n = normal_equations(problem, fit, columns), int(problem.free.sum())
         S, g = equations.prior[0] + equations.S.sum(axis=0), equations.prior[1] + equations.g.sum(axis=0)
-        self._fit, self._shifts, self._noise_freedom = fit, shifts, noise_freedom
+        self._fit, self._shifts, self._noise_freedom = fit, shifts, problem.noise_freedom
         self._covariance, self._gradient = inverse_scaled(S[:n, :n]), g[:n]
         S_from = np.cumsum(equations.S[::-1, :, n:], axis=0)[::-1]
         self._coupling, self._tested = S_from[:, :n], S_from[:, n:]
@@ -134,7 +131,7 @@ class _ScoreTests:
             self._tested_gradient[first, chosen],
         )
         amount, sigmas, k = test.amount, np.sqrt(np.diag(test.covariance)), len(test.amount)
-        # excess scatter of the arm makes every error look significant; the part that the error explains is no scatter
+        # excess scatter of the arm makes every error look significant; what the error explains is not scatter
         scatter = 1.0 + _ACROSS * max(0.0, self._fit.excess(self._noise_freedom, test.drop, k) - 1.0)
         limit = largest_rise(SURE / tries, k, self._noise_freedom) * scatter
         if k > 1:
@@ -164,9 +161,10 @@ def _first_images(problem: Problem, fit: ChainFit) -> list[int]:
 
 
 def sudden_change(wrong: Bools) -> int | None:
-    """Find the image at which correct images give way to wrong ones or vice versa; None if wrong ones are scattered.
+    """Find the first image after which wrong images are much more or less frequent; None if there is no such change.
 
-    If two halves do not fit each other, one of them is rejected (likelihood ratio of two rates against one).
+    If two halves of the images do not fit each other, one half is rejected. The test is a likelihood ratio of two rates
+    of wrong images against one.
     """
     n = len(wrong)
     if n < 2 or not wrong.any():

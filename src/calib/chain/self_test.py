@@ -1,7 +1,7 @@
-"""Self-test on synthetic twins of the user's data: redraw the images from the solution and solve again.
+"""Self-test by a parametric bootstrap: redraw the images of the user's data from the solution, and solve again.
 
-There the truth is known, so the predicted errors can be checked. If they hold, the poses determine the unknowns and the
-solver is sound. The test says nothing about errors of the model (chi2 does).
+The truth of the redrawn data (twins) is known, so the predicted errors can be checked. If they are right, the poses
+determine the unknowns and the solver is sound. The test does not show errors of the model; chi2 does.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class SelfTest:
 
 
 def self_test(c: ChainCalibration, twins: int = TWINS, seed: int = 0) -> SelfTest:
-    """Draw twins of a calibration's images and solve them with the selected model.
+    """Redraw the images of a calibration `twins` times, and solve each with the selected model.
 
     Args:
         c: the calibration.
-        twins: number of twins.
+        twins: number of redrawn data sets.
         seed: of their noise.
     """
     free = np.flatnonzero(c.problem.free)
@@ -53,9 +53,7 @@ def self_test(c: ChainCalibration, twins: int = TWINS, seed: int = 0) -> SelfTes
     for _ in range(twins):
         # unknowns with a prior deviate from its mean as the prior predicts
         known = np.isfinite(c.problem.prior_sigma) & c.problem.free
-        shift = np.where(
-            known, rng.normal(size=len(known)) * np.where(known, c.problem.prior_sigma, 0.0), 0.0
-        )
+        shift = rng.normal(size=len(known)) * np.where(known, c.problem.prior_sigma, 0.0)
         start = np.where(known, c.fit.unknowns - shift, c.problem.start)
         sightings = [_twin(c.problem, s, c.fit.unknowns, rng) for s in c.problem.sightings]
         problem = replace(c.problem, sightings=sightings, start=start)
@@ -70,7 +68,7 @@ def self_test(c: ChainCalibration, twins: int = TWINS, seed: int = 0) -> SelfTes
 
 
 def _twin(problem: Problem, s: Sightings, unknowns: Array, rng: np.random.Generator) -> Sightings:
-    """The same images with corners and readings redrawn about the solution."""
+    """Return the same images with corners and readings redrawn about the solution."""
     errors = np.zeros_like(s.readings)
     for j, sigma in enumerate(problem.reading_sigma):
         if sigma > 0.0:

@@ -5,6 +5,7 @@ It estimates the extrinsics of the camera, the mount of the target, and the join
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,8 +27,8 @@ from calib.recordings.points import plausible_numbers
 from calib.robot_world.initial_guess import initial_guess
 
 LINKS = "errors of the links"
-ZERO = np.radians(3.0)  # rad; prior on joint offsets, wide for an arm that was ever homed
-LENGTH, ANGLE = 0.5e-3, np.radians(0.1)  # m and rad; priors on link errors of an industrial arm
+ZERO = np.radians(3.0)  # rad; standard deviation of joint offsets, wide for an arm that was ever homed
+LENGTH, ANGLE = 0.5e-3, np.radians(0.1)  # m and rad; standard deviations of link errors of an industrial arm
 GAUGES = (
     "zero of the first joint: equivalent to a rotation of the base, included in T_base_camera",
     "zero of the last joint: equivalent to a rotation of the flange, included in T_gripper_target",
@@ -78,18 +79,17 @@ class HandEye:
 
     def pose_sigma(self, first: int, R: Array) -> tuple[Array, Array]:
         """Standard deviations: (3,) m along the axes of R's parent frame, (3,) rad about the frame's own axes."""
-        covariance = self.chain.covariance[first : first + 6, first : first + 6]
-        along = R @ covariance[:3, :3] @ R.T
-        return np.sqrt(np.diag(along)), np.sqrt(np.diag(covariance)[3:])
+        C = self.chain.covariance[first : first + 6, first : first + 6]
+        return np.sqrt(np.diag(R @ C[:3, :3] @ R.T)), np.sqrt(np.diag(C)[3:])
 
     @property
     def camera_sigma(self) -> tuple[Array, Array]:
-        """Standard deviations of `T_base_camera`: m in the base frame, rad about the camera axes."""
+        """Standard deviations of `T_base_camera`: (3,) m in the base frame, (3,) rad about the camera's axes."""
         return self.pose_sigma(CAMERA, self.T_base_camera[:3, :3])
 
     @property
     def target_sigma(self) -> tuple[Array, Array]:
-        """Standard deviations of `T_gripper_target`: m in the gripper frame, rad about the target axes."""
+        """Standard deviations of `T_gripper_target`: (3,) m in the gripper frame, (3,) rad about the target's axes."""
         return self.pose_sigma(TARGET, self.T_gripper_target[:3, :3])
 
 
@@ -100,16 +100,18 @@ def hand_eye_problem(
     reading_sigma: Array,
     wrong: Bools | None = None,
     noise: Array | None = None,
+    noise_freedom: float = np.inf,
 ) -> Problem:
-    """Return the estimation problem of an arm and a fixed camera, with everything free but the gauges.
+    """Return the estimation problem of an arm and a fixed camera; all unknowns but the gauges are free.
 
     Args:
         recording: images and joints.
         about: T_base_camera and T_gripper_target, 4x4 each, relative to which the unknowns are defined.
-        pixel_sigma: (2,) px.
-        reading_sigma: (joints,) rad, 0 for exact encoders.
-        wrong: (n, m) corners to exclude.
-        noise: of each image, relative to a typical one, (n,).
+        pixel_sigma: standard deviation of a corner's x and y, (2,) px.
+        reading_sigma: standard deviation of the readings, (joints,) rad; 0 for exact encoders.
+        wrong: corners to exclude, (n, m).
+        noise: of each image, relative to a typical image, (n,).
+        noise_freedom: see `Problem`.
     """
     dh, n = recording.dh, len(recording.joints)
     count = len(unknown_names(dh.joints))
@@ -119,14 +121,14 @@ def hand_eye_problem(
     sightings = Sightings(chain, recording.joints, ids, np.arange(n), recording.points, pixels, None, noise)
     free = np.ones(count, dtype=bool)
     free[[OFFSETS, OFFSETS + dh.joints - 1]] = False
-    prior = np.full(count, np.inf)
-    links = OFFSETS + dh.joints
-    prior[OFFSETS:links] = ZERO
-    prior[links : links + 2 * dh.joints] = LENGTH
-    prior[links + 2 * dh.joints :] = ANGLE
-    return Problem([sightings], recording.camera, np.zeros(count), prior, pixel_sigma, reading_sigma, free)
+    prior = np.concatenate([np.full(OFFSETS, np.inf), np.repeat([ZERO, LENGTH, LENGTH, ANGLE], dh.joints)])
+    start = np.zeros(count)
+    return Problem(
+        [sightings], recording.camera, start, prior, pixel_sigma, reading_sigma, free, noise_freedom
+    )
 
 
+@plausible_numbers()
 def calibrate_hand_eye(
     recording: ArmRecording, limits: ChainLimits = HAND_EYE_LIMITS, encoder_step: float | None = None
 ) -> HandEye:
@@ -142,11 +144,6 @@ def calibrate_hand_eye(
     Raises:
         CalibrationRefused: too few poses, degenerate motions, or implausible parameters.
     """
-    with plausible_numbers():
-        return _calibrated(recording, limits, encoder_step)
-
-
-def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: float | None) -> HandEye:
     dh = recording.dh
     alone = fit_per_image_poses(recording.camera, recording.points, recording.pixels)
     names = unknown_names(dh.joints)
@@ -160,6 +157,7 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
         encoder_sigmas([recording.joints], encoder_step),
         alone.wrong,
         alone.noise,
+        alone.freedom,
     )
     if not begin.inliers.any():
         raise CalibrationRefused("no two poses agree on the camera's extrinsics", reason="start")
@@ -170,7 +168,6 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
         [Part(LINKS, tuple(range(OFFSETS + dh.joints, len(names))))],
         limits,
         [begin.inliers.astype(float)],
-        alone.freedom,
         readings=[f"J{j + 1}" for j in range(dh.joints)],
         step_known=encoder_step is not None,
     )
@@ -180,22 +177,18 @@ def _calibrated(recording: ArmRecording, limits: ChainLimits, encoder_step: floa
         return f"{1e3 * value:.3g} mm" if length else f"{np.degrees(value):.3g} deg"
 
     chain = with_verdict(chain, in_words)
-    flipped = tuple(
+    flipped = [
         f"{len(images)} of the rejected images show the target rotated by {turn} deg (a flipped marker): "
         f"{', '.join(map(str, images[:8]))}{', ...' if len(images) > 8 else ''}"
         for turn, images in flipped_targets(chain).items()
-    )
-    found = HandEye(
-        recording,
-        replace(chain, remarks=(*chain.remarks, *flipped)),
-        (begin.T_base_camera, begin.T_gripper_target),
-        alone.pixel_sigma,
-    )
-    return replace(found, chain=replace(found.chain, reasons=(*chain.reasons, *_implausible(found))))
+    ]
+    found = HandEye(recording, chain, (begin.T_base_camera, begin.T_gripper_target), alone.pixel_sigma)
+    reasons, remarks = (*chain.reasons, *_implausible(found)), (*chain.remarks, *flipped)
+    return replace(found, chain=replace(chain, reasons=reasons, remarks=remarks))
 
 
-def _implausible(found: HandEye) -> list[str]:
-    """Errors too large for a calibration file: it is another arm, or one that was homed wrongly."""
+def _implausible(found: HandEye) -> Iterator[str]:
+    """Refuse errors that are too large for a calibration file: it is another arm, or one that was homed wrongly."""
     d, a, alpha = found.link_errors
     length, angle = LARGEST_LINK
     checked = (
@@ -212,10 +205,9 @@ def _implausible(found: HandEye) -> list[str]:
         for what, values, most, unit, symbol in checked
         for j in np.flatnonzero(np.abs(values) > most)
     ]
-    if not beyond:
-        return []
-    others = f", and {len(beyond) - 1} more such parameters" if len(beyond) > 1 else ""
-    return [
-        f"{max(beyond)[1]}{others}: home the arm again; does the recording's dh describe this arm, and are dh and "
-        "target in m and rad?"
-    ]
+    if beyond:
+        others = f", and {len(beyond) - 1} more such parameters" if len(beyond) > 1 else ""
+        yield (
+            f"{max(beyond)[1]}{others}: home the arm again; does the recording's dh describe this arm, and are dh and "
+            "target in m and rad?"
+        )

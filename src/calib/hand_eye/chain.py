@@ -44,9 +44,8 @@ def arm_chain(dh: DhTable, T_base_camera: Array, T_gripper_target: Array) -> Cha
 
 def place_and_mount(T_base_camera: Array, T_gripper_target: Array, unknowns: Array) -> tuple[Array, Array]:
     """Apply the unknowns to T_base_camera and T_gripper_target, 4x4 each."""
-    none = np.zeros((1, 0))
-    found = []
-    for first, guess in ((CAMERA, T_base_camera), (TARGET, T_gripper_target)):
-        chain = Chain((Fixed(guess), *pose_unknowns(first)))
-        found.append(frozen(chain.evaluate(none, unknowns).T[0]))
-    return found[0], found[1]
+
+    def pose(first: int, guess: Array) -> Array:
+        return frozen(Chain((Fixed(guess), *pose_unknowns(first))).evaluate(np.zeros((1, 0)), unknowns).T[0])
+
+    return pose(CAMERA, T_base_camera), pose(TARGET, T_gripper_target)

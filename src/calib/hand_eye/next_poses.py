@@ -22,7 +22,7 @@ from calib.recordings.arm import ArmRecording
 from vision.camera.model import Camera
 
 LEVER = 0.2e-3 / np.radians(0.02)  # m; weighs rotations by the displacement at this distance
-UNKNOWN_LENGTH, UNKNOWN_TURN = 0.1, np.radians(10.0)  # m, rad; prior on extrinsics and mount
+UNKNOWN_LENGTH, UNKNOWN_TURN = 0.1, np.radians(10.0)  # m, rad; standard deviations of extrinsics and mount
 CORNER_PX = 0.3  # noise of a corner before any was measured
 WIDER = np.radians(10.0)  # margin around the joints of a recording
 OBLIQUE = np.radians(55.0)  # largest angle between a target's normal and the line of sight
@@ -36,7 +36,7 @@ class PosePlan:
 
     Attributes:
         places: indices in the pool, most informative first.
-        sigma: expected of T_base_camera after all of them, m (root sum of squares over x, y, z).
+        sigma: expected standard deviation of T_base_camera after all of them, m (root sum of squares over x, y, z).
         sigma_turn: the same for the rotation, rad.
     """
 
@@ -51,7 +51,7 @@ class NextPose:
 
     Attributes:
         joints: readings, (joints,) rad.
-        gain: relative reduction of the error of predicted targets after it and those before it, 0 to 1.
+        gain: relative reduction of the error of predicted targets by this pose and those before it, 0 to 1.
     """
 
     joints: Array
@@ -89,16 +89,14 @@ def plan_poses(
     informations = _information(problem, np.zeros(len(free)))
     k = len(taken)
     known = _prior(problem) + informations[:k].sum(axis=0)
-    worth = _extrinsics_worth(problem)
-    choice = OptimalDesign(informations[k:], known, worth)
-    chosen = choice.best(count)
+    worth = np.zeros((len(free), 6))  # of translations, and of rotations at a lever
+    worth[CAMERA : CAMERA + 6] = np.diag([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
+    worth = worth[free]
+    chosen = OptimalDesign(informations[k:], known, worth).best(count)
     covariance = np.linalg.inv(known + informations[k:][list(chosen.places)].sum(axis=0))
     moves = worth.T @ covariance @ worth
-    return PosePlan(
-        chosen.places,
-        float(np.sqrt(np.trace(moves[:3, :3]))),
-        float(np.sqrt(np.trace(moves[3:, 3:]))) / LEVER,
-    )
+    sigma, at_lever = (float(np.sqrt(np.trace(block))) for block in (moves[:3, :3], moves[3:, 3:]))
+    return PosePlan(chosen.places, sigma, at_lever / LEVER)
 
 
 def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None = None) -> list[NextPose]:
@@ -123,8 +121,9 @@ def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None
     twists = unseen.sightings[0].evaluate(x, np.zeros_like(pool)).by_unknown[:, problem.free, :3]
     values, vectors = np.linalg.eigh(np.einsum("nui,nvi->uv", twists, twists) / len(pool))
     worth = vectors * np.sqrt(np.maximum(values, 0.0))
-    choice = OptimalDesign(_information(unseen, x), found.chain.fit.information, worth)
-    best = choice.best(count, exchange=False)
+    best = OptimalDesign(_information(unseen, x), found.chain.fit.information, worth).best(
+        count, exchange=False
+    )
     return [
         NextPose(frozen(pool[place]), 1.0 - float(np.sqrt(left / best.before)))
         for place, left in zip(best.places, best.variances, strict=True)
@@ -140,9 +139,8 @@ def _unseen(dh: DhTable, lens: Camera, points: Array, joints: Array, about: tupl
 def _information(problem: Problem, unknowns: Array) -> Array:
     """Information of an image at each reading on the free unknowns, (n, free, free)."""
     readings = problem.sightings[0].readings
-    fit = ChainFit(
-        unknowns, (np.zeros_like(readings),), (), 0.0, np.zeros((0, 0)), 0, 0, (np.ones(len(readings)),)
-    )
+    errors, weights = (np.zeros_like(readings),), (np.ones(len(readings)),)
+    fit = ChainFit(unknowns, errors, (), 0.0, np.zeros((0, 0)), 0, 0, weights)
     return normal_equations(problem, fit).S
 
 
@@ -151,13 +149,6 @@ def _prior(problem: Problem) -> Array:
     for first in range(CAMERA, OFFSETS, 6):
         sigma[first : first + 3], sigma[first + 3 : first + 6] = UNKNOWN_LENGTH, UNKNOWN_TURN
     return np.diag(sigma[problem.free] ** -2)
-
-
-def _extrinsics_worth(problem: Problem) -> Array:
-    """Weights for the error of the camera's pose: translations, and rotations at a lever."""
-    worth = np.zeros((len(problem.free), 6))
-    worth[CAMERA : CAMERA + 6] = np.diag([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
-    return worth[problem.free]
 
 
 def _pool(found: HandEye, rng: np.random.Generator) -> Array:
@@ -170,7 +161,7 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
     last = np.array(r.camera.size) - 1.0 - MARGIN_PX
     good = np.zeros((0, r.dh.joints))
     before = chain.evaluate(r.joints, found.chain.fit.unknowns).T
-    # the printed side is the one seen in the recording, whatever the sign of its z axis
+    # the printed side is the one that the recording shows, whatever the sign of its z axis
     side = np.sign(np.median(np.einsum("ni,ni->n", before[:, :3, 2], before[:, :3, 3])))
     for _ in range(_MOST_BATCHES):
         joints = rng.uniform(low, high, (_BATCH, r.dh.joints))

@@ -83,10 +83,10 @@ class Evaluated:
         """Twist of the right end in its own frame per unit of each motion, translation first, (motions, n, 6)."""
         R, p = self.behind[..., :3], self.behind[..., 3]
         axes = np.array([e.sign * e.axis for e in self.motions]).reshape(-1, 3)
-        turns = np.array([e.turns for e in self.motions], dtype=bool)[:, None, None]
+        rotates = np.array([e.turns for e in self.motions], dtype=bool)[:, None, None]
         along = np.einsum("mi,mnij->mnj", axes, R)
         across = np.einsum("mni,mnij->mnj", np.cross(axes[:, None], p), R)
-        return np.concatenate([np.where(turns, across, along), np.where(turns, along, 0.0)], axis=-1)
+        return np.concatenate([np.where(rotates, across, along), np.where(rotates, along, 0.0)], axis=-1)
 
     @cached_property
     def by_unknown(self) -> Array:
@@ -165,10 +165,7 @@ def _turned(motions: Sequence[Motion], amounts: Array) -> Array:
 
 def pose_unknowns(first: int) -> tuple[Motion, ...]:
     """A free rigid transform: translations along, then rotations about x, y, z; unknowns `first` to `first` + 5."""
-    axes = np.eye(3)
-    shifts = [Motion(frozen(axes[i]), False, None, (Unknown(first + i),)) for i in range(3)]
-    turns = [Motion(frozen(axes[i]), True, None, (Unknown(first + 3 + i),)) for i in range(3)]
-    return (*shifts, *turns)
+    return tuple(Motion(frozen(np.eye(3)[i % 3]), i >= 3, None, (Unknown(first + i),)) for i in range(6))
 
 
 def joined(elements: Sequence[Element]) -> Chain:

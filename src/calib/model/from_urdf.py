@@ -27,8 +27,8 @@ def chain_from_root(
         model: of revolute and prismatic joints.
         frame: name of the frame at its end.
         reading_of: column of the readings for each joint between root and frame, by name.
-        unknowns_of: unknowns of a joint's own motion (offset, compliance, backlash), by its name.
-        after: elements inserted after a joint's motion, such as geometric errors, by its name.
+        unknowns_of: returns the unknowns of a joint's own motion (offset, compliance, backlash) from its name.
+        after: returns the elements to insert after a joint's motion, such as geometric errors, from its name.
 
     Raises:
         InputError: the frame does not exist, a joint on the chain has no reading or is of another kind.
@@ -57,15 +57,12 @@ def chain_from_root(
 
 
 def _axis(joint: pin.JointModel, name: str) -> tuple[Array, bool]:
+    """Return a joint's axis, and whether it is a rotation."""
     kind = joint.shortname()
     turns = kind.startswith("JointModelR")
     if kind in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
         return frozen(np.asarray(joint.extract().axis)), turns
-    if (
-        kind.startswith(("JointModelR", "JointModelP"))
-        and kind[-1] in _AXES
-        and kind[:-1] in {"JointModelR", "JointModelP"}
-    ):
+    if kind[:-1] in {"JointModelR", "JointModelP"} and kind[-1] in _AXES:
         return frozen(_AXES[kind[-1]]), turns
     raise InputError(
         f"joint {name}: is a {kind}; chains support revolute and prismatic joints only", joint=name, kind=kind

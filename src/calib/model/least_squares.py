@@ -16,7 +16,7 @@ from arm.se3 import Array, Bools
 
 State = TypeVar("State")
 Step = Callable[[float], tuple[State, bool]]
-"""Damping -> the next state, and whether it is so close to the present one that the search may stop there."""
+"""Damping -> the next state, and whether it is so close to the present one that the search may stop."""
 
 _MOST_DAMPING, _LEAST_DAMPING = 1e10, 1e-12
 

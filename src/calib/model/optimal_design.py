@@ -1,8 +1,8 @@
-"""Optimal design: choose the measurements that together leave the least variance.
+"""Optimal design: choose the measurements that together leave the smallest variance.
 
-Information adds up over measurements and is known before they are taken. The search is greedy, then by exchange (V. V.
-Fedorov, "Theory of optimal experiments", 1972). The information of one measurement has low rank, so its effect follows
-from the inverse without it (M. Woodbury, 1950).
+The information of measurements is known before they are taken, and it adds up. The search is greedy, then by exchange
+(V. V. Fedorov, "Theory of optimal experiments", 1972). The information of one measurement has low rank, so its effect
+follows from the inverse without it (M. Woodbury, 1950).
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Chosen:
 
     Attributes:
         places: their indices, in the order of choice.
-        variances: what each of them and those before it leave, see `OptimalDesign.variance`.
-        before: what the prior information leaves.
+        variances: variance after each of them and those before it, see `OptimalDesign.variance`.
+        before: variance with the prior information alone.
     """
 
     places: tuple[int, ...]
@@ -59,7 +59,7 @@ class OptimalDesign:
         self._F = vectors[..., -rank:] * np.sqrt(values[:, None, -rank:])
 
     def variance(self, places: Iterable[int] = ()) -> float:
-        """What some measurements leave: sum of variances (A), or geometric mean of the scaled principal ones (D)."""
+        """Variance after some measurements: sum (A), or geometric mean of the scaled principal variances (D)."""
         C = self._covariance(places)
         if self._worth is None:
             return float(np.exp(np.linalg.slogdet(C)[1] / len(C)))
@@ -68,11 +68,11 @@ class OptimalDesign:
     def best(self, count: int, exchange: bool = True, begin: Iterable[int] = ()) -> Chosen:
         """Choose the best `count` measurements of each group, or all if there are fewer.
 
-        Those of a single group come in the order of what they help.
+        The measurements of a single group are ordered, the most helpful first.
 
         Args:
             count: number of measurements.
-            exchange: whether to revise choices; without it, each is the best only given those before it.
+            exchange: whether to revise choices; otherwise each is the best in addition to those before it.
             begin: indices of measurements to begin with, equally many of each group.
         """
         chosen, groups = list(begin), np.unique(self._groups)
@@ -104,15 +104,15 @@ class OptimalDesign:
         return order
 
     def _next(self, taken: Iterable[int], closed: Iterable[int], group: float | None = None) -> int:
-        """Index of the most helpful measurement in addition to those taken, of a group, except the closed ones."""
+        """Index of the most helpful measurement of a group in addition to those taken, except the closed ones."""
         C = self._covariance(taken)
         CF = C @ self._F
         G = np.eye(CF.shape[-1]) + np.swapaxes(self._F, 1, 2) @ CF
         if self._worth is None:
             gain = np.linalg.slogdet(G)[1]
         else:
-            seen = self._worth.T @ CF
-            gain = np.einsum("nwr,nrw->n", seen, np.linalg.solve(G, np.swapaxes(seen, 1, 2)))
+            weighted = self._worth.T @ CF
+            gain = np.einsum("nwr,nrw->n", weighted, np.linalg.solve(G, np.swapaxes(weighted, 1, 2)))
         gain[list(closed)] = -np.inf
         if group is not None:
             gain[self._groups != group] = -np.inf

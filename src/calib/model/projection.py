@@ -14,7 +14,7 @@ from vision.camera.model import Camera
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Points of a target at one or many poses, projected; derivatives are computed on first use.
+    """Projected points of a target at one or many poses; derivatives are computed on first use.
 
     Attributes:
         camera: intrinsics; at the origin.
@@ -67,6 +67,6 @@ class Projection:
 
 
 def along(by_target: Array, twists: Array) -> Array:
-    """Derivatives (n, m, 2, k) by unknowns that move the target by twists (n, k, 6), from those by its own twist."""
+    """Derivatives (n, m, 2, k) by unknowns that move the target by twists (n, k, 6), from `Projection.by_target`."""
     n, m = by_target.shape[:2]
     return np.asarray((by_target.reshape(n, -1, 6) @ np.swapaxes(twists, 1, 2)).reshape(n, m, 2, -1))

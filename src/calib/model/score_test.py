@@ -1,8 +1,8 @@
-"""Score (Lagrange multiplier) test: how much would unknowns explain that a fit lacks?
+"""Score (Lagrange multiplier) test: how much would further unknowns, which are not in a fit, explain?
 
-Their size and significance follow from one linear step at the solution, with all fitted unknowns left free (C. R. Rao,
-1948). No refit is needed, and the estimate comes with its standard deviation: a target is reported as bent by 0.5 mm
-rather than as suspicious.
+One linear step at the solution, with all fitted unknowns free, gives their size and significance (C. R. Rao, 1948). No
+refit is needed. The estimate has a standard deviation, so a target is reported as bent by 0.5 mm, not just as
+suspicious.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class ScoreTest:
     Attributes:
         amount: their estimates, (m,).
         covariance: of the estimates if the residuals were whitened, (m, m).
-        drop: of the cost, if the model included them.
+        drop: decrease of the cost if the model included them.
         others: change of the fitted unknowns per unit of each, (fitted, m).
     """
 

@@ -1,4 +1,4 @@
-"""The verdict on a calibration: why it is refused, and what else a person should know."""
+"""The verdict on a calibration: why it is refused, and further notes for a person."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""Joint compliance (springs) and backlash (play) of the NAO's legs, where stances determine little of them.
+"""Joint compliance (springs) and backlash (play) of the NAO's legs, of which stances determine little.
 
-Backlash shows only in joints whose torque changes sign, compliance only where the torque differs between stances.
-About the others it is known only that joints of one make are alike. So the compliances, and the half backlashes, of all
-joints are drawn from one distribution each; its mean and width come from the well determined ones.
+Backlash affects images only if the joint's torque changes sign, compliance only if the torque differs between stances.
+All that is known about the other joints is that joints of one make are alike. So all compliances come from one
+distribution, and all half backlashes from another. Their means and widths come from the well determined joints.
 
-Backlash may change sides smoothly with the torque, or abruptly. If abruptly, a joint whose torque is near zero may lie
-on either side, because masses are uncertain. Then the side is chosen stance by stance from the images to minimise the
-cost, including the log probability that the torque has that sign. The shape with the lower cost is kept.
+Backlash may change sides smoothly with the torque, or abruptly. In the second case a joint with a torque near zero may
+lie on either side, because masses are uncertain. Then the side is chosen stance by stance to minimise the cost,
+including the log probability that the torque has that sign. The shape with the lower cost is kept.
 """
 
 from __future__ import annotations
@@ -21,17 +21,20 @@ import pinocchio as pin
 from scipy.stats import norm
 
 from arm.se3 import Array, Indices
-from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
-from calib.model.projection import Projection, along
+from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains, whitened
+from calib.model.projection import along
 from calib.nao.chain import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
 
-MASS_SIGMA = 0.10  # of a link's mass, relative
+MASS_SIGMA = 0.10  # relative standard deviation of a link's mass
 _LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are inexact too
 _KINDS = ("compliance", "backlash")
 _FIRST_MEAN, _FIRST_SIGMA = np.radians(0.5), np.radians(1.0)  # first prior; per Nm for compliances
 _KNOWN = np.radians(0.15)  # largest standard deviation of a well determined joint
 _FEWEST_KNOWN, _LEAST_WIDTH = 4, np.radians(0.13)
-_DOUBTFUL, _MOST_DOUBTFUL = 3.5, 5  # largest torque of a doubtful side, in sigmas; most of them a stance
+_DOUBTFUL, _MOST_DOUBTFUL = (
+    3.5,
+    5,
+)  # largest torque of a doubtful side, in sigmas; most doubtful sides per stance
 _ROUNDS = 10
 
 
@@ -120,10 +123,10 @@ def fit_compliance_and_backlash(
     hard, hard_fit, improbable, steps = _fit_abrupt(
         known, unknowns, sides, np.asarray(gravity, float), smooth
     )
-    cost = hard_fit.cost + improbable
+    cost, iterations = hard_fit.cost + improbable, iterations + steps
     if cost < smooth.cost:
-        return BacklashFit(hard, hard_fit, True, smooth.cost, cost, iterations + steps)
-    return BacklashFit(known, smooth, False, smooth.cost, cost, iterations + steps)
+        return BacklashFit(hard, hard_fit, True, smooth.cost, cost, iterations)
+    return BacklashFit(known, smooth, False, smooth.cost, cost, iterations)
 
 
 def _fitted(problem: Problem, unknowns: NaoUnknowns, kind: str) -> list[int]:
@@ -134,13 +137,9 @@ def _fit_abrupt(
     problem: Problem, unknowns: NaoUnknowns, sides: Sequence[str], gravity: Array, begin: ChainFit
 ) -> tuple[Problem, ChainFit, float, int]:
     """Fit with the cheapest sides of the backlash; return also -2 log probability of the sides, and all steps."""
-    torque = [
-        _torque(s, side, unknowns, gravity, begin) for s, side in zip(problem.sightings, sides, strict=True)
-    ]
-    sigma = [
-        torque_sigmas(side, s.readings[:, :6], gravity)
-        for s, side in zip(problem.sightings, sides, strict=True)
-    ]
+    chains = list(zip(problem.sightings, sides, strict=True))
+    torque = [_torque(s, side, unknowns, gravity, begin) for s, side in chains]
+    sigma = [torque_sigmas(side, s.readings[:, :6], gravity) for s, side in chains]
     signs = [np.where(t < 0.0, -1.0, 1.0) for t in torque]
     fit, steps = begin, 0
     for number in range(_ROUNDS):
@@ -155,7 +154,9 @@ def _fit_abrupt(
             problem = with_priors_of_a_make(problem, unknowns, fit)
         torque = [_torque(s, side, unknowns, gravity, fit) for s, side in zip(held, sides, strict=True)]
         then = [
-            _likelier_sides(problem, fit, k, _half_backlashes(fit, unknowns, side), lie, t / w)
+            _likelier_sides(
+                problem, fit, k, fit.unknowns[_indices(unknowns, side, "backlash_half_deg")], lie, t / w
+            )
             for k, (side, lie, t, w) in enumerate(zip(sides, signs, torque, sigma, strict=True))
         ]
         same = all(np.array_equal(a, b) for a, b in zip(then, signs, strict=True))
@@ -170,12 +171,13 @@ def _fit_abrupt(
 
 
 def _torque(s: Sightings, side: str, unknowns: NaoUnknowns, gravity: Array, fit: ChainFit) -> Array:
-    offsets = [unknowns.names.index(f"{side}{joint}_deg") for joint in LEG]
-    return gravity_torques(side, s.readings[:, :6] + fit.unknowns[offsets], gravity)
+    offsets = fit.unknowns[_indices(unknowns, side, "deg")]
+    return gravity_torques(side, s.readings[:, :6] + offsets, gravity)
 
 
-def _half_backlashes(fit: ChainFit, unknowns: NaoUnknowns, side: str) -> Array:
-    return fit.unknowns[[unknowns.names.index(f"{side}{joint}_backlash_half_deg") for joint in LEG]]
+def _indices(unknowns: NaoUnknowns, side: str, kind: str) -> list[int]:
+    """Indices of the unknowns of a kind, such as "deg", of a leg's joints."""
+    return [unknowns.names.index(f"{side}{joint}_{kind}") for joint in LEG]
 
 
 def _likelier_sides(
@@ -190,8 +192,10 @@ def _likelier_sides(
         signs: current sides, (n, 6).
         score: torques in their standard deviations, (n, 6).
     """
-    s, errors, used = problem.sightings[chain], fit.errors[chain], fit.weights[chain] > 0.0
-    r, by_reading = _whitened(problem, s, fit, chain)
+    s, errors, weights = problem.sightings[chain], fit.errors[chain], fit.weights[chain]
+    at_fit, used = s.evaluate(fit.unknowns, errors), weights > 0.0
+    r, by_target = whitened(problem, s, at_fit, weights)
+    by_reading = along(by_target, at_fit.by_reading)
     then = signs.copy()
     for stance in np.unique(s.stances[used]):
         images = np.flatnonzero((s.stances == stance) & used)
@@ -215,16 +219,6 @@ def _likelier_sides(
                 least, best = cost, lie
         then[s.stances == stance] = best
     return then
-
-
-def _whitened(problem: Problem, s: Sightings, fit: ChainFit, chain: int) -> tuple[Array, Array]:
-    """Residuals (n, m, 2) and their derivatives by the readings (n, m, 2, readings); zero for missing points."""
-    at = s.evaluate(fit.unknowns, fit.errors[chain])
-    sigma = s.sigma(problem.pixel_sigma)
-    by_reading = along(Projection(problem.camera, at.T, s.points).by_target, at.by_reading) / sigma[..., None]
-    seen = np.isfinite(fit.residuals[chain])
-    r = np.where(seen, fit.residuals[chain] / sigma, 0.0)
-    return r, np.where(seen[..., None], by_reading, 0.0)
 
 
 def _columns(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from calib.recordings.encoder_steps import encoder_sigmas
 from calib.recordings.points import plausible_numbers
 
 HEAD, COMPLIANCE, BACKLASH = "offsets of the head", "compliance of the joints", "backlash of the joints"
-WELL_KEPT = 0.95  # share of images kept above which no other start is tried
+WELL_KEPT = 0.95  # fraction of images kept at which no other start is tried
 _ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up
 _CERTAIN = 5.0  # standard deviations above which a sign is certain
 GEARS = np.radians(2.0)  # prior on compliance, rad/Nm, and backlash, rad
@@ -28,38 +28,32 @@ NAO_LIMITS = ChainLimits(held_out=2e-3)
 
 
 def _shaped(
-    choice: Choice,
-    full: Problem,
-    parts: Sequence[Part],
-    recording: NaoRecording,
-    sides: Sequence[str],
-    noise_freedom: float,
+    choice: Choice, full: Problem, parts: Sequence[Part], recording: NaoRecording, sides: Sequence[str]
 ) -> Choice:
     """Repeat the choice with the shape of backlash that fits better, if the model has compliance or backlash.
 
-    Rejected images get another chance: with abrupt backlash, those near a change of sides do not fit smooth backlash.
+    Rejected images are tried again: if backlash is abrupt, images near a change of sides do not fit smooth backlash.
     """
     gears = [i for i, name in enumerate(_ALL.names) if "compliance" in name or "backlash" in name]
     astray = choice.fit.iterations >= MOST_STEPS and choice.fit.chi2_dof > _ASTRAY
     if astray or not choice.problem.free[gears].any():
         return choice
     full = replace(full, reading_sigma=choice.problem.reading_sigma)
-    best: Choice | None = None
+    tried: list[Choice] = []
     for weights in (None, choice.fit.weights):
         shaped = fit_compliance_and_backlash(full, _ALL, sides, recording.gravity, weights)
-        again = choose_model(shaped.problem, parts, shaped.fit.weights, noise_freedom)
-        if best is None or _kept(again) > _kept(best):
-            best = again
-        if _kept(best) >= WELL_KEPT:
+        tried.append(choose_model(shaped.problem, parts, shaped.fit.weights))
+        if _kept(tried[-1]) >= WELL_KEPT:
             break
-    return choice if best is None else best
+    return max(tried, key=_kept)
 
 
 def _kept(choice: Choice) -> float:
-    """Share of the images that are kept."""
+    """Fraction of the images that are kept."""
     return float(np.mean(np.concatenate(choice.fit.weights) > 0.0))
 
 
+@plausible_numbers()
 def calibrate_nao(
     recording: NaoRecording, limits: ChainLimits = NAO_LIMITS, encoder_step: float | None = None
 ) -> ChainCalibration:
@@ -73,11 +67,6 @@ def calibrate_nao(
     Raises:
         CalibrationRefused: the recording's numbers are implausible.
     """
-    with plausible_numbers():
-        return _calibrated(recording, limits, encoder_step)
-
-
-def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: float | None) -> ChainCalibration:
     names, si = _ALL.names, _ALL.si()
     recorded = recording.sightings(_ALL)
     alone = fit_per_image_poses(
@@ -106,6 +95,7 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
         alone.pixel_sigma,
         encoder_sigmas([s.readings for s in sightings], encoder_step),
         shown,
+        alone.freedom,
     )
     optional = [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()]
     calibration = calibrate_chain(
@@ -114,9 +104,7 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
         problem,
         optional,
         limits,
-        None,
-        alone.freedom,
-        lambda choice: _shaped(choice, problem, optional, recording, sorted(seen), alone.freedom),
+        refined=lambda choice: _shaped(choice, problem, optional, recording, sorted(seen)),
         step_known=encoder_step is not None,
     )
 
@@ -128,17 +116,17 @@ def _calibrated(recording: NaoRecording, limits: ChainLimits, encoder_step: floa
     return replace(calibration, reasons=(*calibration.reasons, *_negative_compliance(calibration)))
 
 
-def _negative_compliance(c: ChainCalibration) -> list[str]:
-    """Refuse joints that yield against their load."""
+def _negative_compliance(c: ChainCalibration) -> Iterator[str]:
+    """Refuse joints that deflect against their load."""
     values, sigma = c.fit.unknowns, np.sqrt(np.diag(c.covariance))
     wrong = [
         name
         for name, value, s in zip(c.names, values, sigma, strict=True)
         if "compliance" in name and value < -_CERTAIN * s
     ]
-    if not wrong:
-        return []
-    return [
-        f"{len(wrong)} joints have negative compliance ({', '.join(wrong[:3])}{', ...' if len(wrong) > 3 else ''}): is "
-        "the sign of gravity_m_s2 right? With the robot on its back it is -9.81, 0, 0 in the torso frame"
-    ]
+    if wrong:
+        names = ", ".join(wrong[:3]) + (", ..." if len(wrong) > 3 else "")
+        yield (
+            f"{len(wrong)} joints have negative compliance ({names}): is the sign of gravity_m_s2 right? With the "
+            "robot on its back it is -9.81, 0, 0 in the torso frame"
+        )

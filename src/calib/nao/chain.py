@@ -51,16 +51,14 @@ class NaoUnknowns:
 
     @property
     def names(self) -> list[str]:
-        """Names in order, with their units as in the data's truth."""
-        named = [f"{n}_deg" for n in (*CAMERA_TURNS, *LEG_JOINTS)]
-        named += [f"{s}{m}_{'deg' if m == 'RotZ' else 'mm'}" for s in SIDES for m in MOUNT]
-        if self.head:
-            named += [f"{n}_deg" for n in HEAD]
-        if self.compliance:
-            named += [f"{n}_compliance_deg_per_Nm" for n in LEG_JOINTS]
-        if self.backlash:
-            named += [f"{n}_backlash_half_deg" for n in LEG_JOINTS]
-        return named
+        """Names in order, each with its unit, as in the data's ground truth."""
+        return [
+            *(f"{n}_deg" for n in (*CAMERA_TURNS, *LEG_JOINTS)),
+            *(f"{s}{m}_{'deg' if m == 'RotZ' else 'mm'}" for s in SIDES for m in MOUNT),
+            *(f"{n}_deg" for n in HEAD if self.head),
+            *(f"{n}_compliance_deg_per_Nm" for n in LEG_JOINTS if self.compliance),
+            *(f"{n}_backlash_half_deg" for n in LEG_JOINTS if self.backlash),
+        ]
 
     def si(self) -> Array:
         """Size of each name's unit in rad, m or rad/Nm."""
@@ -84,16 +82,16 @@ def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
     """T_camera_board, from the camera frame (OpenCV) to the sole frame with the board's mount."""
     names = unknowns.names
 
-    def of(name: str) -> Unknown:
-        return Unknown(names.index(name))
+    def of(name: str, gain: str = "") -> Unknown:
+        return Unknown(names.index(name), gain)
 
     def of_joint(joint: str) -> tuple[Unknown, ...]:
-        found = [of(f"{joint}_deg")] if f"{joint}_deg" in names else []
-        if f"{joint}_compliance_deg_per_Nm" in names:
-            found.append(Unknown(names.index(f"{joint}_compliance_deg_per_Nm"), f"torque {joint}"))
-        if f"{joint}_backlash_half_deg" in names:
-            found.append(Unknown(names.index(f"{joint}_backlash_half_deg"), f"backlash {joint}"))
-        return tuple(found)
+        gain_of = {
+            f"{joint}_deg": "",
+            f"{joint}_compliance_deg_per_Nm": f"torque {joint}",
+            f"{joint}_backlash_half_deg": f"backlash {joint}",
+        }
+        return tuple(of(name, gain) for name, gain in gain_of.items() if name in names)
 
     model = nao_model()
     columns = {side + joint: i for i, joint in enumerate(LEG)} | {
@@ -148,10 +146,10 @@ class KnownSides:
     sides: Array
 
     def at(self, legs: Array, torque: Array) -> Array:
-        """Sides (k, 6) at readings (k, 6) rad: known ones in known stances, else those of the torques (k, 6) Nm."""
+        """Sides (k, 6) at readings (k, 6) rad: known ones, or signs of the torques (k, 6) Nm in other stances."""
         away = np.abs(legs[:, None] - self.legs[None]).max(axis=-1)
-        found = self.sides[away.argmin(axis=1)]
-        return np.where(away.min(axis=1)[:, None] < _SAME_STANCE, found, np.sign(torque))
+        known = self.sides[away.argmin(axis=1)]
+        return np.where(away.min(axis=1)[:, None] < _SAME_STANCE, known, np.sign(torque))
 
 
 def gravity_gains(

@@ -4,9 +4,9 @@
 points_m}`` and ``poses[]{joints_rad, corners_px[n][2]}``, null for a corner that was not detected; optionally ``unit``.
 Nothing else in the file is read.
 
-Corners may lie outside the image by up to a hundredth of its longer side (19 px of 1920): noise moves one past the
-border by a fraction of a pixel, and a wrong detection, which the fit rejects, by some pixels. A corner farther out is
-from another image, or from an image of another size.
+Corners may lie outside the image by up to a hundredth of its longer side (19 px of 1920). Noise moves a corner past the
+border by a fraction of a pixel; a wrong detection, which the fit rejects, may be off by several pixels. A corner that
+is farther out belongs to another image, or to an image of another size.
 """
 
 from __future__ import annotations

@@ -39,8 +39,8 @@ def encoder_step(readings: Array) -> float:
 def encoder_sigmas(chains: Sequence[Array], step: float | None = None) -> Array:
     """Standard deviation of each encoder's quantisation error, (readings,) rad: a step over the root of twelve.
 
-    Encoders of one kind have one step: the finest in any column, where it divides the others. A grid in fewer than half
-    of the columns comes from the commands, not from encoders.
+    Encoders of one kind have the same step: the finest of any column, where it divides the others. If fewer than half
+    of the columns have a grid, it comes from the commands, not from encoders.
 
     Args:
         chains: readings of each chain, (n, readings) rad, the same columns in all.

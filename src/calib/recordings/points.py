@@ -1,4 +1,4 @@
-"""Shared by the readers of recorded images: points of a target and of an image, repeated images, numeric failures."""
+"""Functions of all readers of recorded images: target points, image points, repeated images, numeric failures."""
 
 from __future__ import annotations
 
@@ -66,10 +66,10 @@ def seen_points(node: Node, count: int, fewest: int, called: str) -> Array:
 
 
 def refuse_repeats(images: Sequence[Node], readings: Array, pixels: Array) -> None:
-    """Refuse repeated images: the noise would seem averaged over two.
+    """Refuse repeated images, whose noise does not average out.
 
-    The same readings alone are no repeat, as an arm may rest for two images. The same points alone are none either, as
-    a wrong image may show them, which the fit rejects.
+    The same readings alone are not a repeat, because an arm may rest for two images. Neither are the same points alone,
+    because the second image may be wrong; the fit rejects such images.
 
     Args:
         images: nodes in the file.

@@ -1,9 +1,9 @@
 """Robust initial guess for robot-world/hand-eye calibration, from pairs of poses with outliers.
 
 One wrong pose in twenty ruins a closed form (M. Shah, "Solving the robot-world/hand-eye calibration problem using the
-Kronecker product", 2013; fact sheet of calibration, section 1). So it is applied to many small random sets of pairs,
-and the inliers of the best are kept. The inlier threshold is estimated too: an arm with wrong joint offsets scatters by
-millimetres, a good one by a tenth of that.
+Kronecker product", 2013; fact sheet of calibration, section 1). So the closed form is applied to many small random sets
+of pairs, and the inliers of the best result are kept. The inlier threshold is estimated too, because an arm with wrong
+joint offsets scatters by millimetres, a good one by a tenth of that.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FEWEST = 3  # pairs: two motions about different axes
 _SETS, _SET = 500, 3
 _POLISHED = 8  # number of best sets that are refined
 _ROUNDS = 12
-_AGREE = 0.4  # quantile of the pairs used as score; must be below the share of inliers
+_AGREE = 0.4  # quantile of the pairs used as score; must be below the fraction of inliers
 _TRUSTED = 6.0  # inlier limit, standard deviations; wrong joint offsets give errors that are not normal
 SCATTER = 0.15  # rad about each axis, limit for consensus; random pairs differ by up to half a revolution
 _EXACT = 1e-9  # m and rad: added to all scales, so that poses this close always agree
@@ -70,7 +70,7 @@ def initial_guess(T_base_gripper: Array, T_camera_target: Array, seed: int = 0) 
     spread = np.log(np.partition(turn, k, axis=-1)[:, k] + _EXACT)
     spread += np.log(np.partition(shift, k, axis=-1)[:, k] + _EXACT)
     best = [_polished(A, B, X[i], Y[i]) for i in np.argsort(spread)[:_POLISHED]]
-    # with few pairs, some three always agree best; so the set of all pairs competes too
+    # if there are few pairs, some three of them always agree best, so the set of all pairs competes too
     best.append(InitialGuess(frozen(Y[0]), frozen(X[0]), np.isfinite(turn[0] + shift[0])))
     found = max(best, key=lambda one: _likelihood(A, B, one))
     turn, _ = residual_sizes(A, B, found.T_gripper_target, found.T_base_camera)

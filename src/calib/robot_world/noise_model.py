@@ -1,15 +1,16 @@
 """Noise models of pairs of poses: covariances with unknown sizes (variance components) for camera and arm.
 
-A pose from an image is less accurate along the line of sight and in tilt than across and in roll, the more so the
-smaller the target appears; a pose from a tracker may scatter isotropically. Angular errors of an arm act about the
-flange, and wrong lengths and joint offsets add an error that varies smoothly with the pose. Equal weights cost up to a
-factor of five in accuracy (fact sheet of calibration, section 1), and so does the wrong model. Therefore the sizes are
-estimated and the model is selected from the data.
+A pose from an image is less accurate along the line of sight and in tilt than across it and in roll, above all if the
+target appears small. A pose from a tracker may scatter isotropically. Angular errors of an arm act about the flange.
+Wrong lengths and joint offsets add an error that varies smoothly with the pose. Equal weights cost up to a factor of
+five in accuracy (fact sheet of calibration, section 1), and so does a wrong model. Therefore the data decide on the
+model and on the sizes.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -102,24 +103,24 @@ class Covariances:
 
     scatter: NoiseModel
     at: Linearised
-    parts: Array = field(init=False)  # (sizes, n, 6, 6) per squared standard deviation
-    smooth: Array = field(init=False)  # (n, 6, effects) of the arm's geometry, translations, then rotations
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def parts(self) -> Array:
+        """Covariances per squared standard deviation, (sizes, n, 6, 6)."""
         n = len(self.at.residuals)
-        parts = []
-        if self.scatter.shape == "axes":
-            parts = [
-                np.broadcast_to(np.diag([float(k in chosen) for k in range(6)]), (n, 6, 6))
-                for chosen in ((0, 1), (2,), (3, 4, 5))
-            ]
+        groups = ((0, 1), (2,), (3, 4, 5)) if self.scatter.shape == "axes" else ()
+        camera = [np.broadcast_to(np.diag(np.isin(range(6), of).astype(float)), (n, 6, 6)) for of in groups]
         shift, turn = self.at.by_arm[:, :, :3], self.at.by_arm[:, :, 3:]
-        parts += [shift @ shift.transpose(0, 2, 1), turn @ turn.transpose(0, 2, 1)]
-        object.__setattr__(self, "parts", np.array(parts))
-        object.__setattr__(self, "smooth", self._smooth() if self.scatter.geometry else np.zeros((n, 6, 0)))
+        return np.array([*camera, shift @ shift.transpose(0, 2, 1), turn @ turn.transpose(0, 2, 1)])
 
-    def _smooth(self) -> Array:
-        """Translations and rotations of the flange in the base that are linear in its position and rotation."""
+    @cached_property
+    def smooth(self) -> Array:
+        """Effects of the arm's geometry, (n, 6, effects): translations, then rotations of the flange in the base.
+
+        They are linear in the position and the rotation of the flange.
+        """
+        if not self.scatter.geometry:
+            return np.zeros((len(self.at.residuals), 6, 0))
         R, p = self.at.T_base_gripper[:, :3, :3], self.at.T_base_gripper[:, :3, 3]
         off = p - p.mean(axis=0)
         reach = float(np.sqrt((off**2).sum(axis=1).mean())) or 1.0
@@ -164,11 +165,11 @@ class Covariances:
         points = np.zeros((len(_CORNERS), 3))
         points[:, :2] = np.exp(target[0]) * (_CORNERS + middle)
         R, t = self.at.T_camera_target[:, :3, :3], self.at.T_camera_target[:, :3, 3]
-        seen = points @ R.transpose(0, 2, 1) + t[:, None]
-        z = np.maximum(seen[..., 2], 1e-3)
+        in_camera = points @ R.transpose(0, 2, 1) + t[:, None]
+        z = np.maximum(in_camera[..., 2], 1e-3)
         by_point = np.zeros((*z.shape, 2, 3))
         by_point[..., 0, 0] = by_point[..., 1, 1] = 1.0 / z
-        by_point[..., :, 2] = -seen[..., :2] / z[..., None] ** 2
+        by_point[..., :, 2] = -in_camera[..., :2] / z[..., None] ** 2
         turned = -R[:, None] @ skews(points)
         by_pose = np.concatenate([by_point, by_point @ turned], axis=-1).reshape(len(R), -1, 6)
         return np.asarray(np.linalg.inv(by_pose.transpose(0, 2, 1) @ by_pose))

@@ -1,7 +1,7 @@
 """Observability of robot-world/hand-eye calibration: rotations about one axis, or nearly one, are degenerate.
 
-If all rotation axes are parallel, the translation along them and the rotation about them stay unknown. Closed forms do
-not notice: they return poses that are metres off.
+If all rotation axes are parallel, the translation along them and the rotation about them are not determined. Closed
+forms do not detect this: they return poses that are metres off.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class MotionAxes:
 
     @property
     def degenerate(self) -> bool:
-        """Whether part of the poses stays undetermined."""
+        """Whether part of the poses is not determined."""
         return self.motions < 2 or (self.spread < SPREAD and self.second < SECOND)
 
 

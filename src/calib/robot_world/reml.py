@@ -20,8 +20,8 @@ from calib.robot_world.noise_model import Covariances, Linearised, NoiseModel, s
 
 UNKNOWNS = 12
 _ROUNDS = 12
-_FTOL = 1e-4  # of the log likelihood, and of the log sizes
-_DONE = 1e-3  # standard deviations that the poses may still change; ten times that for log sizes, weights
+_FTOL = 1e-4  # tolerance of the log likelihood, and of the log sizes
+_DONE = 1e-3  # last step of the poses, standard deviations; ten times that for log sizes and weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +174,6 @@ class _Solved:
     log_determinant: float
     squares: Array  # (n,) squared Mahalanobis norm of `left`, without weights
     priors: Array  # (effects,) precisions
-    sizes: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +240,6 @@ class _Likelihood:
             log_determinant,
             np.einsum("ni,nij,nj->n", left, alone, left),
             priors,
-            sizes,
         )
 
     def of(self, s: _Solved) -> float:

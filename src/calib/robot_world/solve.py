@@ -1,8 +1,8 @@
 """Robot-world/hand-eye calibration (AX = ZB): poses of camera and target from pairs of poses of arm and camera.
 
-A consensus of pairs gives a start and the outliers (`calib.robot_world.initial_guess`). The scatter of the inliers
-gives their weights (`calib.robot_world.noise_model`). If only the rotation of a pair is wrong, as with a flipped
-marker, its translation is still used.
+A consensus of pairs gives an initial guess and the outliers (`calib.robot_world.initial_guess`). The scatter of the
+inliers gives their weights (`calib.robot_world.noise_model`). If only the rotation of a pair is wrong, as from a
+flipped marker, its translation is still used.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from calib.robot_world.observability import MotionAxes, refuse_parallel_axes
 from calib.robot_world.reml import UNKNOWNS, Closed, PairFit, fit_pairs, inverses
 
 FEWEST = 4  # pairs that agree; three determine the poses but not their error
-CONSENSUS = 0.4  # share of the pairs that must agree
+CONSENSUS = 0.4  # fraction of the pairs that must agree
 _WRONG = 1e-5  # false alarm rate of the outlier test
 _STRAYS = 5.0  # degrees of freedom of Student's t
-_GAIN = 2.0  # least gain in log likelihood for one or two more sizes (Akaike)
+_GAIN = 2.0  # smallest gain in log likelihood that justifies one or two more sizes (Akaike)
 _ROUNDS = 3
 
 
@@ -34,7 +34,7 @@ class PosePairs:
     Attributes:
         T_base_gripper: (n, 4, 4).
         T_camera_target: (n, 4, 4), NaN where the target was not detected.
-        camera_in_gripper: True if the camera is held and the target fixed; else the other way round.
+        camera_in_gripper: True if the gripper holds the camera and the target is fixed; False for the reverse.
     """
 
     T_base_gripper: Array
@@ -93,7 +93,7 @@ class RobotWorld:
 
     @property
     def flipped(self) -> Bools:
-        """(n,) pairs with a correct translation and a wrong rotation, as with a flipped marker."""
+        """(n,) pairs with a correct translation and a wrong rotation, as from a flipped marker."""
         return np.asarray(self.used[:, 0] & ~self.used[:, 1])
 
     @property
@@ -106,7 +106,7 @@ class RobotWorld:
             axis = vectors[:, -1]
             main = int(np.argmax(np.abs(axis)))
             x, y, z = axis * np.sign(axis[main])
-            along = f"{'xyz'[main]}" if abs(axis[main]) > 0.9 else f"({x:.2f}, {y:.2f}, {z:.2f})"
+            along = "xyz"[main] if abs(axis[main]) > 0.9 else f"({x:.2f}, {y:.2f}, {z:.2f})"
             words = f"{name}: translation along {along} of the {own}, {1e3 * np.sqrt(values[-1]):.3g} mm"
             worst.append((float(values[-1]), words))
         return max(worst)[1]
@@ -124,8 +124,8 @@ def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
             "few_pairs", "no_consensus", "degenerate" or "parallel_axes".
     """
     both = np.concatenate([pairs.T_base_gripper, pairs.T_camera_target], axis=1)
-    seen: Bools = np.asarray(np.isfinite(both).all(axis=(1, 2)))
-    A, C = pairs.T_base_gripper[seen], pairs.T_camera_target[seen]
+    complete: Bools = np.asarray(np.isfinite(both).all(axis=(1, 2)))
+    A, C = pairs.T_base_gripper[complete], pairs.T_camera_target[complete]
     if len(A) > FEWEST:
         refuse_parallel_axes(A[:, :3, :3])
     start = initial_guess(A, inverses(C) if pairs.camera_in_gripper else C, seed)
@@ -143,10 +143,10 @@ def calibrate_pose_pairs(pairs: PosePairs, seed: int = 0) -> RobotWorld:
     P, Q = (held, standing) if pairs.camera_in_gripper else (standing, held)
     closed = Closed(A, C, pairs.camera_in_gripper)
     fit, reason, used = _fitted(closed, P, Q, start.inliers)
-    everything: Bools = np.zeros((len(seen), 2), dtype=bool)
-    everything[seen] = used
-    residuals = np.full((len(seen), 6), np.nan)
-    residuals[seen] = fit.at.residuals
+    everything: Bools = np.zeros((len(complete), 2), dtype=bool)
+    everything[complete] = used
+    residuals = np.full((len(complete), 6), np.nan)
+    residuals[complete] = fit.at.residuals
     P, Q, covariance = fit.P, fit.Q, fit.covariance
     if not pairs.camera_in_gripper:
         swap = np.r_[6:UNKNOWNS, 0:6]
@@ -194,7 +194,7 @@ def _best_camera(closed: Closed, P: Array, Q: Array, used: Bools) -> tuple[PairF
 
 
 def _right(fit: PairFit) -> Bools:
-    """Translations and rotations (n, 2) within the noise model; if only one of the two is out, the other stays."""
+    """Translations and rotations (n, 2) that fit the noise model; if one of the two does not, the other is kept."""
     r, S = fit.at.residuals, fit.covariances
 
     def within(rows: slice) -> Bools:

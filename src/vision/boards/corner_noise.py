@@ -1,7 +1,7 @@
 """Variance of a board's mean corners: noise of each frame, and an error common to all frames.
 
-Frames differ only by their own noise; the residuals of a fit contain both. So the common part is estimated, from ten
-degrees of freedom, and the uncertainty of that estimate is included in the variance.
+Frames differ only by their own noise, but the residuals of a fit contain both parts. So the common part is estimated.
+The variance includes the uncertainty of this estimate, which has only ten degrees of freedom.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from arm.se3 import Array
 from vision.boards.pose_fit import Corners, Fit, frame_variance
 from vision.boards.shared_errors import LeftOver
 
-SPIKE, SLAB = 0.5, 4.0  # of the prior, see `mean_corner_variance`
+SPIKE, SLAB = 0.5, 4.0  # probability and relative width in the prior, see `mean_corner_variance`
 _GRID = 240
 
 
@@ -20,15 +20,15 @@ def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float, left: Left
     """Return the variance of a mean corner's coordinate, px^2, as expected after the fit.
 
     It is the posterior mean of c^2 + f^2 / frames, with f from the scatter between frames and the common part c from
-    the residuals of the fit. The prior of c is the floor with probability `SPIKE`, else a half-Cauchy above it (A.
-    Gelman, "Prior distributions for variance parameters", 2006), four times as wide as the frames' own part. With one
-    frame the parts cannot be separated, and only the residuals count.
+    the residuals of the fit. In the prior, c is the floor with probability `SPIKE`, else above it with a half-Cauchy
+    distribution (A. Gelman, "Prior distributions for variance parameters", 2006), `SLAB` times as wide as the frames'
+    own part. With one frame the parts cannot be separated, and only the residuals count.
 
     Args:
-        corners: that were fitted.
-        fit: of them.
+        corners: the fitted corners.
+        fit: their fit.
         floor_px: smallest standard deviation of the common error.
-        left: residuals relative to errors that corners share, if there are any.
+        left: residuals relative to errors that corners share; None if there are no such errors.
     """
     nu, cost = fit.freedom, fit.cost
     alone = cost / max(nu - 2, 1)  # mean of the variance under Jeffreys' prior
@@ -40,9 +40,8 @@ def mean_corner_variance(corners: Corners, fit: Fit, floor_px: float, left: Left
     top = 30.0 * max(width, float(np.sqrt(alone)))
     beyond = np.concatenate([[0.0], np.geomspace(1e-3 * width, top, _GRID)])  # px above the floor
     variance = (floor_px + beyond) ** 2 + of_mean
-    if left is None:
-        log_likelihood = -0.5 * nu * np.log(variance) - 0.5 * cost / variance
-    else:
+    log_likelihood = -0.5 * nu * np.log(variance) - 0.5 * cost / variance
+    if left is not None:
         log_likelihood = left.log_likelihood(variance)
     likelihood = np.exp(log_likelihood - log_likelihood.max())
     slab = likelihood * (1.0 - SPIKE) * 2.0 / (np.pi * width * (1.0 + (beyond / width) ** 2))

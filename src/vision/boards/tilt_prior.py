@@ -1,7 +1,7 @@
 """Prior on the tilt of boards: their stands have a few known tilts, such as 0, 7 and 15 degrees.
 
-The prior is a hypothesis that is tested and never forced. A tilt is the vector in which a board leans, so all tilts of
-one angle form a ring (a point for 0), blurred by the pose's covariance. The alternative is a board that leans anywhere.
+The prior is a hypothesis, which is tested and never forced. A tilt is a vector in the direction of the lean. So all
+tilts of one angle form a ring (a point for 0), blurred by the pose's covariance. The alternative is any other tilt.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from scipy.special import i0e
 from arm.poses import BoardPose, TiltHypothesis
 from arm.se3 import Array
 
-STANDS = np.radians(0.5)  # standard deviation of the stands and of the vertical in the camera's extrinsics
-STEEPEST = np.radians(45.0)  # limit for a board that leans anywhere
-ANYWHERE = 0.5  # prior probability of that
+STANDS = np.radians(0.5)  # standard deviation of the stands, and of the vertical in the camera's extrinsics
+STEEPEST = np.radians(45.0)  # largest tilt of a board with any tilt
+ANYWHERE = 0.5  # prior probability of a board with any tilt
 FITS_SIGMAS = 3.0
 MOST_SAY = np.log(10.0)  # largest log odds from the prior: never enough to overrule the images
 
 
 @dataclass(frozen=True)
 class _Tilt:
-    """Angle of a board from the vertical, rad; variances along the lean and mean of both axes, stands included."""
+    """Tilt of a board, rad; its variance along the lean, and the mean of both axes, that of the stands included."""
 
     angle: float
     along: float
@@ -41,7 +41,7 @@ class _Tilt:
         return cls(pose.tilt(), along + STANDS**2, mean + STANDS**2)
 
     def log_density(self, tilt: float) -> float:
-        """Log density of this tilt vector (per rad^2) if the board stands at `tilt`, leaning in any direction."""
+        """Log density of this tilt vector (per rad^2) if the board has this `tilt` in any direction."""
         variance = self.along if tilt > 0.0 else self.mean
         ring = np.log(i0e(self.angle * tilt / variance))
         return float(ring - (self.angle - tilt) ** 2 / (2.0 * variance) - np.log(2.0 * np.pi * variance))
@@ -51,7 +51,7 @@ class _Tilt:
 
 
 def _densities(pose: BoardPose, tilts: Sequence[float]) -> Array:
-    """Prior times density of each tilt, and of none of them, last."""
+    """Prior times density of each tilt; last that of any other tilt."""
     tilt = _Tilt.of(pose)
     members = [(1.0 - ANYWHERE) / len(tilts) * np.exp(tilt.log_density(t)) for t in tilts]
     return np.array([*members, ANYWHERE / (np.pi * STEEPEST**2)])
@@ -61,13 +61,8 @@ def tilt_hypothesis(pose: BoardPose, tilts: Sequence[float]) -> TiltHypothesis:
     """Test which of `tilts` (rad) the pose agrees with, if any."""
     tilt, densities = _Tilt.of(pose), _densities(pose, tilts)
     nearest = int(np.argmin([abs(tilt.sigmas(t)) for t in tilts]))
-    z = tilt.sigmas(tilts[nearest])
-    return TiltHypothesis(
-        float(tilts[nearest]),
-        float(z),
-        float(densities[nearest] / densities.sum()),
-        bool(abs(z) <= FITS_SIGMAS),
-    )
+    z, probability = tilt.sigmas(tilts[nearest]), float(densities[nearest] / densities.sum())
+    return TiltHypothesis(float(tilts[nearest]), float(z), probability, bool(abs(z) <= FITS_SIGMAS))
 
 
 def log_odds_of_tilts(first: BoardPose, second: BoardPose, tilts: Sequence[float]) -> float:

@@ -29,8 +29,7 @@ def distortion_terms(coefficients: Array, points: Array) -> tuple[Array, Array]:
 def distort(coefficients: Array, points: Array) -> Array:
     """Map undistorted points (..., 2) on z = 1 to distorted ones."""
     radial, tangential = distortion_terms(coefficients, points)
-    distorted: Array = points * radial[..., None] + tangential
-    return distorted
+    return np.asarray(points * radial[..., None] + tangential)
 
 
 def undistort(coefficients: Array, distorted: Array) -> Array:

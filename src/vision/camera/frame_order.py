@@ -31,8 +31,7 @@ class FrameOrder:
             return False
         expected = {0, 1} if first else set()
         if self.number is not None:
-            expected.add(1 if self.number == LAST_SHORT else self.number + 1)
-            expected.add(self.number + 1)
+            expected |= {self.number + 1, *((1,) if self.number == LAST_SHORT else ())}
         return frame.number in expected or (first and self.number is None)
 
     def __str__(self) -> str:

@@ -85,8 +85,7 @@ class Camera:
         points = np.asarray(points_camera, dtype=float)
         z = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
         distorted = distort(self.distortion, points[..., :2] / z[..., None])
-        pixels: Array = distorted @ self.K[:2, :2].T + self.K[:2, 2]
-        return pixels
+        return np.asarray(distorted @ self.K[:2, :2].T + self.K[:2, 2])
 
     def project_base(self, points_base: npt.ArrayLike) -> Array:
         """Project points (..., 3) m in the base frame to pixels (..., 2)."""

@@ -87,7 +87,7 @@ def fit_sides(
     """
     places = PLACES[COARSE]
     every = np.broadcast_to(places[:, None], (len(places), PIECES))
-    best: SidesFit | None = None
+    fits = []
     for blur in blurs:
         besides = [
             beside_unseen(side.plate_grey, PIECES, at.mouth)
@@ -96,12 +96,8 @@ def fit_sides(
             for side, at in zip(sides, around, strict=True)
         ]
         each = [own_evidence(side, at, every, blur) for side, at in zip(sides, besides, strict=True)]
-        lines = straight_lines(each, lever)
-        if best is None or lines.worth > best.lines.worth:
-            best = SidesFit(blur, lines, each, besides)
-    if best is None:
-        raise ValueError("no blur to try")
-    return best
+        fits.append(SidesFit(blur, straight_lines(each, lever), each, besides))
+    return max(fits, key=lambda fit: fit.lines.worth)
 
 
 def likelihoods(sides: Sequence[Side], fit: SidesFit, lever: Array) -> tuple[float, list[Array], list[float]]:
@@ -155,15 +151,11 @@ def straight_lines(each: Sequence[Array], lever: Array) -> _Lines:
     """Find the likeliest rotation of sides, by their pieces' evidence (k, pieces) at coarse places."""
     places = PLACES[COARSE]
     capped = [np.maximum(one, one.max(axis=0) - ACCIDENT) for one in each]
-    best: _Lines | None = None
+    tried = []
     for turn in TURNS:
         of_sides = [_along(one, places + turn * lever[:, None]) for one in capped]
-        worth = float(sum(float(np.max(one)) for one in of_sides))
-        if best is None or worth > best.worth:
-            best = _Lines(worth, float(turn), of_sides)
-    if best is None:
-        raise ValueError("no turn to try")
-    return best
+        tried.append(_Lines(float(sum(float(np.max(one)) for one in of_sides)), float(turn), of_sides))
+    return max(tried, key=lambda lines: lines.worth)
 
 
 def _refined(fit: SidesFit, sides: Sequence[Side], lever: Array) -> float:

@@ -157,15 +157,13 @@ def beside(empty: Array, mouth: float, corner: float, blur: float, light: float)
         return Beside(empty, empty, -np.inf, True, light)
     near = np.abs(ACROSS - mouth) < 1.2e-3
     x, y = ACROSS[near], empty[:, near].T
-    best: tuple[float, float, Array] | None = None
+    tried = []
     for shift in np.arange(-16, 17) * 0.0125e-3:
         step, along = ndtr((x - mouth - shift) / blur), (x - mouth - shift) / SPAN
         A = np.stack([1.0 - step, along * (1.0 - step), step, along * step], axis=-1)
         lines = np.linalg.solve(A.T @ A + 1e-9 * np.eye(4), A.T @ y)
-        left = float(((y - A @ lines) ** 2).sum())
-        if best is None or left < best[0]:
-            best = left, mouth + float(shift), lines
-    _, place, lines = best if best is not None else (0.0, mouth, np.zeros((4, len(empty))))
+        tried.append((float(((y - A @ lines) ** 2).sum()), mouth + float(shift), lines))
+    _, place, lines = min(tried, key=lambda one: one[0])
     along = (ACROSS - place) / SPAN
     inner, outer = ACROSS - place < -3.0 * blur, ACROSS - place > 3.0 * blur
     wall = np.where(inner, empty, lines[0][:, None] + lines[1][:, None] * along)

@@ -104,15 +104,12 @@ def measure_top(
         empty: the same place while it was empty.
     """
     view = plate_view(images, camera, T_base_place @ transform(t=(0.0, 0.0, height)), 0.75 * size + SPAN)
-    plane = plate_view(images, camera, T_base_place, 1.2 * size + SPAN)
+    reach = 1.2 * size + SPAN
+    plane = plate_view(images, camera, T_base_place, reach)
     eye = apply(inverse(T_base_place), camera.T_base_camera[:3, 3])
     if view is None or plane is None or eye[2] <= height + size:
         return None
-    before = (
-        None
-        if empty is None
-        else plate_view(empty.images, empty.camera, empty.T_base_place, 1.2 * size + SPAN)
-    )
+    before = None if empty is None else plate_view(empty.images, empty.camera, empty.T_base_place, reach)
     distance = float(eye[2]) - height
     scale = view.px_per_m()
     ring = _ring(size if mouth is None else mouth, eye)
@@ -127,13 +124,13 @@ def measure_top(
     for k in range(4):
         points = _points(size, k)
         grey = view.at(points).mean(axis=2)
-        reach = float(eye[:2] @ OUTWARD[k])
+        out = float(eye[:2] @ OUTWARD[k])
         rim = corner = -np.inf
         if mouth is not None:
             # walls are straight through the seat
             floor = mouth - POCKET_DEPTH * (mouth - size) / (size - height)
-            rim = reach + (mouth / 2.0 - reach) * distance / float(eye[2]) - size / 2.0
-            corner = reach + (floor / 2.0 - reach) * distance / (float(eye[2]) + POCKET_DEPTH) - size / 2.0
+            rim = out + (mouth / 2.0 - out) * distance / float(eye[2]) - size / 2.0
+            corner = out + (floor / 2.0 - out) * distance / (float(eye[2]) + POCKET_DEPTH) - size / 2.0
         without = None if before is None else before.at(seen_on_plate(points, height, eye)).mean(axis=2)
         if without is not None and not (np.isfinite(without).all() and np.isfinite(light)):
             without = None

@@ -100,12 +100,8 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
         aside = _aside(top, width)
         if aside > MOST_ASIDE:
             return Seating("off", f"its top is {1e3 * aside:.1f} mm from a seated one's, sideways", lift, std)
-        return Seating(
-            "unsure",
-            "the sides of its top are not where those of a seated or higher cube would be",
-            lift,
-            std,
-        )
+        reason = "the sides of its top are not where those of a seated or higher cube would be"
+        return Seating("unsure", reason, lift, std)
     height = f"its top is {1e3 * lift:+.1f} mm from a seated one's height, std {1e3 * std:.1f} mm"
     known = std <= MOST_STD[visible] and -max(MOST_LIFT, SURE * std) <= lift <= MOST_LIFT
     if known and lift + SURE * std <= (LIFT if visible == len(top.shown) else LEANING):

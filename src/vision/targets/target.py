@@ -161,22 +161,7 @@ class TargetFinder:
             image: 8-bit grey (h, w) or BGR (h, w, 3).
         """
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-        return self._find_charuco(grey) if self._charuco is not None else self._find_checkerboard(grey)
-
-    def _find_charuco(self, grey: Image) -> TargetView | None:
-        if self._charuco is None:
-            return None
-        corners, ids, outlines, marker_ids = self._charuco.detectBoard(grey)
-        if ids is None or len(ids) < FEWEST_CORNERS:
-            return None
-        order = np.argsort(ids.reshape(-1))
-        found = len(marker_ids) if marker_ids is not None else 0
-        return TargetView(
-            np.asarray(ids.reshape(-1)[order], dtype=np.intp),
-            frozen(corners.reshape(-1, 2)[order]),
-            frozen(np.stack([o.reshape(4, 2) for o in outlines]) if found else np.empty((0, 4, 2))),
-            np.asarray(marker_ids, dtype=np.intp).reshape(-1) if found else np.empty(0, dtype=np.intp),
-        )
+        return self._find_checkerboard(grey) if self._charuco is None else _find_charuco(self._charuco, grey)
 
     def _find_checkerboard(self, grey: Image) -> TargetView | None:
         inner = (self.target.columns - 1, self.target.rows - 1)
@@ -213,6 +198,20 @@ class TargetFinder:
                     "own file with --target",
                 )
         return name
+
+
+def _find_charuco(detector: cv2.aruco.CharucoDetector, grey: Image) -> TargetView | None:
+    corners, ids, outlines, marker_ids = detector.detectBoard(grey)
+    if ids is None or len(ids) < FEWEST_CORNERS:
+        return None
+    order = np.argsort(ids.reshape(-1))
+    found = len(marker_ids) if marker_ids is not None else 0
+    return TargetView(
+        np.asarray(ids.reshape(-1)[order], dtype=np.intp),
+        frozen(corners.reshape(-1, 2)[order]),
+        frozen(np.stack([o.reshape(4, 2) for o in outlines]) if found else np.empty((0, 4, 2))),
+        np.asarray(marker_ids, dtype=np.intp).reshape(-1) if found else np.empty(0, dtype=np.intp),
+    )
 
 
 def _first_square_dark(grey: Image, corners: Array, inner: tuple[int, int]) -> Array:
