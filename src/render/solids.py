@@ -16,9 +16,7 @@ from render.hulls import Hull
 from render.light import Light, body_grey
 from render.rays import Bundle, Floats, PixelRays, bundle_in
 
-REGIONS = (
-    32  # a solid has fewer; faces of a hull share a region if their numbers differ by a multiple of this
-)
+REGIONS = 32  # a solid has fewer; faces of a hull share one if their numbers differ by a multiple of it
 SEAM = 1e-7  # m; overlap of faces, so that rounding leaves no gap between them
 
 

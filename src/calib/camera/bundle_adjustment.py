@@ -29,9 +29,7 @@ from vision.camera.model import Camera
 
 _STEPS = 100
 COST_DONE = 1e-10  # relative change of the cost
-PRIOR_CORNER_PX = (
-    0.02  # corner error assumed in the weight of the prior; the actual one is known only after the fit
-)
+PRIOR_CORNER_PX = 0.02  # corner error assumed to weight the prior; the actual one is not known before
 
 
 @dataclass(frozen=True, eq=False)

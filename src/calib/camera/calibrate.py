@@ -26,9 +26,7 @@ from vision.targets.target import FEWEST_CORNERS, Target
 
 FEWEST_VIEWS = 3  # needed to compute anything
 WEAK, FELT = 3e-3, 2.0  # see `_undetermined`
-MOST_KEPT = (
-    0.75  # of a view's corners; once fewer are left, no more are dropped, because the whole view is wrong
-)
+MOST_KEPT = 0.75  # of a view's corners; with fewer left, none is dropped, as the whole view is wrong
 _ROUNDS = 12  # of outlier rejection
 
 

@@ -14,9 +14,7 @@ from vision.targets.target import Target, TargetView
 STILL_PX = 0.5  # largest shift of the corners between two frames of a target held still
 NEW_SHARE = 0.01  # of the image width: least difference between a new view and all previous ones
 ENOUGH_VIEWS = 16  # after these, intrinsics that hardly matter at the work points may stay undetermined
-GOOD = (
-    1 / 3
-)  # of the limit at the work points: a few more views than for acceptance make a better calibration
+GOOD = 1 / 3  # of the limit at the work points; a few more views than for acceptance reach it
 _EDGES = ("left", "right", "upper", "lower")
 FIRST = (
     "in the middle of the image, filling two thirds of it, facing the camera",

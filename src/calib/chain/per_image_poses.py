@@ -61,7 +61,7 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
         pixels: (n, m, 2), NaN where a corner was not detected; at least four in every image.
 
     Raises:
-        InputError: an image has fewer than four corners within the lens's view, or no pose fits it.
+        InputError: an image has fewer than four corners within the camera's view, or no pose fits it.
     """
     used = pixels.copy()
     with np.errstate(all="ignore"):
@@ -70,7 +70,7 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
     few = np.flatnonzero(np.isfinite(used[..., 0]).sum(axis=1) < FEWEST)
     if len(few):
         raise InputError(
-            f"image {few[0]}: fewer than {FEWEST} of its corners lie within the lens's view; are they in px, and of "
+            f"image {few[0]}: fewer than {FEWEST} of its corners lie within the camera's view; are they in px, and of "
             "this camera?",
             images=few.tolist(),
         )

@@ -19,9 +19,7 @@ from calib.model.verdict import Judged
 FOLDS = 5
 CHANCE = 1e-4  # probability of refusing a complete model for its residuals
 CORRELATED = 0.9
-_INFORMATIVE = (
-    2  # degrees of freedom per optional unknown that are needed to conclude that readings are exact
-)
+_INFORMATIVE = 2  # degrees of freedom per optional unknown needed to conclude that readings are exact
 SIZE = 1e-3  # relative tolerance of a target's size
 
 

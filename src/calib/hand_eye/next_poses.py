@@ -130,9 +130,9 @@ def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None
     ]
 
 
-def _unseen(dh: DhTable, lens: Camera, points: Array, joints: Array, about: tuple[Array, Array]) -> Problem:
+def _unseen(dh: DhTable, camera: Camera, points: Array, joints: Array, about: tuple[Array, Array]) -> Problem:
     nothing = np.zeros((len(joints), len(points), 2))
-    recording = ArmRecording(lens, dh, points, "", joints, nothing)
+    recording = ArmRecording(camera, dh, points, "", joints, nothing)
     return hand_eye_problem(recording, about, np.full(2, CORNER_PX), np.zeros(dh.joints))
 
 

@@ -123,7 +123,7 @@ def inverse_scaled(S: Array) -> Array:
 
 
 def embedded(some: Array, free: Bools) -> Array:
-    """Covariance of all unknowns, (count, count), from that of the free ones; zero rows for those held."""
+    """Embed the covariance of the free unknowns in that of all, (count, count), with zero rows for the others."""
     covariance = np.zeros((len(free), len(free)))
     covariance[np.ix_(free, free)] = some
     return covariance

@@ -24,7 +24,7 @@ MOST_SAY = np.log(10.0)  # largest log odds from the prior: never enough to over
 
 @dataclass(frozen=True)
 class _Tilt:
-    """Tilt of a board, rad; its variance along the lean, and the mean of both axes, that of the stands included."""
+    """Tilt of a board, rad; its variance along the lean, and the mean variance of both axes; both include `STANDS`."""
 
     angle: float
     along: float
@@ -51,7 +51,7 @@ class _Tilt:
 
 
 def _densities(pose: BoardPose, tilts: Sequence[float]) -> Array:
-    """Prior times density of each tilt; last that of any other tilt."""
+    """Prior times density of each tilt, and of any other tilt (last)."""
     tilt = _Tilt.of(pose)
     members = [(1.0 - ANYWHERE) / len(tilts) * np.exp(tilt.log_density(t)) for t in tilts]
     return np.array([*members, ANYWHERE / (np.pi * STEEPEST**2)])

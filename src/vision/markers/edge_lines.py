@@ -20,9 +20,7 @@ ROWS = 64  # profiles across a side
 END_GAP_PX, END_GAP = 4.0, 0.06  # distance of the profiles from the corners, px and relative to the side
 LEAST_INLIERS = 0.6  # fraction of a side's profiles that must agree on its line
 INLIER_PX = 1.0  # largest distance of an inlier from its line
-MOST_MOVED_PX = (
-    4.0  # largest distance from the rough corner; farther away is another edge, such as that of a finger
-)
+MOST_MOVED_PX = 4.0  # largest distance from the rough corner: beyond is another edge, as of a finger
 _ROBUST_ROUNDS = 6
 
 

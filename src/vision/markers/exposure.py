@@ -12,9 +12,7 @@ from vision.camera.frame_source import Image
 from vision.markers.detect import Marker
 
 SATURATED = 255  # grey
-DARK = (
-    50  # grey; an image without a brighter pixel counts as black; 12 bits stored in 16 are read as below 16
-)
+DARK = 50  # grey; an image without a brighter pixel is black; 12 bits stored in 16 read as below 16
 BORDER = 4.0 / 3.0  # size of a marker of 6 modules with its white border, relative to the marker
 # On rendered 36 mm markers, corners are off by 0.017 px at best, 0.14 px at 1.2 times the exposure (half of the white
 # is saturated), 0.8 px at 2 times, and 0.09 px at a contrast of 33 grey.

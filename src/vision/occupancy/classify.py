@@ -122,7 +122,7 @@ def hole_occupancy(
 
     Args:
         images: taken at one moment, grey or BGR, of the camera's size.
-        camera: camera that took them.
+        camera: the camera that took them.
         pose: pose of the board; a large covariance makes the hole unsure.
         index: number of the hole.
         cube_size: edge of a cube, m.

@@ -46,9 +46,7 @@ WAVES = [(frozen(wave), frozen(np.gradient(wave, STEP))) for wave in _COSINES]  
 PLATE_WAVES = 2  # light changes slowly on a plate, but within 1 mm on a wall that a cube shades
 WALL_SHAPE, PLATE_SHAPE = 0.06, 0.02  # relative to the light, of each wave
 WALL_MOVED = 40e-6  # m, of a wall from its place in the image of the empty hole
-BACKGROUND = (
-    150e-6  # m, of the plate's image; large, because a border that meets the side is blurred only once
-)
+BACKGROUND = 150e-6  # m, of the plate's image; large, as a border that meets the side is blurred only once
 BEYOND_PLATE = 0.12  # relative, of the light beyond a border, in addition to the change of the plate's light
 
 TEXTURE, GREY = 0.007, 0.15  # correlated noise: relative to the grey; in grey levels

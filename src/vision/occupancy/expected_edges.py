@@ -2,8 +2,8 @@
 
 A cube in its pocket shows the sides of its top, 32 mm above the plate, and upright edges between its faces. An empty
 pocket shows the sides of its mouth, those of its floor 10 mm below, and the rim of the finger hole in the floor (cell
-fact sheet). At a slant they lie apart, whatever the colours. To be compared, all are projected from the camera's centre
-to the plate's top plane z = 0, in m from the hole.
+fact sheet). From a slant the borders of the two states lie apart, for any colours. To be compared, all are projected
+from the camera's centre to the plate's top plane z = 0, in m from the hole.
 """
 
 from __future__ import annotations

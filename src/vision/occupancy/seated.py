@@ -24,9 +24,7 @@ from vision.occupancy.cube_fit import PLACES
 from vision.occupancy.cube_top import CubeTop, EmptyPlace, measure_top
 
 LIFT = 4e-3  # m: a cube that is this high is certainly distinguished from a seated one
-LEANING = (
-    2.8e-3  # m, height of the middle of a top that leans on its pocket's rim, with its raised side invisible
-)
+LEANING = 2.8e-3  # m, height of the middle of a top that leans on its pocket's rim, raised side invisible
 MOST_LIFT = 2.0e-3  # m, largest measured height of a seated cube
 SURE = 3.0  # standard deviations; a seated cube may be measured as many of them too low
 MOST_ASIDE = 0.8e-3  # m, largest offset of a top's middle
