@@ -25,7 +25,7 @@ class TiltHypothesis:
         nearest: nearest tilt of the set, rad.
         z: difference to that tilt, in standard deviations (of the pose and of stands).
         probability: of that tilt, against the others and against an arbitrary tilt.
-        fits: whether the board may have that tilt; if not, it has none of the set.
+        fits: whether the board may have that tilt; if not, its tilt is not in the set.
     """
 
     nearest: float

@@ -21,7 +21,7 @@ from arm.former import former_names
 if TYPE_CHECKING:
     from arm.plan_file import Plan
 
-# About what one processor core of 2020 does, measured on searches that failed (bench/budget.py).
+# Collision checks per second of one processor core of 2020, measured on failed searches (bench/budget.py).
 CHECKS_PER_SECOND = 20_000.0
 # Costs of other work, in collision checks.
 PIECE_CHECKS = 4.0  # one piece of a clearance certificate, without its distances
@@ -70,11 +70,10 @@ class SearchBudget:
     """Limits on the cost of a search. Plans found within a budget are certified like any other.
 
     Attributes:
-        effort_s: seconds of effort, counted in collision checks. When it is spent, the best complete sequence found by
-            then is returned. The same budget gives the same plan on every machine. None: only the single searches are
-            limited.
-        give_up_s: wall time, s, after which the search raises an error whatever it has found, so it never changes a
-            plan. None: no limit.
+        effort_s: seconds of effort, counted in collision checks. When it is spent, the search returns its best complete
+            sequence. The same budget gives the same plan on every machine. None: only the single searches are limited.
+        give_up_s: wall time, s, after which the search raises an error, even if it has a plan; so wall time never
+            changes a plan. None: no limit.
 
     Raises:
         InputError: an attribute is not a positive number.
@@ -114,7 +113,7 @@ class PlanningInterrupted(KeyboardInterrupt):
 
     Args:
         message: progress of the search.
-        plan: the best complete plan by then, timed and certified; None if there was none.
+        plan: the best complete plan so far, timed and certified; or None.
     """
 
     def __init__(self, message: str, plan: Plan | None = None) -> None:
@@ -161,7 +160,7 @@ class Meter:
 
     @contextmanager
     def lifted(self) -> Iterator[None]:
-        """Lift the limit on effort inside, so that a plan that was found can be timed and certified at any cost."""
+        """Suspend the limit on effort in the context, so that a plan that was found can be timed and certified."""
         most, self.most = self.most, float("inf")
         try:
             yield
@@ -170,7 +169,7 @@ class Meter:
 
     @contextmanager
     def part(self, share: float) -> Iterator[None]:
-        """Allow only the fraction `share` of the remaining effort inside."""
+        """Limit the context to the fraction `share` of the remaining effort."""
         most = self.most
         if most < float("inf"):
             self.most = self.checks + share * (most - self.checks)
@@ -192,7 +191,7 @@ def spend(checks: float) -> None:
 
 @contextmanager
 def allowed(budget: SearchBudget | None) -> Iterator[Meter]:
-    """Count `spend` against the budget inside. Without a budget, an outer meter goes on counting."""
+    """Count every `spend` in the context against a budget; without one, on the outer meter if there is one."""
     outer = _meter.get()
     if budget is None and outer is not None:
         yield outer

@@ -66,7 +66,7 @@ def nearness(pair: Sequence[str], distance: float, asked: float) -> str:
 
 
 def short_of(distance: float, asked: float) -> str:
-    """Return `distance` (m) in mm, with enough digits to show that it is less than `asked` (m) if it is."""
+    """Return `distance` (m) in mm, with enough digits to tell it from `asked` (m) if it is less."""
     value, limit = distance * 1e3, asked * 1e3
     for digits in range(1, 6):
         shown = f"{value:.{digits}f}"

@@ -27,7 +27,7 @@ def clearance_words(options: Mapping[str, Any]) -> str:
     )
 
 
-_SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, at this speed factor and above
+_SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, and the speed factor from which it is constant
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class PlanOptions:
         velocity_fraction, acceleration_fraction: fractions of the limits at that speed to plan with; the rest is for
             rounding to counts and for what the controller adds where segments join.
         clearance: required in transits, between all bodies that the arm or the held cube could touch, m.
-        least_clearance: smallest `clearance` that is accepted, m. Certificates hold for the bodies and the calibration
-            as given. So less than the usual 5 mm has to be allowed here, and is reported wherever the plan is shown.
+        least_clearance: smallest `clearance` that is accepted, m. A certificate is only as good as the bodies and the
+            calibration. So less than the usual 5 mm must be allowed here, and every display of the plan reports it.
         line_clearance: required on approach and retract, where the jaws pass the cube and the plate, m; contacts that
             the station allows are excepted.
         offset: length of approach and retract, m.
@@ -83,8 +83,8 @@ class PlanOptions:
     def slowest(self) -> float:
         """Tool speed that joints must allow on lines, m/s (`plan.cartesian.differential_ik.LineOptions`).
 
-        Lines too near a singular configuration do not. Below half of the registers' speed it falls in proportion to
-        `speed`; otherwise a low speed alone would look like a singularity.
+        Joints do not allow it on a line too near a singular configuration. Below half of the registers' speed it is
+        proportional to `speed`; otherwise a low speed alone would look like a singularity.
         """
         return _SLOWEST * min(self.speed / _SLOWEST_AT, 1.0)
 

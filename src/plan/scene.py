@@ -29,7 +29,7 @@ class Scene:
         bodies: fixed bodies: table, walls, posts, stands, plates.
         cubes: the cubes at their present poses.
         allowed: pairs of names that touch at rest (a cube and the plate with its pocket, a cube and the table).
-            Transits check them nevertheless; a line to or from a station excepts `Station.touches` only.
+            Transits check these pairs nevertheless; lines to and from a station except only `Station.touches`.
     """
 
     robot_open: Robot

@@ -32,7 +32,9 @@ ON_LINES = ("approach", "retract")
 LIMIT_SLACK = 1e-9
 LINE_SAMPLE_S = 0.01
 LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # largest deviation from a line, m and rad
-LINE_LENGTH = 5e-4  # m, on the length of a line: it is entered or left at speed, at a whole millisecond
+LINE_LENGTH = (
+    5e-4  # m, tolerance of a line's length; a line is entered or left at speed, at a whole millisecond
+)
 VERTEX_S = 5e-3  # a join may step in velocity by acceleration limit * 5 ms (the controller's rule)
 GRASP_REACH = 0.05  # from the tool frame to the centre of a cube between the jaws, m
 
@@ -55,10 +57,10 @@ class ReplayedMove:
 
 @dataclass(frozen=True)
 class MoveScene:
-    """The scene during one move."""
+    """The scene during one move: its world, and the cubes that are not held."""
 
     world: World
-    standing: tuple[Body, ...]
+    resting: tuple[Body, ...]
 
 
 def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, MoveScene]]:
@@ -104,7 +106,7 @@ def placed_cubes(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
     """
     found = {cube.name: cube.T_base_body for cube in scene.cubes}
     for _, setting in move_scenes(plan, scene, unit):
-        found.update((cube.name, cube.T_base_body) for cube in setting.standing)
+        found.update((cube.name, cube.T_base_body) for cube in setting.resting)
     return found
 
 
@@ -230,10 +232,10 @@ def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str
 def _setting(
     scene: Scene, cubes: dict[str, Body], held: str | None, T_tool_held: Array | None, move: Move
 ) -> MoveScene:
-    standing = tuple(c for name, c in cubes.items() if name != held)
-    bodies = (*scene.bodies, *standing)
+    resting = tuple(c for name, c in cubes.items() if name != held)
+    bodies = (*scene.bodies, *resting)
     if held is None:
-        return MoveScene(World(scene.robot_open, bodies), standing)
+        return MoveScene(World(scene.robot_open, bodies), resting)
     touching = [frozenset((held, name)) for name in move.allowed_collisions]
     if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
         raise ImpossibleError(
@@ -243,7 +245,7 @@ def _setting(
             touching=list(move.allowed_collisions),
         )
     world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
-    return MoveScene(world, standing)
+    return MoveScene(world, resting)
 
 
 def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> None:

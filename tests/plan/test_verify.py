@@ -345,7 +345,7 @@ def test_a_line_that_turns_about_its_own_axis_is_none(plan: Plan, scene: Scene) 
 def test_a_cube_that_was_set_down_stands_there_from_then_on(plan: Plan, scene: Scene, case: Task2) -> None:
     transfer = case.transfers[0]
     *_, (_, last) = move_scenes(plan, scene, UNIT)
-    (cube,) = (c for c in last.standing if c.name == transfer.cube)
+    (cube,) = (c for c in last.resting if c.name == transfer.cube)
     place = next(
         s for s in (t.place for t in case.transfers) if s.name == plan.task["cubes"][0]["to"]
     ).T_base_tool[0]

@@ -72,8 +72,8 @@ def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
     """
     unknown = list(_unknown(node, [one.name for one in declared.values()]))
     hints = [f"{one.key} is not a known key" + (f": {help}" if "?" in help else "") for one, help in unknown]
-    told = replace(node, help="; ".join(filter(None, [node.help, *hints])))
-    values = {name: told.get(one.name, one.rule, one.default) for name, one in declared.items()}
+    hinted = replace(node, help="; ".join(filter(None, [node.help, *hints])))
+    values = {name: hinted.get(one.name, one.rule, one.default) for name, one in declared.items()}
     for one, help in unknown:
         raise one.error("is not a known key", help)
     return values

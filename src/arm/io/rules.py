@@ -50,12 +50,12 @@ def same(value: Any) -> Any:
 
 
 def is_whole(value: object, low: int = -(2**31), high: int = 2**31 - 1) -> bool:
-    """Whether a value is an integer from `low` to `high`; true and false are none."""
+    """Whether a value is an integer from `low` to `high`; true and false are not."""
     return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a number; true and false are none."""
+    """Whether a value is a number; true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

@@ -27,7 +27,7 @@ def _name(path: Path) -> Path:
 
 
 def _lock(handle: int) -> None:
-    with contextlib.suppress(OSError):  # a file system without locks, where nothing is ever removed
+    with contextlib.suppress(OSError):  # on a file system without locks, nothing is ever removed
         fcntl.flock(handle, fcntl.LOCK_EX)
 
 
@@ -47,7 +47,7 @@ class _Temporary(ABC):
             target: what the file or folder becomes; its folder must be there.
 
         Raises:
-            OSError: nothing can be made there.
+            OSError: the file or folder cannot be created.
         """
         remove_abandoned(target.parent)
         self._target = target

@@ -151,7 +151,7 @@ class _Trial:
             return False
         failing = self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ()
         lines = [*failing]
-        if isinstance(change, MoveBodies):  # what moves may be in the way elsewhere
+        if isinstance(change, MoveBodies):  # a moved body may obstruct other lines
             on_it = [s.name for s in changed.stations() if s.touches & change.bodies]
             lines += [*on_it, *(s.name for s in changed.stations())]
         return all(_line_open(changed, table[name].feasible(), name) for name in dict.fromkeys(lines))

@@ -51,8 +51,8 @@ _SETTINGS: dict[str, dict[str, float | int]] = {
 class Barrier:
     """Constraints G dq <= h of a step, (k, n) and (k,), with names for messages.
 
-    h is the margin of each constraint at q; at a way-point it is not negative. `distance` (k,) m, for messages, is that
-    of the bodies of each row, or None.
+    h is the margin of each constraint at q; at a way-point it is not negative. `distance` (k,) m, or None, is the
+    distance of each row's bodies, for messages.
     """
 
     G: Array

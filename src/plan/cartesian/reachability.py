@@ -1,7 +1,7 @@
 """Reachability of holes: every yaw and every branch, over the whole approach line.
 
-A branch serves a hole only if it stays within limits, on one branch and with no joint too fast, from the hole to the
-offset point above it. If none does, the table contains the nearest miss and what stops it.
+A candidate serves a hole if, from the hole to the offset point above it, the arm stays within limits and on one branch,
+and no joint is too fast. If no candidate does, the table has the nearest miss and its reason.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ def reach(
 
 
 def _rank(choice: GraspCandidate) -> tuple[float, ...]:
-    """Sort key: candidates that serve by margin, then misses within reach, then those beyond by distance."""
+    """Return a sort key: candidates that serve, by falling margin; misses within reach; misses beyond, by distance."""
     return (
         float(not choice.ok),
         choice.outside,

@@ -30,7 +30,7 @@ Indices = npt.NDArray[np.intp]
 Flags = npt.NDArray[np.bool_]
 
 ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
-_MOST_BALLS = 4  # that cover a long body
+_MOST_BALLS = 4  # balls that cover a long body
 
 
 @dataclass(frozen=True)
@@ -295,7 +295,7 @@ class _Separation:
             rows = np.sqrt(np.einsum("mbi,mbi->mb", between, between)) - self.ball_gap
             out[:, self.ball_pairs] = np.minimum.reduceat(rows, self.first_ball, axis=1)
         out -= ROUNDING
-        # balls and boxes that overlap bound no depth
+        # overlapping balls and boxes give no bound
         out[out <= 0.0] = -np.inf
         return out
 

@@ -9,7 +9,7 @@ by q'_k, so p(q^i) = p(q'). From q^(k-1) to q^k only joint k rotates, by q'_k - 
 joint's axis, by a chord 2 r sin(|q'_k - q_k| / 2) <= r |q'_k - q_k|, where r is the distance of p from the axis. Joints
 1 to k move p and the axis alike and do not change r; joints k + 1 to i still have their values of q. So r is the
 distance r_k at q itself. (A prismatic joint moves p by |q'_k - q_k|: r_k = 1.) The triangle inequality sums the chords.
-The bound assumes nothing about the path from q to q', and nothing has to be maximised over that path.
+The bound holds for every path from q to q', so no maximum over the path is needed.
 
 For two bodies, a on joint i and b on joint j >= i, take the frame of joint i. Only joints i + 1 to j move b relative to
 a, and the distance of the two drops by at most m = sum over i < k <= j of delta_k R_k, where delta_k bounds
@@ -65,7 +65,7 @@ from plan.collision.world import DISTANCE_ERROR, Indices, World
 TIGHT_ABSOLUTE = 5e-4
 TIGHT_RELATIVE = 0.05
 RESOLUTION = 2e-5  # m; a piece with less motion than this is not cut any further
-BUDGET = 20_000  # pieces before the search ends with what is proved by then
+BUDGET = 20_000  # pieces; then the search stops with the bounds that it has
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,7 @@ class ClearanceCertificate:
         time: time of `seen` on the motion, s.
         proved: whether `clearance` is at least the required clearance.
         evaluations: number of configurations evaluated.
-        bounds: proved lower bound for every cubic (segment), m; far from all bodies it may be as low as the verdict
-            needed.
+        bounds: proved lower bound for every cubic (segment), m; where bodies are far it need not be tight.
     """
 
     clearance: float
@@ -111,10 +110,9 @@ def certify_move(
 def certify_curve(world: World, curve: Curve, clearance: float, tight: bool = False) -> ClearanceCertificate:
     """`certify_move` for any chain of cubics in joint space.
 
-    The search ends after `BUDGET` pieces with what is proved by then. Lines of thousands of revolutions, or lines that
-    graze a body along their whole length, reach that after 1 to 10 s. `proved` is False then, which means "not proved",
-    not "collides"; `seen` shows whether bodies really came too near. Cut such a curve into shorter ones and certify
-    each.
+    The search stops after `BUDGET` pieces. A line of thousands of revolutions, or one that grazes a body along its
+    whole length, reaches this limit after 1 to 10 s. `proved` is then False, which means "not proved", not "in
+    collision"; `seen` shows how near the bodies came. Certify such a curve in shorter parts.
 
     Args:
         world: bodies and pairs.
@@ -156,15 +154,15 @@ class _Search:
         self.evaluations = 0
 
     def enough(self) -> float:
-        """Return the bound that needs no more work."""
+        """Return the lower bound, m, at which a pair needs no further subdivision."""
         if not self.tight:
             return self.clearance
         near = self.seen - max(TIGHT_ABSOLUTE, TIGHT_RELATIVE * self.seen)
-        # close is not enough if it leaves open whether the required clearance is kept
+        # a tight bound does not suffice while the verdict is open
         return max(near, self.clearance) if self.seen >= self.clearance else near
 
     def refuted(self) -> bool:
-        """Return whether more work cannot change the verdict."""
+        """Return whether further subdivision cannot change the verdict."""
         if self.tight:
             return self.seen < 0.0
         return min(self.seen, float(self.bounds.min(initial=np.inf))) < self.clearance
@@ -198,8 +196,7 @@ class _Search:
     def look(self, pieces: CurveIntervals, first: bool) -> CurveIntervals:
         """Bound the distances around the middle of each piece; return the pieces that stay open.
 
-        Balls and boxes are used the first time only: pairs that they leave open then, they rarely settle in smaller
-        pieces.
+        Balls and boxes bound the first pieces only. On smaller pieces they rarely settle a pair that they left open.
         """
         spend(PIECE_CHECKS * len(pieces))
         world, volumes, enough = self.world, self.world.volumes, self.enough()

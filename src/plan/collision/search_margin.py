@@ -13,8 +13,8 @@ MARGIN = 1e-3  # m, for transits
 def searched_clearance(world: World, ends: Iterable[Array], asked: float, margin: float = MARGIN) -> float:
     """Return the clearance to search a path with, m: the required one plus a margin.
 
-    The ends of the path are given and have to keep the required clearance only. Where an end does not keep the margin
-    too, the margin is half of what the end has beyond the required clearance.
+    The ends of the path are fixed and need only the required clearance. If an end lacks the margin, the margin shrinks
+    to half of what that end has beyond the required clearance.
 
     Args:
         world: world of the path.

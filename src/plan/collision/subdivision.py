@@ -52,6 +52,7 @@ class CurveIntervals:
         return len(self.first)
 
     def runs(self) -> Flags:
+        """Return flags (m,): True for an interval of several cubics."""
         return np.asarray(self.last - self.first > 1)
 
     def cuts(self) -> Array:

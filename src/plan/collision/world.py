@@ -35,7 +35,7 @@ GJK_TOLERANCE = 1e-7
 # Largest error of a distance, m, which lower bounds subtract: 50 times the largest difference measured between GJK at
 # this tolerance and MuJoCo on the same primitives.
 DISTANCE_ERROR = 1e-5
-# Distance in the few of a million configurations where coal cannot compute the depth of an overlap, m.
+# Distance that stands for a depth that coal cannot compute (in a few of a million configurations), m.
 UNKNOWN_DEPTH = -1.0
 # Up to this many bodies, comparing all bounding boxes is faster than sorting them; a tree is slower than either.
 _FEW_BODIES = 60

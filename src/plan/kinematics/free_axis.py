@@ -1,9 +1,9 @@
 """Inverse kinematics with a free rotation about one tool axis: the intervals of feasible angles for every branch.
 
-Branches are followed over samples of the whole circle, refined where joints move fast or come near a limit. Each end of
-an interval is then narrowed down to about 1e-8 rad. An interval or a gap between two samples 1 deg apart is found only
-if the slopes of the joints there indicate it; a joint that crosses its limit between samples through curvature alone,
-by less than 0.1 mrad, may be missed.
+The search samples each branch every degree of the circle, and more finely where joints move fast or come near a limit.
+It then narrows each end of an interval to about 1e-8 rad. Between two samples it finds an interval or a gap only if the
+slopes of the joints indicate one. It may miss a joint that crosses its limit between samples through curvature alone,
+by less than 0.1 mrad.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class MotionBuilder:
         self.robot, self.unit, self.planned, self.sent, self.options = robot, unit, planned, sent, options
 
     def run(self, leg: RestToRestPath) -> list[Move]:
-        """Return the moves of a leg; none if it goes nowhere.
+        """Return the moves of a motion; an empty list if it goes nowhere.
 
         Raises:
             ImpossibleError: it cannot be certified; data: step, role, pair, distance_m, time_s.

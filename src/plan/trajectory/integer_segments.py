@@ -29,7 +29,7 @@ from plan.trajectory.rounding import round_chain
 from plan.trajectory.timing import Trajectory
 
 SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
-_LONGEST = 16  # times segment_ms, the longest segment where rounding weighs too much
+_LONGEST = 16  # longest segment, in multiples of segment_ms, where rounding errors are too large
 _ROUNDING = 8.0  # counts/T^2, about the most that nearest rounding adds to an acceleration
 # Factors on the duration, on segment_ms, and on the least distance of knots, in the order of the attempts. The first
 # attempt changes nothing; it is for plans that leave room for rounding.
@@ -170,7 +170,7 @@ def to_marked_segments(
 
 
 def _roomy(planned: Limits, sent: Limits) -> bool:
-    """Return whether the planned limits leave 0.1 % of the sent ones, so that plain rounding may do."""
+    """Return whether planned limits are 0.1 % below the sent ones, so that plain rounding may keep the latter."""
     return bool(
         (planned.velocity < 0.999 * sent.velocity).all()
         and (planned.acceleration < 0.999 * sent.acceleration).all()
@@ -257,7 +257,7 @@ class _Fitter:
             if not careful and fit.excess() > 1.0:
                 return fit
             length = np.diff(knots)
-            # halving lowers an exceeded limit only while rounding weighs little in the halves
+            # halving reduces an excess only while rounding errors are small in the halves
             split = (fit.off > 1.0) & (length >= 2 * SHORTEST_MS)
             split |= (fit.load().max(axis=1) > 1.05) & (length >= 2 * calm)
             if not split.any():

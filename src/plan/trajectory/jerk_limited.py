@@ -8,8 +8,8 @@ On a curve, jerk is q' s''' + 3 q'' s' s'' + q''' s'^3. The scalar profile under
 stretched in time until limits hold on the curve. The result is valid, not optimal.
 
 **The motion stops wherever the path's second derivative jumps** (at a corner, at each end of a parabolic blend, at the
-end of a line), because the acceleration would jump there at any speed. So make a joined path with a small `blend` if it
-is timed with a jerk limit: it then stops about once at each corner.
+end of a line), because the acceleration would jump there at any speed. So give a chained path a small `blend` if it
+is to have a jerk limit; the motion then stops about once per corner.
 """
 
 from __future__ import annotations

@@ -175,7 +175,7 @@ def _transit(points: Array, enter: Array | None, leave: Array | None, limits: Li
         wanted[wanted < 1e-9] = 0.0
         if np.abs(wanted - time).max() <= 1e-12 * lines.span.max():
             break
-        # durations that do not converge may only shrink in the second half
+        # in the second half of the rounds durations may only shrink, so that they converge
         time = wanted if turn < _ROUNDS // 2 else np.minimum(wanted, time)
     lines = _lines(points, enter, leave, limits, time)
     while (lines.room(time) < -1e-12 * lines.span).any():

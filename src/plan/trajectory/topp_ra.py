@@ -34,7 +34,7 @@ Flags = npt.NDArray[np.bool_]
 # the factor adds 1/10.
 _BETWEEN = np.array([0.25, 0.5, 0.75])
 _ROOM = 1.1
-_STEEP = 4.0
+_STEEP = 4.0  # largest x at a grid point relative to that of the middle, where no joint moves
 
 
 @dataclass(frozen=True, eq=False)

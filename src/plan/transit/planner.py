@@ -39,7 +39,8 @@ from plan.transit.rrt_connect import RrtConnect
 
 # Fractions of a line to sample before a certificate.
 _FIRST_SAMPLES = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
-# Durations of paths, relative to the straight one: above the first the search goes on, up to the second it ends.
+# Duration of the best path relative to the straight one: above `_POOR`, more paths are optimised; up to `_ALMOST`, the
+# first ones suffice.
 _POOR = 1.25
 _ALMOST = 1.1
 # Number of earlier paths to reuse, and the distance of their samples, rad summed over the joints.
