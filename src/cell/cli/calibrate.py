@@ -84,7 +84,7 @@ def calibrate_lens(
     with answering("calibrating", as_json) as console:
         from cell.commands.calibration.camera import LensOptions, camera_step
 
-        options = LensOptions(target, tuple(hold or ()), work_mm, limit_mm, most_views, output, report)
+        options = LensOptions(output, report, limit_mm, target, tuple(hold or ()), work_mm, most_views)
         result = camera_step(images, options, live, camera, simulated, console)
     _finish(result, output, console)
 

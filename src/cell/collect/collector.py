@@ -1,6 +1,6 @@
 """``a465 calibrate hand-eye --collect``: show a target to the camera in the most informative poses.
 
-The poses are chosen before anything is sent. Every motion between them is planned and certified, avoiding all bodies of
+The poses are chosen before anything moves. Every motion between them is planned and certified; it avoids all bodies of
 the cell file and the whole zone for boards.
 """
 
@@ -16,9 +16,8 @@ from arm.se3 import Array, frozen
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS
 from calib.hand_eye.next_poses import plan_poses
 from calib.recordings.arm import FEWEST_CORNERS
-from cell.collect import recipe_270 as handrecipe
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
-from cell.collect.recipe_270 import recipe_poses
+from cell.collect.recipe_270 import POSES, recipe_poses
 from cell.collect.record import HandRecord
 from cell.console import Console
 from cell.scene.build import unseen_scene
@@ -33,11 +32,11 @@ from vision.targets.target import TargetFinder
 
 FEWEST_POSES = HAND_EYE_LIMITS.images
 PLANNED = 24  # default number of poses
-POOL = 300  # configurations from which poses are chosen
-SETTLE_S = 0.5  # controller time after the arm has stopped: plates vibrate
-SAME_PX = 2.0  # rms; larger shifts at the same counts mean that the target was touched
-SAME_POSE = np.radians(0.05)  # of every joint
-MOST_FAILED = 5  # poses; then collection stops if they are more than half
+POOL = 300  # feasible configurations from which poses are chosen
+SETTLE_S = 0.5  # controller time to wait after the arm has stopped: plates vibrate
+SAME_PX = 2.0  # rms; a larger shift at the same counts means that the target was touched
+SAME_POSE = np.radians(0.05)  # largest difference of any joint
+MOST_FAILED = 5  # failed poses after which collection stops if more than half failed
 _REPEATS = 3  # poses tried to verify the mount
 
 
@@ -46,9 +45,9 @@ class CollectOptions:
     """Options of a collection.
 
     Attributes:
-        poses: total number, including those already in the recording.
-        seed: of their choice.
-        recipe: use those of the original report (`cell.collect.recipe_270`) instead of the most informative.
+        poses: number of poses, including those already in the recording.
+        seed: seed of their choice.
+        recipe: take the poses of the original report (`cell.collect.recipe_270`) instead of the most informative ones.
     """
 
     poses: int = PLANNED
@@ -67,18 +66,18 @@ class CollectOptions:
 
     @classmethod
     def of(cls, poses: int | None, seed: int | None, recipe: bool) -> CollectOptions:
-        """Options with defaults for None."""
-        usual = handrecipe.POSES if recipe else PLANNED
+        """Return the options, with defaults for None."""
+        usual = POSES if recipe else PLANNED
         return cls(usual if poses is None else poses, seed or 0, recipe)
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Chosen configurations, and the pool for later advice.
+    """Configurations to record, and those from which further poses can be proposed.
 
     Attributes:
-        q: (k, 6) rad.
-        pool: (n, 6) rad, all checked to be clear and in view.
+        q: configurations to record (k, 6), rad.
+        pool: feasible configurations (n, 6), rad.
     """
 
     q: Array
@@ -86,7 +85,7 @@ class Choice:
 
 
 def hand_scene(record: HandRecord) -> Scene:
-    """The cell with the target in the gripper and the whole zone occupied."""
+    """Return the cell with the target in the gripper and the whole zone occupied."""
     robot = record.hand.carried_by(record.cell.robot())
     return Scene(robot, robot, unseen_scene(record.cell).bodies, ())
 
@@ -104,7 +103,7 @@ def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, cons
         console.progress("poses in view of the camera", part)
 
     missing, taken = options.poses - len(record), record.configurations()
-    pool = not_taken(hand_pool(view, POOL, options.seed, progress).q, taken)
+    pool = not_taken(hand_pool(view, POOL, options.seed, progress), taken)
     if options.recipe:
         recipe = recipe_poses(view, options.poses, options.seed, progress)
         left = not_taken(recipe, taken)[:missing]
@@ -128,10 +127,8 @@ def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, cons
 
 
 def not_taken(q: Array, taken: Array) -> Array:
-    """Those of the configurations (n, 6) that are not in `taken`."""
-    if not len(taken):
-        return q
-    off = np.abs(q[:, None] - taken).max(axis=-1).min(axis=1)
+    """Return the configurations (n, 6) that are not in `taken` (m, 6)."""
+    off = np.abs(q[:, None] - taken).max(axis=-1).min(axis=1, initial=np.inf)
     return np.asarray(q[off > SAME_POSE])
 
 
@@ -139,10 +136,10 @@ class Collector:
     """Move the arm from pose to pose and record the corners seen.
 
     Args:
-        run: of an open cell.
-        record: to be extended.
-        scene: the cell with the target in the gripper.
-        console: for progress.
+        run: run in an open cell.
+        record: recording to extend.
+        scene: cell with the target in the gripper.
+        console: output.
     """
 
     def __init__(self, run: TaskRun, record: HandRecord, scene: Scene, console: Console) -> None:
@@ -164,11 +161,11 @@ class Collector:
         self.run.homed = True
 
     def home(self) -> None:
-        """Return to q_start, the target still in the gripper."""
+        """Return to q_start with the target in the gripper."""
         self._drive(self.run.task.cell.q_start, "return to q_start")
 
     def require_same_hold(self) -> None:
-        """Repeat one of the recorded poses, to verify that the mount of the target is unchanged.
+        """Repeat a recorded pose to verify that the mount of the target is unchanged.
 
         Raises:
             ImpossibleError: the target appears elsewhere, or no recorded pose can be repeated; data: off_px.
@@ -200,7 +197,7 @@ class Collector:
         )
 
     def collect(self, wanted: Array, nearest_first: bool) -> int:
-        """Take configurations (k, 6) rad; return how many were recorded.
+        """Move to configurations (k, 6), rad, and record the target; return how many were recorded.
 
         Raises:
             ImpossibleError: the target is not found in most poses.
@@ -240,7 +237,7 @@ class Collector:
         return counts is not None and shown >= FEWEST_CORNERS
 
     def _drive(self, q: Array, what: str) -> bool:
-        """Plan, certify and execute the motion to a configuration; False if there is none."""
+        """Plan, certify and execute the motion to a configuration; return False if no plan was found."""
         task = self.run.task
         try:
             plan = plan_joint_motion(
@@ -261,7 +258,7 @@ class Collector:
         return True
 
     def _look(self) -> tuple[tuple[int, ...] | None, Array]:
-        """Counts of the arm, None if it was not at rest, and corners (m, 2) px, means over the frames."""
+        """Return the counts, None if the arm was not at rest, and the corners (m, 2), px, averaged over the frames."""
         mars, cell = self.run.connection.mars, self.run.task.cell
         mars.link.wait(SETTLE_S)
         counts = mars.settled_counts()
@@ -271,7 +268,10 @@ class Collector:
 
 
 def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array:
-    """Corners (m, 2) px of a target at rest, means over frames; NaN unless seen in more than half of them."""
+    """Return the corners (m, 2), px, of a target at rest, averaged over `count` frames.
+
+    A corner is NaN unless it was detected in more than half of the frames.
+    """
     shown = np.full((count, finder.target.corners, 2), np.nan)
     for k, image in enumerate(frames.grab(count)):
         view = finder.find(image)

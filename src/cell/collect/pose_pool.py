@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import mul
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, convex
-from arm.se3 import Array, frozen, inverse
+from arm.se3 import Array, frozen, inverse, transform
 from cell.files.hand_target import PLATE, HandTarget
 from cell.sim.target_photos import target_pose
 from plan.collision.world import World
@@ -21,35 +21,22 @@ from vision.camera.model import Camera
 
 DISTANCES = (0.35, 1.0)  # from the camera, m
 TILT = np.radians(50.0)  # largest angle between the target's normal and the line of sight
-UNSURE_PX = 60.0  # margin to the edge of the image while camera and arm are only roughly known
-LIMIT_MARGIN = np.radians(3.0)  # rad, from the limits of the joints
+UNSURE_PX = 60.0  # margin to the edge of the image while the poses of camera and mount are approximate
+LIMIT_MARGIN = np.radians(3.0)  # margin to the joint limits, rad
 TOO_NEAR, HIDDEN = "too near something", "hidden by the arm"
-_BATCH, _MOST_BATCHES = 200, 60
-
-
-@dataclass(frozen=True, eq=False)
-class HandPool:
-    """Feasible configurations.
-
-    Attributes:
-        q: (n, 6) rad.
-        tried: number of target poses tried.
-    """
-
-    q: Array
-    tried: int
+_BATCH, _MOST_BATCHES = 200, 60  # poses drawn at a time
 
 
 class HandView:
-    """Visibility of a held target, for approximate camera pose and mount.
+    """Visibility of a held target. The poses of the camera and of the mount are approximate.
 
     Args:
-        robot: the arm with the plate (`HandTarget.carried_by`).
+        robot: arm with the plate (`HandTarget.carried_by`).
         bodies: obstacles.
-        limits: of the joints.
-        camera: with its approximate pose.
-        hand: the target with its approximate mount.
-        clearance: from all bodies, m.
+        limits: joint limits.
+        camera: camera with its approximate pose.
+        hand: target with its approximate mount.
+        clearance: smallest distance from all bodies, m.
     """
 
     def __init__(
@@ -69,11 +56,11 @@ class HandView:
         self._bare = replace(robot, bodies=tuple(b for b in robot.bodies if b.name != PLATE))
 
     def T_base_target(self, q: Array) -> Array:
-        """Pose of the target at a configuration (6,) rad, 4x4."""
+        """Return the pose (4, 4) of the target at a configuration (6,), rad."""
         return np.asarray(mul(self.robot.T_base_tool(q), inverse(self._T_target_tool)))
 
     def ik_solutions(self, T_base_target: Array) -> Branches:
-        """Configurations that hold targets at poses (n, 4, 4)."""
+        """Return the configurations that hold the target at each pose (n, 4, 4)."""
         return inverse_kinematics(self.robot, mul(T_base_target, self._T_target_tool), self.lower, self.upper)
 
     def in_image(self, T_camera_target: Array) -> bool:
@@ -85,13 +72,13 @@ class HandView:
         return bool(((pixels >= UNSURE_PX) & (pixels <= last - UNSURE_PX)).all())
 
     def obstacle(self, q: Array) -> str | None:
-        """Why a configuration with the target in view is not feasible; None if it is."""
+        """Return why a configuration with the target in view is not feasible; None if it is."""
         if self._world.in_collision(q, self._clearance):
             return TOO_NEAR
         return HIDDEN if self._hidden(q) else None
 
     def shows(self, q: Array) -> bool:
-        """Whether a configuration is within limits, clear, and shows the target at less than `TILT`."""
+        """Whether a configuration is within limits, clear, and shows the target tilted by less than `TILT`."""
         if (q < self.lower).any() or (q > self.upper).any():
             return False
         T = mul(inverse(self.camera.T_base_camera), self.T_base_target(q))
@@ -102,24 +89,22 @@ class HandView:
         """Whether the arm blocks the line of sight between camera and target."""
         sight = self.hand.sight(self.camera.T_base_camera, self.T_base_target(q))
         middle = sight.mean(axis=0)
-        T = np.eye(4)
-        T[:3, 3] = middle
-        seen = Body("sight", convex(sight - middle), frozen(T), "sight")
+        seen = Body("sight", convex(sight - middle), transform(t=middle), "sight")
         return World(self._bare, (seen,)).in_collision(q)
 
 
 def hand_pool(
     view: HandView, count: int, seed: int, progress: Callable[[float], None] = lambda part: None
-) -> HandPool:
-    """Draw configurations in which the camera sees the whole held target.
+) -> Array:
+    """Draw configurations (n, 6), rad, in which the camera sees the whole held target.
 
-    Target poses are drawn anywhere in the image, at any distance and rotation. Of the inverse kinematics solutions for
-    each, one is drawn at random, so that all joints vary.
+    Target poses are drawn anywhere in the image, at a distance within `DISTANCES` and with any rotation. For each pose
+    one solution of the inverse kinematics is drawn, so that all joints vary.
 
     Args:
-        view: of the held target.
+        view: visibility of the target.
         count: number of configurations.
-        seed: of the draws.
+        seed: seed of the draws.
         progress: called with the fraction found.
 
     Raises:
@@ -145,7 +130,7 @@ def hand_pool(
             found.append(q)
             progress(len(found) / count)
             if len(found) == count:
-                return HandPool(frozen(np.array(found)), tried)
+                return frozen(np.array(found))
     if len(found) < count / 10:
         shown = ", ".join(f"{number} {reason}" for reason, number in why.items())
         raise ImpossibleError(
@@ -155,11 +140,11 @@ def hand_pool(
             found=len(found),
             reasons=why,
         )
-    return HandPool(frozen(np.array(found)), tried)
+    return frozen(np.array(found))
 
 
 def _held(view: HandView, rng: np.random.Generator) -> Array:
-    """A random T_camera_target with the target's centre in the image."""
+    """Draw a T_camera_target with the target's centre in the image."""
     angle = rng.uniform(0.0, 2.0 * np.pi)
     return target_pose(
         view.camera,
@@ -172,7 +157,8 @@ def _held(view: HandView, rng: np.random.Generator) -> Array:
 
 
 def nearest_order(q_from: Array, q: Array) -> list[int]:
-    """Order configurations (n, 6) greedily: next is the nearest of those left, by its largest joint motion."""
+    """Return the order in which to visit configurations (n, 6): always the nearest of the rest, by its largest joint
+    motion."""
     left, order, now = set(range(len(q))), [], q_from
     while left:
         best = min(left, key=lambda i: float(np.abs(q[i] - now).max()))

@@ -1,9 +1,9 @@
 """The original report's recipe for 270 poses (its section 2.3.3), for comparison.
 
-It starts with a target that faces the camera in the middle of the image. J4, J5 and J6 rotate together until the camera
-no longer sees the target; then J1 advances and they start again. In every fifth pose distance and tilt vary slightly.
-After 100 poses all is repeated 0.1 m higher. Poses chosen for information (`calib.hand_eye.next_poses`) are better:
-docs/hand-eye.md compares both.
+In the first pose the target faces the camera in the middle of the image. J4, J5 and J6 rotate together until the camera
+no longer sees the target. Then J1 advances, and the wrist starts again. Every fifth pose varies distance and tilt
+slightly. After 100 poses the sequence is repeated 0.1 m higher. The most informative poses
+(`calib.hand_eye.next_poses`) are better: docs/hand-eye.md compares both.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from cell.collect.pose_pool import DISTANCES, HandView
 from cell.sim.target_photos import target_pose
 
 POSES = 270
-AT_A_HEIGHT = 100
-RISE = 0.1  # m
+AT_A_HEIGHT = 100  # poses
+RISE = 0.1  # between heights, m
 J1_TURN, J1_TURNS = np.radians(1.5), 25  # between rows, and rows to each side
 WRIST_STEP = np.radians([2.5, 0.875, 2.5])  # of J4, J5 and J6, between poses of a row
-LONGEST_ROW = 60
-OTHER_EVERY = 5
+LONGEST_ROW = 60  # poses to each side
+OTHER_EVERY = 5  # poses
 SHIFT, LEAN = np.radians((3.0, 10.0))  # largest change of J2 and J3, and of J4 to J6, in every fifth pose
 _YAWS = 24  # tried for the first target
-# Of the image.
+# Positions of the first target, as fractions of the image.
 _PLACES = tuple(np.array(p) for p in [(0.5, 0.5), (0.3, 0.5), (0.7, 0.5), (0.5, 0.3), (0.5, 0.7)])
 _LEANS = tuple(
     np.radians(d) * np.array(a) for d in (0, 15, 30, 45) for a in [(1, 0), (-1, 0), (0, 1), (0, -1)]
@@ -37,12 +37,12 @@ _LEANS = tuple(
 def recipe_poses(
     view: HandView, wanted: int, seed: int, progress: Callable[[float], None] = lambda part: None
 ) -> Array:
-    """Configurations (n, 6) rad of the recipe, in its order.
+    """Return the configurations (n, 6), rad, of the recipe, in its order.
 
     Args:
-        view: of the held target.
+        view: visibility of the target.
         wanted: number of poses.
-        seed: of the variation in every fifth pose.
+        seed: seed of the variation in every fifth pose.
         progress: called with the fraction found.
 
     Raises:
@@ -67,8 +67,10 @@ def recipe_poses(
 
 
 def _facing(view: HandView, distance: float) -> Array | None:
-    """A configuration with the target facing the camera in the middle of the image, or as nearly as possible, and the
-    wrist as far from its limits as possible."""
+    """Return the configuration whose target faces the camera most directly and nearest the middle of the image.
+
+    Among its yaws, take the feasible one whose wrist is farthest from its limits.
+    """
     yaws = 2.0 * np.pi * np.arange(_YAWS) / _YAWS
     size = np.array(view.camera.size)
     for lean, place in product(_LEANS, _PLACES):
@@ -84,7 +86,7 @@ def _facing(view: HandView, distance: float) -> Array | None:
 
 
 def _around(view: HandView, first: Array, rng: np.random.Generator) -> Iterator[Array]:
-    """All rows at one height, J1 advancing to one side and then to the other."""
+    """Yield the feasible poses of all rows at one height. J1 advances to one side, then to the other."""
     number = 0
     for turn in [*range(J1_TURNS + 1), *range(-1, -J1_TURNS - 1, -1)]:
         for step in [*range(LONGEST_ROW), *range(-1, -LONGEST_ROW, -1)]:
@@ -100,6 +102,6 @@ def _around(view: HandView, first: Array, rng: np.random.Generator) -> Iterator[
 
 
 def _spread(poses: list[Array], wanted: int) -> list[Array]:
-    """`wanted` of the poses, evenly spread."""
+    """Return `wanted` of the poses, evenly spread."""
     at = np.linspace(0, len(poses) - 1, min(wanted, len(poses))).round().astype(int)
     return [poses[i] for i in at]

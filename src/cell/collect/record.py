@@ -15,16 +15,16 @@ from cell.config.cell import Cell
 from cell.files.hand_target import HandTarget
 
 CHANGED = "changed meanwhile"
-"""Reason of an error: the file differs from what this command last read or wrote."""
+"""Reason of an error: another program changed the file."""
 
 
 class HandRecord:
     """A recording in progress, in a file that is complete after every pose.
 
     Args:
-        file: existing recording to continue, or a new file.
-        cell: with arm and camera.
-        hand: the held target.
+        file: recording to continue, or a new file.
+        cell: cell of the arm and the camera.
+        hand: held target.
 
     Raises:
         InputError: the file is not a recording, or belongs to another target, camera or arm.
@@ -59,7 +59,11 @@ class HandRecord:
         return len(self.joints)
 
     def add(self, counts: tuple[int, ...], pixels: Array) -> None:
-        """Append a pose: encoder counts at rest, and corners (m, 2) px, NaN for unseen ones.
+        """Append a pose and write the file.
+
+        Args:
+            counts: encoder counts at rest.
+            pixels: corners (m, 2), px; NaN for corners that were not detected.
 
         Raises:
             InputError: the file cannot be written, or another program changed it; it is left as it is.
@@ -79,23 +83,23 @@ class HandRecord:
         self._known = self._on_disk()
 
     def _on_disk(self) -> str | None:
-        """Hash of the present file; None if there is none."""
+        """Return the hash of the file; None if there is none."""
         return sha256(read_bytes(self.file, "JSON")) if self.file.exists() else None
 
     def configurations(self) -> Array:
-        """Configurations of the poses by the cell's (calibrated) unit, (n, 6) rad."""
+        """Return the configurations of the poses (n, 6), rad, by the zeros of the cell's (calibrated) unit."""
         return np.array([self.from_readings(q) for q in self.joints]).reshape(-1, 6)
 
     def from_readings(self, q: Array) -> Array:
-        """Convert a configuration (6,) rad from nominal zeros to those of the cell's unit."""
+        """Convert a configuration (6,), rad, from nominal zeros to those of the cell's unit."""
         return self.cell.unit.positions(self.cell.nominal_unit.counts(q))
 
     def to_readings(self, q: Array) -> Array:
-        """Convert a configuration (6,) rad from zeros of the cell's unit to nominal ones."""
+        """Convert a configuration (6,), rad, from the zeros of the cell's unit to nominal ones."""
         return self.cell.nominal_unit.positions(self.cell.unit.counts(q))
 
     def recording(self) -> ArmRecording:
-        """The complete recording; joints are by nominal zeros."""
+        """Return the whole recording; its joint angles are by nominal zeros."""
         return ArmRecording(
             self.cell.camera.at(np.eye(4)),
             A465,

@@ -14,8 +14,8 @@ from calib.chain.verdict import describe
 from cell.report.chain_text import Numbers, describe_self_test, left_out, numbers
 from cell.report.html import Table, render
 
-_WIDE, _MOST_DOTS = 420, 6000
-_BAR = 110
+_WIDE, _BAR = 420, 110  # width of a drawing, and height of its bars, px
+_MOST_DOTS = 6000
 
 
 def chain_page(
@@ -33,8 +33,8 @@ def chain_page(
         source: file of the recording.
         c: the calibration.
         found: tables of results: title, header and rows each.
-        test: on synthetic twins; None if the calibration was refused before.
-        images: as for `cell.report.chain_text.left_out`.
+        test: self-test; None if the calibration was refused before.
+        images: see `cell.report.chain_text.left_out`.
     """
     x, y = c.problem.pixel_sigma
     return render(
@@ -64,7 +64,7 @@ def chain_page(
 
 
 def _residuals(c: ChainCalibration) -> tuple[Array, Array]:
-    """Measured pixels and residuals (n, 2) px of the used images."""
+    """Return measured corners and residuals (n, 2), px, of the used images."""
     pixels, residuals = [], []
     for s, r, w in zip(c.problem.sightings, c.fit.residuals, c.fit.weights, strict=True):
         seen = np.isfinite(r[..., 0]) & (w > 0.0)[:, None]
@@ -74,15 +74,12 @@ def _residuals(c: ChainCalibration) -> tuple[Array, Array]:
 
 
 def _some(count: int) -> Array:
-    return (
-        np.unique(np.linspace(0, count - 1, min(count, _MOST_DOTS)).astype(int))
-        if count
-        else np.zeros(0, int)
-    )
+    """Return at most `_MOST_DOTS` indices below `count`, evenly spread."""
+    return np.unique(np.linspace(0, max(count - 1, 0), min(count, _MOST_DOTS)).astype(int))
 
 
 def _scatter(c: ChainCalibration) -> dict[str, Any]:
-    """Residuals as dots in a square frame, with ellipses at one, two and three standard deviations."""
+    """Return residuals as dots in a square frame, with ellipses at one, two and three standard deviations."""
     _, residuals = _residuals(c)
     reach = 1.1 * float(np.quantile(np.abs(residuals), 0.999)) if len(residuals) else 1.0
     half = _WIDE // 2
@@ -97,7 +94,7 @@ def _scatter(c: ChainCalibration) -> dict[str, Any]:
 
 
 def _arrows(c: ChainCalibration) -> dict[str, Any]:
-    """Enlarged residuals over the image, px."""
+    """Return enlarged residuals at their corners in the image, px."""
     pixels, residuals = _residuals(c)
     width, height = c.problem.camera.size
     sizes = np.linalg.norm(residuals, axis=1)
@@ -110,7 +107,7 @@ def _arrows(c: ChainCalibration) -> dict[str, Any]:
 
 
 def _bars(c: ChainCalibration) -> dict[str, Any]:
-    """RMS of every image divided by the noise of its corners, in the order of the recording."""
+    """Return the RMS of every image divided by the noise of its corners, in the order of the recording."""
     heights: list[tuple[float, bool]] = []
     for s, r, w in zip(c.problem.sightings, c.fit.residuals, c.fit.weights, strict=True):
         size = np.sqrt(np.nanmean((r / s.sigma(c.problem.pixel_sigma)) ** 2, axis=(1, 2)))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from arm.se3 import Array
 from calib.chain.result import ChainCalibration
 from calib.chain.self_test import TWINS, SelfTest
 from calib.hand_eye.calibrate import GAUGES, HandEye
@@ -15,7 +16,8 @@ from calib.hand_eye.next_poses import NextPose
 from cell.console import Console
 from cell.report.verdict_text import print_verdict, verdict_json
 
-_MOST_CORRELATIONS = 6
+_DEG = np.degrees(1.0)
+_POSES = 12  # parameters of the two poses, which come before those of the joints
 
 Numbers = npt.NDArray[np.intp]
 """Indices of images in a recording, from 0."""
@@ -32,7 +34,7 @@ def left_out(c: ChainCalibration, images: Sequence[Numbers] = ()) -> list[list[i
 
 
 def numbers(images: Sequence[Sequence[int]]) -> str:
-    """Return the image numbers of all chains as text, such as ``3, 7 to 12, 20``."""
+    """Return the image numbers of all chains in one text, such as ``3, 7 to 12, 20``."""
     runs: list[list[int]] = []
     for image in sorted(number for of in images for number in of):
         if runs and image == runs[-1][-1] + 1:
@@ -57,27 +59,37 @@ def kinematic_json(c: ChainCalibration, si: Any, images: Sequence[Numbers] = ())
     }
 
 
+def _joint_parameters(h: HandEye) -> list[tuple[str, str, float, Array, Array, Array]]:
+    """Return the four parameters of every joint: key, heading, factor to its unit, values, deviations, which are free.
+
+    The arrays are (joints,), SI.
+    """
+    joints = h.recording.dh.joints
+    return list(
+        zip(
+            ("joint_offsets_rad", "dh_d_error_m", "dh_a_error_m", "dh_alpha_error_rad"),
+            ("zero deg", "d mm", "a mm", "alpha deg"),
+            (_DEG, 1e3, 1e3, _DEG),
+            (h.joint_offsets, *h.link_errors),
+            np.sqrt(np.diag(h.chain.covariance))[_POSES:].reshape(4, joints),
+            h.chain.problem.free[_POSES:].reshape(4, joints),
+            strict=True,
+        )
+    )
+
+
 def hand_eye_json(h: HandEye, more: Sequence[NextPose] = ()) -> dict[str, Any]:
     """Return the result of a hand-eye calibration, and further poses that would help most."""
-    d, a, alpha = h.link_errors
-    sigma = np.sqrt(np.diag(h.chain.covariance))
-    joints = h.recording.dh.joints
     (camera_m, camera_rad), (target_m, target_rad) = h.camera_sigma, h.target_sigma
-    offsets = sigma[12 : 12 + joints]
+    parameters = _joint_parameters(h)
     return {
         "T_base_camera": h.T_base_camera.tolist(),
         "T_gripper_target": h.T_gripper_target.tolist(),
-        "joint_offsets_rad": h.joint_offsets.tolist(),
-        "dh_d_error_m": d.tolist(),
-        "dh_a_error_m": a.tolist(),
-        "dh_alpha_error_rad": alpha.tolist(),
+        **{key: values.tolist() for key, _, _, values, _, _ in parameters},
         "std": {
             "T_base_camera": {"position_m": camera_m.tolist(), "rotation_rad": camera_rad.tolist()},
             "T_gripper_target": {"position_m": target_m.tolist(), "rotation_rad": target_rad.tolist()},
-            "joint_offsets_rad": offsets.tolist(),
-            "dh_d_error_m": sigma[12 + joints : 12 + 2 * joints].tolist(),
-            "dh_a_error_m": sigma[12 + 2 * joints : 12 + 3 * joints].tolist(),
-            "dh_alpha_error_rad": sigma[12 + 3 * joints :].tolist(),
+            **{key: sigma.tolist() for key, _, _, _, sigma, _ in parameters},
         },
         "held_out_px": _or_none(h.chain.held_out.px),
         "held_out_mm": _or_none(1e3 * h.chain.held_out.metres),
@@ -98,7 +110,7 @@ def self_test_json(test: SelfTest) -> dict[str, Any]:
 
 
 def describe_self_test(test: SelfTest) -> str:
-    """Describe the self-test in words."""
+    """Return the result of the self-test in words."""
     low, high = test.limits
     verdict = "as predicted" if test.passed else "NOT as predicted"
     return (
@@ -129,7 +141,7 @@ def _chain_json(c: ChainCalibration, images: Sequence[Numbers] = ()) -> dict[str
 
 
 def _or_none(value: float) -> float | None:
-    """None for NaN and infinity, which JSON lacks."""
+    """Return None for NaN and infinity, which JSON lacks."""
     return value if np.isfinite(value) else None
 
 
@@ -156,8 +168,10 @@ def _name_and_unit(name: str) -> tuple[str, str]:
 
 
 def with_std(value: float, std: float) -> tuple[str, str]:
-    """Return a number and its standard deviation as text, the latter to two digits if its first is 1 or 2, else to one,
-    and the number to the same decimals."""
+    """Return a number and its standard deviation as text, with the same decimals.
+
+    The deviation has two digits if its first is 1 or 2, else one.
+    """
     if not 0.0 < std < np.inf:
         return f"{value:+.4f}", f"{std:.4f}"
     first = int(np.floor(np.log10(std)))
@@ -181,47 +195,26 @@ def hand_eye_tables(h: HandEye) -> Tables:
             ("target in gripper", h.T_gripper_target, target_m, target_rad),
         )
     ]
-    sigma = np.sqrt(np.diag(h.chain.covariance))
-    n = h.recording.dh.joints
-    free = h.chain.problem.free[12:].reshape(-1, n)
-    columns = [
-        (k, unit, what, values)
-        for k, (unit, what, values) in enumerate(
-            zip(
-                (np.degrees(1.0), 1e3, 1e3, np.degrees(1.0)),
-                ("zero deg", "d mm", "a mm", "alpha deg"),
-                (h.joint_offsets, *h.link_errors),
-                strict=True,
-            )
-        )
-        if free[k].any()
-    ]
+    shown = [parameter for parameter in _joint_parameters(h) if parameter[-1].any()]
     joints = [
         (
             f"J{j + 1}",
             *(
-                "+-".join(with_std(unit * values[j], unit * sigma[12 + k * n + j])) if free[k, j] else "held"
-                for k, unit, _, values in columns
+                "+-".join(with_std(factor * values[j], factor * sigma[j])) if free[j] else "held"
+                for _, _, factor, values, sigma, free in shown
             ),
         )
-        for j in range(n)
+        for j in range(h.recording.dh.joints)
     ]
     return [
         ("Places", ("", "x mm", "y mm", "z mm", "std mm", "std deg"), places),
-        ("Arm", ("joint", *(what for _, _, what, _ in columns)), joints),
+        ("Arm", ("joint", *(heading for _, heading, *_ in shown)), joints),
     ]
-
-
-def print_kinematic(c: ChainCalibration, si: Any, console: Console, images: Sequence[Numbers] = ()) -> None:
-    """Print the parameters and the verdict."""
-    _print_tables(kinematic_tables(c, si), console)
-    _print_chain(c, console, images)
 
 
 def print_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) -> None:
     """Print poses, joint offsets (zeros), link errors, the verdict, and further poses that would help most."""
-    _print_tables(hand_eye_tables(h), console)
-    _print_chain(h.chain, console)
+    print_chain(h.chain, hand_eye_tables(h), console)
     if more:
         console.say(
             "poses that would help most (joints in deg; reduction of the predicted target's error, each together with "
@@ -232,13 +225,13 @@ def print_hand_eye(h: HandEye, console: Console, more: Sequence[NextPose] = ()) 
         console.say(f"  {shown}   {100.0 * pose.gain:.0f} %")
 
 
-def _print_tables(tables: Tables, console: Console) -> None:
+def print_chain(
+    c: ChainCalibration, tables: Tables, console: Console, images: Sequence[Numbers] = ()
+) -> None:
+    """Print the tables of results, how well the model fits the images, and the verdict; `images` as in `left_out`."""
     for _, header, rows in tables:
         console.table(header, rows)
         console.say()
-
-
-def _print_chain(c: ChainCalibration, console: Console, images: Sequence[Numbers] = ()) -> None:
     used = c.images - sum(map(len, c.wrong))
     x, y = c.problem.pixel_sigma
     console.say(f"images:      {used} of {c.images} used; noise of the corners {x:.3f} / {y:.3f} px (x / y)")

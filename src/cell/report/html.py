@@ -1,4 +1,4 @@
-"""HTML by Jinja templates that escape every value and refuse undefined names. Pages are self-contained."""
+"""HTML and SVG by Jinja templates that escape every value and refuse undefined names. Pages are self-contained."""
 
 from __future__ import annotations
 

@@ -39,20 +39,20 @@ def require_shown_whole(view: HandView, q: Array) -> None:
 
 def test_in_every_pose_of_the_pool_the_target_is_seen_whole(shown: HandView) -> None:
     pool = hand_pool(shown, 8, 3)
-    assert len(pool.q) == 8
+    assert len(pool) == 8
     limits = read_cell(data_file("scenes/cell.toml")).limits
-    assert (pool.q >= limits.lower + LIMIT_MARGIN).all()
-    assert (pool.q <= limits.upper - LIMIT_MARGIN).all()
-    assert (np.ptp(pool.q, axis=0) > np.radians(20.0)).all()
-    assert all(shown.shows(q) for q in pool.q)
-    for q in pool.q[:4]:
+    assert (pool >= limits.lower + LIMIT_MARGIN).all()
+    assert (pool <= limits.upper - LIMIT_MARGIN).all()
+    assert (np.ptp(pool, axis=0) > np.radians(20.0)).all()
+    assert all(shown.shows(q) for q in pool)
+    for q in pool[:4]:
         require_shown_whole(shown, q)
 
 
 def test_a_configuration_shows_the_target_only_within_limits_clear_and_facing_the_camera(
     shown: HandView,
 ) -> None:
-    known, q = read_cell(data_file("scenes/cell.toml")), hand_pool(shown, 1, 3).q[0]
+    known, q = read_cell(data_file("scenes/cell.toml")), hand_pool(shown, 1, 3)[0]
 
     def within(lower: Array, upper: Array) -> bool:
         limits = replace(known.limits, lower=lower - LIMIT_MARGIN, upper=upper + LIMIT_MARGIN)

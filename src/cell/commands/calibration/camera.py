@@ -12,7 +12,7 @@ from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits, CameraCalibration
 from calib.camera.view_selection import TargetPhoto
 from calib.model.intrinsics import NAMES, vector_of
-from cell.commands.calibration.options import Results, checked_limit, option_error
+from cell.commands.calibration.options import ResultOptions, checked_limit, option_error
 from cell.console import Console
 from cell.report.camera import lens_page
 from cell.report.lens_text import lens_json, print_lens
@@ -25,26 +25,20 @@ HOLDABLE = NAMES[4:]
 
 
 @dataclass(frozen=True)
-class LensOptions:
-    """Options of the command.
+class LensOptions(ResultOptions):
+    """Options of the command; `limit_mm` is for the standard deviation at the work points.
 
     Attributes:
         target: target file; None for the default target.
         hold: lens parameters to fix at zero.
         work_mm: nearest and farthest working distance.
-        limit_mm: largest accepted standard deviation at the work points.
-        most_views: number of views to fit at most; the others are held out.
-        output: camera file to write.
-        report: HTML file to write; beside `output` if None.
+        most_views: largest number of views to fit; the others are held out.
     """
 
     target: Path | None = None
     hold: tuple[str, ...] = ()
     work_mm: tuple[float, float] | None = None
-    limit_mm: float | None = None
     most_views: int | None = None
-    output: Path | None = None
-    report: Path | None = None
 
     def limits(self) -> CalibrationLimits:
         """Return the limits of the verdict.
@@ -111,8 +105,7 @@ def camera_step(
         CalibrationRefused: nothing could be computed.
     """
     limits, work, hold = options.limits(), options.work(), options.held()
-    output = options.output
-    results = Results.beside(output, options.report, (options.target,), {})
+    output, results = options.output, options.results((options.target,))
     target = read_target(options.target) if options.target is not None else Target()
     if live:
         from cell.commands.calibration.camera_live import open_source, take_views

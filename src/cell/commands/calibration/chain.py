@@ -23,7 +23,14 @@ from calib.nao.calibrate import NAO_LIMITS, calibrate_nao
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import read_nao_recording
 from calib.recordings.arm import ArmRecording, read_arm_recording
-from cell.commands.calibration.options import OUTPUT, REPORT, Results, checked_limit, option_error
+from cell.commands.calibration.options import (
+    OUTPUT,
+    REPORT,
+    ResultOptions,
+    Results,
+    checked_limit,
+    option_error,
+)
 from cell.console import Console
 from cell.files.apply_calibration import apply_calibration, name_in, naming
 from cell.report.chain import chain_page
@@ -33,31 +40,25 @@ from cell.report.chain_text import (
     hand_eye_tables,
     kinematic_json,
     kinematic_tables,
+    print_chain,
     print_hand_eye,
-    print_kinematic,
     self_test_json,
 )
 
 _ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
 
-_MARKS = {OUTPUT: (b'id = "hand-eye-', b'"parameters"'), REPORT: (b"<!doctype html",)}
-"""Texts at the start of the files that these commands write."""
+MARKS = {OUTPUT: (b'id = "hand-eye-', b'"parameters"'), REPORT: (b"<!doctype html",)}
+"""Texts at the start of the files that these commands write: an existing file without one is not overwritten."""
 
 
 @dataclass(frozen=True)
-class ChainOptions:
-    """Options of a calibration from recorded images.
+class ChainOptions(ResultOptions):
+    """Options of a calibration from recorded images; `limit_mm` is for predicted images.
 
     Attributes:
-        output: calibration file, written if it is accepted; None: not written.
-        report: HTML report; None: beside `output`.
-        limit_mm: largest accepted error of predicted images; None: that of `limits`.
         encoder_step_deg: encoder resolution; None: estimated from the readings.
     """
 
-    output: Path | None = None
-    report: Path | None = None
-    limit_mm: float | None = None
     encoder_step_deg: float | None = None
 
     def limits(self, usual: ChainLimits) -> ChainLimits:
@@ -81,14 +82,6 @@ class ChainOptions:
             raise option_error("--encoder-step-deg", step, "must be from 0 to 5 deg")
         return None if step is None else float(np.radians(step))
 
-    def results(self, *inputs: Path) -> Results:
-        """Return the files to write; `inputs` are read by the command.
-
-        Raises:
-            InputError: see `Results.beside`.
-        """
-        return Results.beside(self.output, self.report, inputs, _MARKS)
-
 
 def kinematic_step(data: Path, options: ChainOptions, console: Console) -> dict[str, Any]:
     """Calibrate camera and legs of a NAO from recorded images; write the file only if it is accepted.
@@ -97,14 +90,18 @@ def kinematic_step(data: Path, options: ChainOptions, console: Console) -> dict[
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, step, results = options.limits(NAO_LIMITS), options.encoder_step(), options.results(data)
+    limits, step, results = (
+        options.limits(NAO_LIMITS),
+        options.encoder_step(),
+        options.results((data,), MARKS),
+    )
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
     images = [of for number in range(len(SIDES)) if len(of := np.flatnonzero(recording.side == number))]
     calibration, test = _tested(calibrate_nao(recording, limits, step), console)
     result = kinematic_json(calibration, _ALL.si(), images) | _test_json(test)
-    print_kinematic(calibration, _ALL.si(), console, images)
     tables = kinematic_tables(calibration, _ALL.si())
+    print_chain(calibration, tables, console, images)
     results.write_report(
         lambda: chain_page("Camera and legs of a NAO", data.name, calibration, tables, test, images), console
     )
@@ -121,12 +118,16 @@ def hand_eye_step(data: Path, options: ChainOptions, console: Console) -> dict[s
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, step, results = options.limits(HAND_EYE_LIMITS), options.encoder_step(), options.results(data)
+    limits, step, results = (
+        options.limits(HAND_EYE_LIMITS),
+        options.encoder_step(),
+        options.results((data,), MARKS),
+    )
     return solve_hand_eye(data, read_arm_recording(data), results, limits, step, console)
 
 
 def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, SelfTest | None]:
-    """Run the self-test of an accepted calibration on synthetic data and refuse the calibration if it fails."""
+    """Run the self-test of an accepted calibration on synthetic data; refuse the calibration if the test fails."""
     if not c.accepted:
         return c, None
     test = self_test(c)
@@ -215,6 +216,15 @@ def _how_to_use(output: Path, recording: ArmRecording, cell_file: Path | None) -
 def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibration:
     """Return the part of a calibration that a cell needs, with the result of the self-test."""
     c = found.chain
+    tested = (
+        {}
+        if test is None
+        else {
+            "self_test": "passed" if test.passed else "failed",
+            "self_test_nees_dof": round(test.nees_dof, 4),
+            "self_test_limits": [round(limit, 4) for limit in test.limits],
+        }
+    )
     return ArmCalibration(
         found.T_base_camera,
         found.joint_offsets,
@@ -229,14 +239,6 @@ def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibrat
             "held_out_mm": round(1e3 * c.held_out.metres, 4),
             "chi2_dof": round(c.fit.chi2_dof, 4),
             "camera_std_mm": round(1e3 * float(np.linalg.norm(found.camera_sigma[0])), 4),
-            **({} if test is None else _made_of(test)),
+            **tested,
         },
     )
-
-
-def _made_of(test: SelfTest) -> dict[str, Any]:
-    return {
-        "self_test": "passed" if test.passed else "failed",
-        "self_test_nees_dof": round(test.nees_dof, 4),
-        "self_test_limits": [round(limit, 4) for limit in test.limits],
-    }

@@ -1,4 +1,4 @@
-"""``a465 calibrate hand-eye --collect``: choose the poses, open the cell, record them, calibrate."""
+"""``a465 calibrate hand-eye --collect``: open the cell, choose the poses, record them, calibrate."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from arm.errors import ExecutionStopped, InputError
 from arm.io.storage import keep_apart
 from arm.se3 import Array
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS
-from cell.collect.collector import CollectOptions, Collector, choose_poses, hand_scene
+from cell.collect.collector import Choice, CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
-from cell.commands.calibration.chain import ChainOptions, solve_hand_eye
+from cell.commands.calibration.chain import MARKS, ChainOptions, solve_hand_eye
 from cell.commands.run import Confirm, opened
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
 from cell.files.task import Task, read_task
-from cell.report.run_folder import require_new_folder
-from cell.session.connection import WhichCell, require_openable
+from cell.session.connection import WhichCell
 from cell.session.speed import planning_speed
+from cell.task.run import TaskRun
 from driver.execution.control import Control
 
 
@@ -75,7 +75,7 @@ def collect_step(
     world = where.world or task.file.with_suffix(".world.toml")
     read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
     keep_apart(recording, *read)
-    results = replace(options.results(recording, *read), cell=task.cell.file, apply=files.apply)
+    results = replace(options.results((recording, *read), MARKS), cell=task.cell.file, apply=files.apply)
     record = HandRecord(recording, task.cell, hand)
     folder, pool = None, None
     if len(record) < poses.poses:
@@ -99,24 +99,29 @@ def _add(
 ) -> tuple[Array, Path]:
     """Record the missing poses; return readings (n, 6), rad, at which the target can be shown, and the run folder.
 
-    Everything that can be checked without the arm is checked before the poses are chosen, which takes long.
+    Choosing the poses takes long. So it begins when the cell is open and the unit has reported whether it kept its
+    positions, and ends before a person is asked to confirm, because the arm moves right after that.
     """
     if len(record):
         console.step(f"{record.file}: continuing with {len(record)} recorded poses")
-    speed = planning_speed(task.cell, where.speed)
-    require_openable(task, where)
-    require_new_folder(folder)
     scene = hand_scene(record)
-    choice = choose_poses(record, scene, options, console)
+    choices: list[Choice] = []
+
+    def choose_and_confirm(run: TaskRun) -> None:
+        choices.append(choose_poses(record, scene, options, console))
+        if confirm is not None:
+            confirm(run)
+
+    speed = planning_speed(task.cell, where.speed)
     try:
-        with opened(task, console, where, speed, folder, Control(), confirm) as run:
+        with opened(task, console, where, speed, folder, Control(), choose_and_confirm) as run:
             if run.connection.simulated is not None:
                 run.connection.simulated.hold(record.hand)
             collector = Collector(run, record, scene, console)
             collector.initialise_arm()
             if len(record):
                 collector.require_same_hold()
-            taken = collector.collect(choice.q, nearest_first=not options.recipe)
+            taken = collector.collect(choices[0].q, nearest_first=not options.recipe)
             collector.home()
     except ExecutionStopped as error:
         if not len(record) or error.data.get("reason") == CHANGED:
@@ -126,4 +131,4 @@ def _add(
             **error.data,
         ) from error
     console.step(f"{taken} poses recorded, {len(record)} in {record.file}")
-    return np.array([record.to_readings(q) for q in choice.pool]), run.folder
+    return np.array([record.to_readings(q) for q in choices[0].pool]), run.folder

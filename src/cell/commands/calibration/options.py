@@ -1,4 +1,4 @@
-"""What every calibration command is given: the files that it writes, and the limit of its verdict."""
+"""Options of every calibration command: the files that it writes, and the limit of its verdict."""
 
 from __future__ import annotations
 
@@ -55,28 +55,43 @@ class Results:
     cell: Path | None = None
     apply: bool = False
 
-    @classmethod
-    def beside(
-        cls,
-        output: Path | None,
-        report: Path | None,
-        inputs: Sequence[Path | None],
-        marks: Mapping[str, Sequence[bytes]],
-    ) -> Results:
-        """Return the files to write, the report beside the calibration by default.
+    def write_report(self, page: Callable[[], str], console: Console) -> None:
+        """Write the report, if any, and print its name."""
+        if self.report is not None:
+            write_atomic(self.report, page())
+            console.say(f"report: {self.report}")
 
-        Check first that they can be written: what follows takes long.
+
+@dataclass(frozen=True)
+class ResultOptions:
+    """Options of every calibration.
+
+    Attributes:
+        output: calibration file, written if it is accepted; None: not written.
+        report: HTML report; None: beside `output`.
+        limit_mm: largest accepted error; None: the default of the calibration.
+    """
+
+    output: Path | None = None
+    report: Path | None = None
+    limit_mm: float | None = None
+
+    def results(
+        self, inputs: Sequence[Path | None], marks: Mapping[str, Sequence[bytes]] | None = None
+    ) -> Results:
+        """Return the files to write.
+
+        Call this before the calibration, which takes long: it checks that the files can be written.
 
         Args:
-            output: of ``-o``.
-            report: of ``--report``.
             inputs: files that the command reads.
-            marks: option -> texts of which an existing file must have one at its start; others are not overwritten.
+            marks: option -> texts. An existing file is overwritten only if it has one of them at its start.
 
         Raises:
             InputError: an output file is one of `inputs`, not a regular file, named like an image, not an earlier
                 result, or named twice; or its folder is not writable.
         """
+        output, report = self.output, self.report
         for option, path in ((OUTPUT, output), (REPORT, report)):
             if path is not None:
                 _require_name(option, path)
@@ -94,17 +109,11 @@ class Results:
                     option, path, "has the suffix of an image; use .toml, and .html for the report"
                 )
             _require_folder(option, path)
-            _require_ours(option, path, marks.get(option, ()))
+            _require_ours(option, path, (marks or {}).get(option, ()))
         if len({path.resolve() for _, path in outputs}) < len(outputs):
             rule = "is also the name of the report; give -o and --report different names"
             raise _file_error(*outputs[0], rule)
-        return cls(output, report)
-
-    def write_report(self, page: Callable[[], str], console: Console) -> None:
-        """Write the report, if any, and print its name."""
-        if self.report is not None:
-            write_atomic(self.report, page())
-            console.say(f"report: {self.report}")
+        return Results(output, report)
 
 
 def _require_name(option: str, path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,11 @@ from arm.io.node import Node
 from arm.io.storage import keep_apart, write_atomic
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
+from cell.report.html import render
 from vision.markers.dictionaries import predefined
 from vision.targets.target import Target, read_target
 
-MARGIN_MM, SCALE_MM = 10.0, 100.0
+MARGIN_MM, SCALE_MM = 10.0, 100.0  # of white around the target; longest ruler
 
 
 def target_print_step(target_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
@@ -48,22 +48,14 @@ def _read(path: Path) -> Target:
 def target_svg(target: Target) -> str:
     """Return the SVG: black rectangles on white, coordinates in mm from the chessboard's top left corner."""
     width, height = (1e3 * size for size in target.size)
-    scale = min(SCALE_MM, width)
-    below = height + MARGIN_MM / 2.0
-    shapes = [
-        f'<rect x="{x:.6g}" y="{y:.6g}" width="{side:.6g}" height="{side:.6g}"/>'
-        for x, y, side in _dark(target)
-    ]
-    ruler = f"M 0 {below - 2:g} V {below + 2:g} M 0 {below:g} H {scale:g} M {scale:g} {below - 2:g} V {below + 2:g}"
-    whole = (width + 2.0 * MARGIN_MM, height + 2.5 * MARGIN_MM)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{whole[0]:g}mm" height="{whole[1]:g}mm" '
-        f'viewBox="{-MARGIN_MM:g} {-MARGIN_MM:g} {whole[0]:g} {whole[1]:g}">\n'
-        f'<rect x="{-MARGIN_MM:g}" y="{-MARGIN_MM:g}" width="{whole[0]:g}" height="{whole[1]:g}" fill="white"/>\n'
-        f'<g id="print" fill="black" shape-rendering="crispEdges">\n' + "\n".join(shapes) + "\n</g>\n"
-        f'<path d="{ruler}" stroke="black" stroke-width="0.2" fill="none"/>\n'
-        f'<text x="0" y="{below + 6:g}" font-size="3.5" font-family="sans-serif">'
-        f"{scale:g} mm between the end marks. {escape(target.label())}</text>\n</svg>\n"
+    return render(
+        "report/templates/target.svg.j2",
+        width=width,
+        height=height,
+        margin=MARGIN_MM,
+        ruler=min(SCALE_MM, width),
+        dark=_dark(target),
+        label=target.label(),
     )
 
 
@@ -78,11 +70,10 @@ def _dark(target: Target) -> Iterator[tuple[float, float, float]]:
         return
     dictionary = predefined(target.dictionary)
     cells = dictionary.markerSize + 2  # with the border
-    off = (square - marker) / 2.0
+    off, bit = (square - marker) / 2.0, marker / cells
     for number, (i, j) in enumerate(target.marker_squares()):
         image = cv2.aruco.generateImageMarker(dictionary, number, cells)
         for row in range(cells):
             for column in range(cells):
                 if image[row, column] == 0:
-                    bit = marker / cells
                     yield i * square + off + column * bit, j * square + off + row * bit, bit

@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import cell.collect.pose_pool
 import cell.collect.recipe_270
 import cell.commands.calibration.collect
 import cell.session.connection
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
-from cell.collect.collector import CollectOptions
+from cell.collect.collector import Choice, CollectOptions
 from cell.commands.calibration.chain import ChainOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.console import Console
@@ -21,6 +22,7 @@ from cell.session.connection import WhichCell
 from tasks.collecting import FAST
 from typed.command_line import a465
 from typed.heard import Heard
+from wire.lasting_cell import LastingCell
 
 HAND = data_file("scenes/targets/hand.toml")
 
@@ -115,6 +117,38 @@ def test_where_the_poses_are_taken_is_seen_before_any_is_chosen(
     with pytest.raises(InputError) as told:
         collect_step(files, CollectOptions(8), ChainOptions(), where, Heard())
     assert words in str(told.value)
+
+
+def test_a_unit_that_was_not_homed_is_refused_before_poses_are_chosen(
+    no_choice: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lasting = LastingCell(tmp_path, monkeypatch, "task2")
+    files = CollectFiles(tmp_path / "recorded.json", lasting.file, HAND, folder=tmp_path / "run")
+    where = WhichCell(lasting.url, homed=True)
+    with lasting.emulator, pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+        collect_step(files, CollectOptions(8), ChainOptions(), where, Heard())
+
+
+def test_a_person_confirms_after_the_poses_are_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+    chosen = Choice(np.zeros((1, 6)), np.zeros((1, 6)))
+
+    def choose(*_: object) -> Choice:
+        order.append("poses are chosen")
+        return chosen
+
+    def confirm(_: object) -> None:
+        order.append("asked")
+        raise InputError("no", option="--unseen")
+
+    monkeypatch.setattr(cell.commands.calibration.collect, "choose_poses", choose)
+    task = data_file("scenes/uncalibrated/task2.toml")
+    files = CollectFiles(tmp_path / "recorded.json", task, HAND, folder=tmp_path / "run")
+    with pytest.raises(InputError, match="no"):
+        collect_step(files, CollectOptions(8), ChainOptions(), FAST, Heard(), confirm)
+    assert order == ["poses are chosen", "asked"]
 
 
 def test_a_folder_that_holds_something_is_refused_before_poses_are_chosen(
