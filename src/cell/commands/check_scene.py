@@ -14,7 +14,6 @@ from cell.files.scene import (
     MOTION_VERDICTS,
     QUERY_VERDICTS,
     Expected,
-    Motion,
     Pair,
     Query,
     SceneFile,
@@ -34,9 +33,9 @@ class Answer:
     Attributes:
         name, expected: from the scene file.
         verdict: one of `QUERY_VERDICTS` or `MOTION_VERDICTS`.
-        proved, seen: lower and upper bound of the distance, m: the certified bound, and the smallest distance computed
-            along the motion; equal for a query. The check of a colliding motion ends at the first overlap, so `proved`
-            may be far below `seen`.
+        proved, seen: bounds of the distance, m: the certified one, and the smallest distance computed along the motion.
+            They are equal for a query. The check of a colliding motion ends at the first overlap, so `proved` may be
+            far below `seen`.
         pair: the closest two bodies.
         agrees: whether everything is as expected.
     """
@@ -53,22 +52,22 @@ class Answer:
 def answer_query(scene: SceneFile, query: Query) -> Answer:
     """Compute the distances at one configuration."""
     world = scene.world(query.allowed)
-    distance = world.distance(query.q)
+    distance = world.distance(query.q[0])
     free, collides = QUERY_VERDICTS
     verdict = free if distance.value > 0.0 else collides
     expected = query.expected
     agrees = (
         _verdict_agrees(expected, verdict, free)
         and _same(expected.distance, distance.value, distance.value)
-        and _pair_agrees(world, query.q, expected, distance.value)
+        and _pair_agrees(world, query.q[0], expected, distance.value)
     )
     return Answer(query.name, expected, verdict, distance.value, distance.value, distance.pair, agrees)
 
 
-def answer_motion(scene: SceneFile, motion: Motion) -> Answer:
+def answer_motion(scene: SceneFile, motion: Query) -> Answer:
     """Certify one straight joint motion, with bounds tight enough to report its clearance."""
     world = scene.world(motion.allowed)
-    check = certify_curve(world, curve_of_waypoints(motion.ends), motion.asked, tight=True)
+    check = certify_curve(world, curve_of_waypoints(motion.q), motion.asked, tight=True)
     clear, too_close = MOTION_VERDICTS
     verdict = clear if check.proved else too_close
     agrees = (
@@ -80,12 +79,10 @@ def answer_motion(scene: SceneFile, motion: Motion) -> Answer:
 
 
 def _verdict_agrees(expected: Expected, verdict: str, good: str) -> bool:
-    """Whether the verdict is as expected. If the file expects nothing, the verdict must be `good`."""
-    return (
-        verdict == expected.verdict
-        if expected.verdict is not None
-        else expected != Expected() or verdict == good
-    )
+    """Whether the verdict is as expected. If the file states no expectation, it must be `good`."""
+    if expected.verdict is None:
+        return expected != Expected() or verdict == good
+    return verdict == expected.verdict
 
 
 def _same(expected: float | None, low: float, high: float) -> bool:
@@ -93,11 +90,12 @@ def _same(expected: float | None, low: float, high: float) -> bool:
 
 
 def _checked(world: World) -> list[Pair]:
+    """Return the pairs of bodies that a world checks, in its order."""
     return [frozenset(world.pair_names(i)) for i in range(len(world.pairs))]
 
 
 def _pair_agrees(world: World, q: npt.ArrayLike, expected: Expected, closest: float) -> bool:
-    """Whether the expected pair is as close as the closest one; both fingers may be equally close."""
+    """Whether the expected pair is as close as the closest one, which need not be the only one."""
     if expected.pair is None:
         return True
     names = _checked(world)
@@ -107,15 +105,15 @@ def _pair_agrees(world: World, q: npt.ArrayLike, expected: Expected, closest: fl
     return float(world.pair_distances(q, index)[0]) <= closest + AGREES
 
 
-def _pair_agrees_along(scene: SceneFile, motion: Motion, seen: float) -> bool:
-    """Whether the expected pair on its own comes as close as all pairs together."""
+def _pair_agrees_along(scene: SceneFile, motion: Query, seen: float) -> bool:
+    """Whether the expected pair alone comes as close as all pairs together."""
     if motion.expected.pair is None:
         return True
     names = _checked(scene.world(motion.allowed))
     if motion.expected.pair not in names:
         return False
     alone = scene.world({*motion.allowed, *names} - {motion.expected.pair})
-    least = certify_curve(alone, curve_of_waypoints(motion.ends), motion.asked, tight=True)
+    least = certify_curve(alone, curve_of_waypoints(motion.q), motion.asked, tight=True)
     if seen < 0.0:
         return least.seen < 0.0
     closest = seen if motion.expected.distance is None else motion.expected.distance

@@ -14,7 +14,7 @@ from arm.io.rules import is_number, number, numbers, rule_of, same, text, triple
 from arm.se3 import Array
 from vision.boards.checks import BoardLimits
 
-LEAST_FUNNEL = 1e-3  # least difference between the widths of mouth and floor, m
+LEAST_FUNNEL = 1e-3  # smallest difference between the widths of mouth and floor, m
 SEAT_TOLERANCE = 1e-3  # largest deviation of a cube's depth from `CUBE_SEAT_DEPTH`, m
 MADE_WITHIN_MM = 0.1  # default manufacturing tolerance of boards
 
@@ -76,7 +76,7 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
     """Read the boards' files.
 
     Args:
-        keys: of the cell file.
+        keys: keys of the cell file.
         root: the cell file, for messages.
         cube_size: edge of the cubes, m.
 

@@ -82,4 +82,4 @@ SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
     "capsule": (lambda _, radius, length: Capsule(radius, length), ("radius", "length")),
     "mesh": (_hull, ("mesh", "mesh_unit")),
 }
-"""Of each shape, what makes it, and its own keys."""
+"""Constructor and own keys of each shape."""

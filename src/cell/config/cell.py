@@ -8,7 +8,6 @@ from typing import Any
 from arm.board import Board
 from arm.calibration_file import ArmCalibration
 from arm.controller.unit import Limits, Unit
-from arm.errors import InputError
 from arm.robot.dh import A465
 from arm.robot.gripper import HAND, Gripper
 from arm.robot.link_errors import with_link_errors
@@ -87,33 +86,15 @@ class Cell(CellValues):
 
     def noted(self) -> dict[str, Any]:
         """Return what a log needs to convert counts to joint angles."""
-        if self.calibration is None:
-            return {"unit": self.unit.name}
-        return {
-            "unit": self.unit.name,
-            "calibration": self.calibration.id,
-            "joint_offsets_rad": self.calibration.joint_offsets.tolist(),
-        }
+        noted: dict[str, Any] = {"unit": self.unit.name}
+        if (made := self.calibration) is not None:
+            noted |= {"calibration": made.id, "joint_offsets_rad": made.joint_offsets.tolist()}
+        return noted
 
     @property
     def limits(self) -> Limits:
         """Joint limits with the registers of this cell, at speed 1."""
         return self.unit.limits(self.speed_registers, self.acceleration_registers)
-
-    def board(self, marker_ids: tuple[int, int]) -> Board:
-        """Return the board with these markers.
-
-        Raises:
-            InputError: no board file has them.
-        """
-        for board in self.boards:
-            if set(board.marker_ids) == set(marker_ids):
-                return board
-        known = ", ".join(f"{b.marker_ids[0]},{b.marker_ids[1]}" for b in self.boards)
-        raise InputError(
-            f"no board file of {self.file} has the markers {marker_ids[0]},{marker_ids[1]}; it lists boards {known}",
-            marker_ids=list(marker_ids),
-        )
 
     def fraction_closed(self, jaw_opening: float) -> float:
         """Convert a jaw opening in m to the closed fraction of the stroke: 0 open, 1 shut."""

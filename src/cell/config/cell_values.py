@@ -1,4 +1,4 @@
-"""Keys of the cell file whose values the programs use as they are, in SI units."""
+"""Keys of the cell file whose values are used unchanged, in SI units."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from arm.se3 import Array
 from cell.config.board_keys import DICTIONARY
 from plan.options import LEAST_CLEARANCE, PlanOptions
 
-ARM_PADDING_MM = 10.0  # for links whose bodies were not compared with the real arm
+ARM_PADDING_MM = 10.0  # default; of links whose bodies were not compared with the real arm
 _FRACTION = number("", 0.01, 1.0)
 
 
 class CellValues(Keys):
-    """Values of a cell, in m, s and rad; each stands with its key and meaning."""
+    """Values of a cell, in m, s and rad; `cell/files/keys.toml` explains each key."""
 
     q_start: Array = key("q_start_deg", numbers(6, "deg", -360, 360))
     arm_padding: float = key("arm_padding_mm", number("mm", 0, 100), ARM_PADDING_MM)

@@ -15,14 +15,14 @@ from arm.io.rules import number, path, triple
 from arm.robot.gripper import Gripper, Size
 
 SHIPPED = Gripper()
-VOLTS_A_REGISTER = 7.5 / 10_000  # volts per step of REGME of the gripper's axis
-MOST_VOLTS = 11.25  # three quarters of 15 V; above, the maker allows the motor only 15 s
-SIZES = ("finger", "palm", "body_radius")  # fields of a gripper that is given by its dimensions
+VOLTS_A_REGISTER = 7.5 / 10_000  # volts per unit of the register REGME of the gripper's axis
+MOST_VOLTS = 11.25  # three quarters of 15 V; the manufacturer allows more for only 15 s
+SIZES = ("finger", "palm", "body_radius")  # fields of a gripper that its dimensions describe
 _BOX = triple("mm", 1, 500)
 
 
 class GripperKeys(Keys):
-    """Keys of the gripper, given by its dimensions or by a URDF."""
+    """Keys of the gripper, which its dimensions or a URDF describe."""
 
     length: float = key("tool.length_mm", number("mm", 1, 1000))
     opening: float = key("tool.jaw_opening_mm", number("mm", 1, 300))
@@ -101,16 +101,9 @@ def gripper_of_inputs(inputs: Any) -> Gripper | None:
         return None
     try:
         measures = {
-            name: _metres(inputs[key])
-            for name, key in (
-                ("length", "tool.length_mm"),
-                ("opening", "tool.jaw_opening_mm"),
-                ("shut", "tool.jaw_shut_mm"),
-                ("finger", "tool.finger_mm"),
-                ("palm", "tool.palm_mm"),
-                ("body_radius", "tool.body_radius_mm"),
-            )
-            if key in inputs or name in ("length", "opening")
+            name: _metres(inputs[one.name])
+            for name, one in GripperKeys.declared().items()
+            if name in ("length", "opening") or (name in ("shut", *SIZES) and one.name in inputs)
         }
         return replace(SHIPPED, **{"close_to": measures.get("shut", 0.0), **measures})
     except (KeyError, TypeError, ValueError, InputError):

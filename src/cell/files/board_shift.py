@@ -1,4 +1,4 @@
-"""How far a board moved between two looks: the largest displacement of any point of the board and its cubes."""
+"""Motion of a board between two looks: the largest displacement of any point of the board and its cubes."""
 
 from __future__ import annotations
 

@@ -64,24 +64,17 @@ def _texts(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Mapping
 
 def rows_of(file: str) -> dict[str, str]:
     """Return the rows of a file's table in docs/formats.md by key: key, rule, default, meaning."""
-    declared, rows = (
-        {name.replace("[]", ""): (name, key) for name, key in declared_keys(*FILES[file]).items()},
-        {},
-    )
+    declared = {name.replace("[]", ""): (name, key) for name, key in declared_keys(*FILES[file]).items()}
+    rows = {}
     for plain, text in texts_of(file).items():
         if plain in declared:
             name, key = declared[plain]
-            usual = (
-                "refused"
-                if key.default is REQUIRED
-                else "none"
-                if not key.default and key.default != 0
-                else None
-            )
+            if key.default is REQUIRED:
+                usual = "refused"
+            else:
+                usual = f"`{_written(key.default)}`" if key.default or key.default == 0 else "none"
             meaning = "; ".join(filter(None, (text["what"], text.get("docs"))))
-            rows[name] = (
-                f"| `{name}` | {key.rule.words} | {usual or f'`{_written(key.default)}`'} | {meaning} |"
-            )
+            rows[name] = f"| `{name}` | {key.rule.words} | {usual} | {meaning} |"
     return rows
 
 

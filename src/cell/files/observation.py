@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from arm.board import Board
-from arm.errors import A465Error, FileInputError, ImpossibleError
+from arm.errors import A465Error, ImpossibleError
 from arm.former import former_names
-from arm.io.storage import read_json, require_finite
+from arm.io.node import Node, Rule
+from arm.io.rules import flag, is_number, numbers, rule_of, text
+from arm.io.storage import require_finite
 from arm.numerics.products import mul
 from arm.poses import BoardPose, TiltHypothesis
-from arm.se3 import Array, frozen, inverse, orthonormalised
+from arm.se3 import Array, inverse, orthonormalised
 from cell.files.task import Task
 from vision.observation import Observation, ObservedBoard
-from vision.occupancy.classify import Occupancy
+from vision.occupancy.classify import HoleState, Occupancy
 
 HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1's board, m
 FLAT_TOLERANCE = np.radians(2.0)
@@ -94,7 +97,7 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
 
 
 def _tilt_to_json(tilt: TiltHypothesis | None) -> dict[str, Any] | None:
-    """Return None if no tilts are known. `fits` is false for a board at none of them."""
+    """Return the nearest known tilt; None if none are known. `fits` is false if the board has none of them."""
     if tilt is None:
         return None
     return {
@@ -106,7 +109,7 @@ def _tilt_to_json(tilt: TiltHypothesis | None) -> dict[str, Any] | None:
 
 
 def member_words(pose: BoardPose) -> str:
-    """Return which of the known tilts a board has, such as ``7 (z 0.4)``."""
+    """Return the known tilt that a board has, in deg with its z-score, such as ``7 (z 0.4)``."""
     tilt = pose.tilt_hypothesis
     if tilt is None:
         return "-"
@@ -115,7 +118,7 @@ def member_words(pose: BoardPose) -> str:
 
 
 def tilt_words(pose: BoardPose) -> str:
-    """Return a board's tilt from the vertical, and which of the known tilts it is."""
+    """Return a board's tilt from the vertical, and its known tilt."""
     tilt = f"{np.degrees(pose.tilt()):.2f} deg"
     return tilt if pose.tilt_hypothesis is None else f"{tilt}, stand {member_words(pose)}"
 
@@ -129,75 +132,66 @@ def _board_to_json(seen: ObservedBoard, T_base_camera: Array) -> dict[str, Any]:
     return {"board": seen.name, "verdict": "accepted", "reasons": [], **value}
 
 
+_TABLE = rule_of("a table", lambda v: isinstance(v, dict), lambda v: {str(k): str(w) for k, w in v.items()})
+_LIST = rule_of("a list", lambda v: isinstance(v, list), lambda v: [str(one) for one in v])
+_NUMBER = rule_of("a number", is_number, float)
+_STATE: Rule[HoleState] = text(*get_args(HoleState))  # type: ignore[assignment]
+
+
 def read_observation(path: Path, boards: Sequence[Board]) -> Observation:
     """Read a look file; `boards`: those of the cell.
 
     Raises:
         FileInputError: the file is not a look file, or has boards that the cell does not list.
     """
-    value = read_json(path)
-    require_finite(path, value)
-    try:
-        scene = value["scenes"][0]
-        found = [_board_from_json(path, entry, boards) for entry in scene["boards"]]
-        half_seen = tuple(str(name) for name in scene.get("half_seen", []))
-        missing = {str(name): str(why) for name, why in scene.get("missing", {}).items()}
-        return Observation(tuple(found), missing, tuple(name for name in half_seen if name in missing))
-    except KeyError as error:
-        raise FileInputError(
-            path, str(error.args[0]), None, "is missing; a465 look writes it", "look again"
-        ) from error
-    except (IndexError, TypeError, ValueError) as error:
-        raise FileInputError(
-            path,
-            "scenes",
-            None,
-            "is not as written by a465 look",
-            "look again",
-        ) from error
+    root = replace(Node.of_json(path), help="a465 look writes this file; look again")
+    require_finite(path, root.value)
+    scenes = root["scenes"].items()
+    if not scenes:
+        raise root["scenes"].error("must have a scene")
+    found = tuple(_board_from_json(entry, boards) for entry in scenes[0]["boards"].items())
+    missing = scenes[0].get("missing", _TABLE, {})
+    half_seen = scenes[0].get("half_seen", _LIST, [])
+    return Observation(found, missing, tuple(name for name in half_seen if name in missing))
 
 
-def _tilt_from_json(entry: dict[str, Any] | None) -> TiltHypothesis | None:
-    if entry is None:
-        return None
-    nearest, z, probability = (float(entry[key]) for key in ("nearest_deg", "z", "probability"))
-    return TiltHypothesis(float(np.radians(nearest)), z, probability, bool(entry["fits"]))
-
-
-def _board_from_json(path: Path, entry: dict[str, Any], boards: Sequence[Board]) -> ObservedBoard:
-    board = next((b for b in boards if list(b.marker_ids) == entry["marker_ids"]), None)
+def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
+    ids = entry["marker_ids"]
+    board = next((b for b in boards if list(b.marker_ids) == ids.value), None)
     if board is None:
-        raise FileInputError(path, "marker_ids", entry["marker_ids"], "is not a board of the cell file")
+        raise ids.error("is not a board of the cell file")
+    node = replace(entry, key=board.name)
+    node["verdict"].read(text("accepted"))
+    rows = node["T_base_board"].read(numbers((4, 4)))
     try:
-        T_base_board = orthonormalised(entry["T_base_board"])
+        T_base_board = orthonormalised(rows)
     except A465Error as error:
-        raise FileInputError(path, f"{board.name}.T_base_board", None, str(error)) from error
-    covariance: Array = frozen(entry["covariance"])
-    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
-        raise FileInputError(
-            path, f"{board.name}.covariance", list(covariance.shape), "must be 6 by 6, finite"
-        )
-    if entry["verdict"] != "accepted":
-        raise FileInputError(
-            path, f"{board.name}.verdict", entry["verdict"], "must be 'accepted'", "look again"
-        )
-    if [hole["hole"] for hole in entry["holes"]] != [
-        f"{board.name}/{n}" for n in range(1, len(entry["holes"]) + 1)
-    ]:
-        raise FileInputError(path, f"{board.name}.holes", None, "must be in the order of the board's file")
-    states = tuple(hole["state"] for hole in entry["holes"])
-    if len(states) != 4 or not set(states) <= {"cube", "empty", "unsure"}:
-        raise FileInputError(path, f"{board.name}.holes", states, "must be four of cube, empty, unsure")
-    occupancy = tuple(Occupancy(hole["state"], reason=str(hole.get("reason", ""))) for hole in entry["holes"])
+        raise node["T_base_board"].error(str(error)) from error
+    holes = node["holes"].items()
+    if [hole["hole"].value for hole in holes] != [f"{board.name}/{n + 1}" for n in range(len(holes))]:
+        raise node["holes"].error("must be in the order of the board's file")
+    if len(holes) != 4:
+        raise node["holes"].error(f"must be four, each {_STATE.words}")
     pose = BoardPose(
         board,
         T_base_board,
-        covariance,
-        float(entry["residual_px"]),
-        float(entry["hypothesis_ratio"]),
-        _tilt_from_json(entry.get("tilt_hypothesis")),
+        node["covariance"].read(numbers((6, 6))),
+        node["residual_px"].read(_NUMBER),
+        node["hypothesis_ratio"].read(_NUMBER),
+        _tilt_from_json(node),
     )
-    return ObservedBoard(pose, occupancy)
+    occupancy = (
+        Occupancy(hole["state"].read(_STATE), reason=hole.get("reason", text(), "")) for hole in holes
+    )
+    return ObservedBoard(pose, tuple(occupancy))
+
+
+def _tilt_from_json(board: Node) -> TiltHypothesis | None:
+    if board.value.get("tilt_hypothesis") is None:
+        return None
+    tilt = board["tilt_hypothesis"]
+    nearest, z, probability = (tilt[key].read(_NUMBER) for key in ("nearest_deg", "z", "probability"))
+    return TiltHypothesis(float(np.radians(nearest)), z, probability, tilt["fits"].read(flag()))
 
 
 former_names(

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from arm.io.node import Node
 from arm.io.storage import canonical_json, sha256
-from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.files.task import Task, read_task
 
@@ -21,10 +20,7 @@ def read_place(path: Path) -> Task:
     """
     if "task" in Node.of_toml(path):
         return read_task(path)
-    return _task_of(read_cell(path))
-
-
-def _task_of(cell: Cell) -> Task:
+    cell = read_cell(path)
     return Task(
         file=cell.file,
         kind=POSES,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -30,15 +30,15 @@ WAYS = ("transit", "line")
 JAWS = {"open": 0.0, "close": 1.0}
 FARTHEST = 5.0  # largest coordinate in the base frame, m
 MOST = 5000  # entries
-PRINTED = 1e-3  # tolerance for a rotation matrix printed with few digits
-_LEAST_BY_NUMBERS = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
+PRINTED = 1e-3  # tolerance of a rotation matrix that was printed with few digits
+_KIND_BY_COUNT = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
 _AT_A_POSE = ("by", "free", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Interpretation of bare numbers, which have no key; None: unspecified.
+    """Interpretation of numbers without a key; None: not stated.
 
     Attributes:
         frame: frame of poses, of `FRAMES`.
@@ -119,57 +119,50 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
     Raises:
         FileInputError: a value is wrong; names file, row or entry, value and rule.
     """
-    reading = reading or Reading()
-    data = read_bytes(path, "pose list")
+    reading, data = reading or Reading(), read_bytes(path, "pose list")
+    file = Node(path, "", None)
     if data.startswith(b"\x93NUMPY"):
-        found = _of_array(path, data, reading)
+        found = _of_array(file, data, reading)
     elif data.lstrip()[:1] in (b"{", b"["):
         found = _of_json(path, reading)
     else:
-        found = _of_text(path, data, reading)
+        found = _of_text(file, data, reading)
     entries = list(islice(found, MOST + 1))
     if len(entries) > MOST:
-        raise FileInputError(path, "", None, f"has more than {MOST} entries, the limit of a plan")
+        raise file.error(f"has more than {MOST} entries, the limit of a plan")
     if not entries:
-        raise FileInputError(path, "", None, "has no entries; must have at least one pose or configuration")
+        raise file.error("has no entries; must have at least one pose or configuration")
     seen: dict[str, str] = {}
     for entry in entries:
         if entry.name in seen:
-            raise FileInputError(
-                path,
-                entry.key,
-                entry.name,
-                f"is also the name of {seen[entry.name]}; names must differ",
-            )
+            rule = f"is also the name of {seen[entry.name]}; names must differ"
+            raise Node(path, entry.key, entry.name).error(rule)
         seen[entry.name] = entry.key
     return PoseList(path, tuple(entries))
 
 
-def _of_array(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
+def _of_array(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, EOFError, OSError, MemoryError, OverflowError) as error:
-        raise FileInputError(path, "", None, f"is not a .npy file of numbers: {error}") from error
+        raise file.error(f"is not a .npy file of numbers: {error}") from error
     if array.dtype.kind not in "fiu":
-        raise FileInputError(path, "", str(array.dtype), "must be an array of real numbers")
+        raise FileInputError(file.file, "", str(array.dtype), "must be an array of real numbers")
     if array.ndim and array.shape[-2:] in ((4, 4), (3, 4)):
         array = array.reshape(-1, array.shape[-2] * 4)
     array = array.reshape(1, -1) if array.ndim == 1 else array
     if array.ndim != 2:
-        raise FileInputError(
-            path, "", list(array.shape), "must be an array of (n, 4, 4), (n, 16), (n, 12) or (n, 6)"
-        )
+        rule = "must be an array of (n, 4, 4), (n, 16), (n, 12) or (n, 6)"
+        raise FileInputError(file.file, "", list(array.shape), rule)
     for place, row in enumerate(array.astype(float), start=1):
-        yield _bare(path, f"row {place}", place, row, reading)
+        yield _bare(Node(file.file, f"row {place}", row.tolist()), row, place, reading)
 
 
-def _of_text(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
+def _of_text(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FileInputError(
-            path, "", None, "is neither text (CSV, JSON) nor a .npy file; use one of these formats"
-        ) from error
+        raise file.error("is neither text (CSV, JSON) nor a .npy file; use one of these formats") from error
     count = 0
     for row, words in enumerate(text.splitlines(), start=1):
         cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]
@@ -177,9 +170,10 @@ def _of_text(path: Path, data: bytes, reading: Reading) -> Iterator[Entry]:
             continue  # empty, or the names of the columns
         wrong = next((cell for cell in cells if not _is_number(cell)), None)
         if wrong is not None:
-            raise FileInputError(path, f"row {row}", wrong, "must be a number")
+            raise Node(file.file, f"row {row}", wrong).error("must be a number")
         count += 1
-        yield _bare(path, f"row {row}", count, np.array([float(c) for c in cells]), reading)
+        values = np.array([float(c) for c in cells])
+        yield _bare(Node(file.file, f"row {row}", values.tolist()), values, count, reading)
 
 
 def _is_number(word: str) -> bool:
@@ -190,55 +184,40 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _bare(path: Path, key: str, number: int, values: Array, reading: Reading) -> Entry:
-    """Read an entry of bare numbers; their count decides its kind."""
-    if len(values) not in _LEAST_BY_NUMBERS:
-        counts = ", ".join(f"{n} ({what})" for n, what in sorted(_LEAST_BY_NUMBERS.items()))
-        raise FileInputError(path, key, f"{len(values)} numbers", f"must be one of {counts}")
+def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
+    """Return an entry of bare numbers; their count decides its kind."""
+    if len(values) not in _KIND_BY_COUNT:
+        counts = ", ".join(f"{n} ({what})" for n, what in sorted(_KIND_BY_COUNT.items()))
+        raise replace(node, value=f"{len(values)} numbers").error(f"must be one of {counts}")
     if not np.isfinite(values).all():
-        raise FileInputError(path, key, values.tolist(), "must be finite numbers")
+        raise node.error("must be finite numbers")
+    bare = replace(node, value=None)  # the numbers are right
     if len(values) == 6:
         if reading.angles is None:
-            raise FileInputError(
-                path,
-                key,
-                None,
-                "has six joint angles without a unit; give --angles rad or deg",
-            )
-        return Entry(key, f"configuration {number}", q=frozen(values * ANGLES[reading.angles]))
+            raise bare.error("has six joint angles without a unit; give --angles rad or deg")
+        return Entry(node.key, f"configuration {number}", q=frozen(values * ANGLES[reading.angles]))
     if reading.frame is None:
-        raise FileInputError(
-            path,
-            key,
-            None,
-            "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)",
+        raise bare.error(
+            "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)"
         )
-    T = _pose(path, key, values.reshape(-1, 4), reading.lengths)
-    return Entry(key, f"pose {number}", reading.frame, T)
+    return Entry(node.key, f"pose {number}", reading.frame, _pose(node, values, reading.lengths))
 
 
-def _pose(path: Path, key: str, rows: Array, lengths: str) -> Array:
-    """Build a rigid transform from three or four rows of four numbers."""
-    T = np.vstack([rows[:3], rows[3:] if len(rows) == 4 else [[0.0, 0.0, 0.0, 1.0]]])
+def _pose(node: Node, values: Array, lengths: str) -> Array:
+    """Return the rigid transform of three or four rows of four numbers."""
+    T = np.eye(4)
+    T[: len(values) // 4] = values.reshape(-1, 4)
     T[:3, 3] *= LENGTHS[lengths]
     if not np.abs(T[:3, 3]).max() <= FARTHEST:
-        raise FileInputError(
-            path,
-            key,
-            rows[:3, 3].tolist(),
+        raise replace(node, value=values[3:12:4].tolist()).error(
             f"is a position in {lengths}; must be within {FARTHEST:g} m of the base",
             'for positions in mm give --lengths mm, or "lengths": "mm" in the file',
         )
     try:
         return orthonormalised(T, tolerance=PRINTED)
     except A465Error as error:
-        raise FileInputError(
-            path,
-            key,
-            rows.tolist(),
-            f"is not a pose: {error}",
-            "give it row by row, the last row being 0 0 0 1",
-        ) from error
+        help = "give it row by row, the last row being 0 0 0 1"
+        raise node.error(f"is not a pose: {error}", help) from error
 
 
 def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
@@ -261,7 +240,7 @@ _JAWS = rule_of(
 
 
 def _flat(*counts: int) -> Rule[Array]:
-    """Numbers in a list, or in a list of rows, row by row."""
+    """Return the rule for numbers in a list, or in a list of rows, row by row."""
     words = " or ".join(map(str, counts)) + " numbers"
 
     def read(node: Node) -> Array:
@@ -307,7 +286,7 @@ class _EntryKeys(_EntryValues):
 
 def _entry(node: Node, place: int, reading: Reading) -> Entry:
     if isinstance(node.value, list):
-        return _bare(node.file, node.key, place, node.read(_flat()), reading)
+        return _bare(node, node.read(_flat()), place, reading)
     if not isinstance(node.value, dict):
         raise node.error("must be an object or a list of numbers")
     keys = _EntryKeys.read(node)
@@ -323,7 +302,7 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
     named, frame, T, q = "rest", "", None, None
     if kind.startswith("T_"):
         named, frame = "pose", kind.removeprefix("T_base_")
-        T = _pose(node.file, f"{node.key}.{kind}", getattr(keys, kind).reshape(-1, 4), reading.lengths)
+        T = _pose(node[kind], getattr(keys, kind), reading.lengths)
     elif kind.startswith("q_"):
         named, q = "configuration", frozen(getattr(keys, kind) * ANGLES[kind.removeprefix("q_")])
     return Entry(node.key, keys.name or f"{named} {place}", frame, T, q, **keys.values_of(_EntryValues))

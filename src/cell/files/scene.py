@@ -1,6 +1,6 @@
 """The scene file (TOML): an arm among bodies, with queries and motions and their expected results.
 
-It tests collision checking itself, and measures distances in scenes without a plan.
+Scene files test the collision checker, and measure distances without a plan.
 """
 
 from __future__ import annotations
@@ -50,38 +50,21 @@ class Expected:
 
 @dataclass(frozen=True)
 class Query:
-    """One configuration.
+    """One configuration, or one straight joint motion.
 
     Attributes:
         name: name for messages.
-        q: configuration (6,), rad.
+        q: the configuration (1, 6), or the first and the last one of a motion (2, 6), rad.
         allowed: allowed collisions besides those of the scene.
         expected: expected result.
+        asked: requested clearance of a motion, m.
     """
 
     name: str
     q: Array
     allowed: frozenset[Pair]
     expected: Expected
-
-
-@dataclass(frozen=True)
-class Motion:
-    """One straight joint motion.
-
-    Attributes:
-        name: name for messages.
-        ends: first and last configuration, (2, 6), rad.
-        asked: requested clearance, m.
-        allowed: allowed collisions besides those of the scene.
-        expected: expected result.
-    """
-
-    name: str
-    ends: Array
-    asked: float
-    allowed: frozenset[Pair]
-    expected: Expected
+    asked: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +94,7 @@ class SceneFile:
     allowed: frozenset[Pair]
     padding: float
     queries: tuple[Query, ...]
-    motions: tuple[Motion, ...]
+    motions: tuple[Query, ...]
 
     def world(self, allowed: Iterable[Pair] = ()) -> World:
         """Return the collision world, with further allowed collisions if given."""
@@ -155,7 +138,7 @@ class _MotionKeys(_ExpectedKeys):
     last: Array = key("to_deg", _JOINTS)
     asked: float = key("asked_mm", number("mm", 0, 1000))
     verdict: str | None = key("verdict", text(*MOTION_VERDICTS), None)
-    clearance: float | None = key("clearance_mm", _DISTANCE, None)
+    distance: float | None = key("clearance_mm", _DISTANCE, None)
 
 
 class _SceneKeys(Keys):
@@ -178,11 +161,7 @@ class _SceneKeys(Keys):
 def read_scene_file(path: Path) -> SceneFile:
     """Read a scene file.
 
-    Keys: `unit`, `tool_length_mm`, `jaw_opening_mm`, `padding_mm`, `allowed` (pairs of names that may touch);
-    `[[bodies]]` (see `cell.config.bodies`); `[[cubes]]`, and `[held]` for a cube in the jaws with its pose in the tool
-    frame (`name`, `size_mm`, `centre_mm`, `rpy_deg`); `[[queries]]` (`name`, `q_deg`) and `[[motions]]` (`name`,
-    `from_deg`, `to_deg`, `asked_mm`), each with an optional `allowed` and optional expected results: `verdict`,
-    `distance_mm` or `clearance_mm`, `pair`. Without these, `free` or `clear` is expected. See `docs/scenes.md`.
+    The keys and their meaning are in docs/scenes.md. Without expected results, `free` or `clear` is expected.
 
     Raises:
         InputError: a value is wrong; names file, key, value, unit and rule.
@@ -199,11 +178,10 @@ def read_scene_file(path: Path) -> SceneFile:
     unit = load_unit(keys.unit)
     robot = load_a465(keys.tool_length, keys.jaw_opening)
     nodes = [node for key in ("bodies", "cubes") if key in root for node in root[key].items()]
-    bodies = [*keys.bodies, *keys.cubes]
+    bodies = (*keys.bodies, *keys.cubes)
     nodes += [root["held"]] if keys.held else []
-
     names = {b.name for b in robot.bodies}
-    for node, body in zip(nodes, [*bodies, keys.held] if keys.held else bodies, strict=True):
+    for node, body in zip(nodes, (*bodies, keys.held) if keys.held else bodies, strict=True):
         if body.name in names:
             raise node.error_at("name", "is used twice, or is a body of the arm; names must differ")
         names.add(body.name)
@@ -212,35 +190,25 @@ def read_scene_file(path: Path) -> SceneFile:
         unit=unit,
         robot=robot,
         jaw_opening=keys.jaw_opening,
-        bodies=tuple(bodies),
+        bodies=bodies,
         held=keys.held,
         T_tool_held=keys.held.T_base_body if keys.held else transform(),
         allowed=_allowed(root, keys.allowed, names),
         padding=keys.padding,
         queries=tuple(_query(*one, unit, names) for one in keys.queries),
-        motions=tuple(_motion(*one, unit, names) for one in keys.motions),
+        motions=tuple(_query(*one, unit, names) for one in keys.motions),
     )
 
 
-def _query(node: Node, keys: _QueryKeys, unit: Unit, names: set[str]) -> Query:
-    q = _configuration(node, "q_deg", keys.q, unit)
-    expected = Expected(keys.verdict, keys.distance, _expected_pair(node, keys, names))
-    return Query(keys.name, q, _allowed(node, keys.allowed, names), expected)
-
-
-def _motion(node: Node, keys: _MotionKeys, unit: Unit, names: set[str]) -> Motion:
-    ends = [
-        _configuration(node, "from_deg", keys.first, unit),
-        _configuration(node, "to_deg", keys.last, unit),
-    ]
-    expected = Expected(keys.verdict, keys.clearance, _expected_pair(node, keys, names))
-    return Motion(keys.name, frozen(ends), keys.asked, _allowed(node, keys.allowed, names), expected)
-
-
-def _configuration(node: Node, key: str, q: Array, unit: Unit) -> Array:
-    if rule := unit.beyond_limits(q):
-        raise node.error_at(key, rule)
-    return q
+def _query(node: Node, keys: _QueryKeys | _MotionKeys, unit: Unit, names: set[str]) -> Query:
+    q = {"q_deg": keys.q} if isinstance(keys, _QueryKeys) else {"from_deg": keys.first, "to_deg": keys.last}
+    for name, configuration in q.items():
+        if rule := unit.beyond_limits(configuration):
+            raise node.error_at(name, rule)
+    pair = None if keys.pair is None else _pair(node, "pair", keys.pair, names)
+    expected = Expected(keys.verdict, keys.distance, pair)
+    asked = keys.asked if isinstance(keys, _MotionKeys) else 0.0
+    return Query(keys.name, frozen([*q.values()]), _allowed(node, keys.allowed, names), expected, asked)
 
 
 def read_surroundings(path: Path) -> SceneFile:
@@ -263,10 +231,6 @@ def _of_cell(cell: Cell) -> SceneFile:
     return SceneFile(
         cell.file, cell.unit, cell.robot(), cell.jaw_opening, cell.fixed, None, transform(), none, 0.0, (), ()
     )
-
-
-def _expected_pair(node: Node, keys: _ExpectedKeys, names: set[str]) -> Pair | None:
-    return None if keys.pair is None else _pair(node, "pair", keys.pair, names)
 
 
 def _allowed(node: Node, pairs: list[Any], names: set[str]) -> frozenset[Pair]:

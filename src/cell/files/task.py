@@ -39,10 +39,10 @@ class TablePlaces:
 
 
 class TaskValues(Keys):
-    """Values of a task file that programs use as they are.
+    """Values of a task file that are used unchanged.
 
-    ``free``: order or destinations of the cubes are chosen for time; ``given``: cubes in the order of their holes, each
-    to the next free place.
+    With ``free``, the planner chooses the order or the destinations of the cubes for the least time. With ``given``,
+    the cubes move in the order of their holes, each to the next free place.
     """
 
     look_after: str | int = key(
@@ -130,17 +130,15 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         InputError: a value is wrong; names file, key, value and rule.
     """
     root = Node.of_toml(path)
-    keys: Task1Keys | Task2Keys
+    is_clear_board = root.get("task", KIND) == KINDS[0]
+    keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
+    cell = read_cell(keys.cell, on_uncalibrated)
     to_board = places = height = None
-    if root.get("task", KIND) == KINDS[0]:
-        keys = one = Task1Keys.read(root)
-        cell = read_cell(keys.cell, on_uncalibrated)
-        places, height = _places(one, root, cell), one.board_height
+    if isinstance(keys, Task1Keys):
+        places, height = _places(keys, root, cell), keys.board_height
     else:
-        keys = two = Task2Keys.read(root)
-        cell = read_cell(keys.cell, on_uncalibrated)
-        to_board = _board(two.to_board, root, cell, "to_board")
-        if set(two.to_board) == set(two.from_board):
+        to_board = _board(keys.to_board, root, cell, "to_board")
+        if set(keys.to_board) == set(keys.from_board):
             raise root.error_at("to_board", "must be another board than from_board")
     inputs = config_inputs(root.value, left_out=("cell",))
     return Task(

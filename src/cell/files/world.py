@@ -35,7 +35,7 @@ def _of_joints(unit: str, largest: float) -> Rule[Array]:
 
 
 class WorldValues(Keys):
-    """Values of a world file that programs use as they are."""
+    """Values of a world file that are used unchanged."""
 
     seed: int = key("seed", integer(0, 2**31 - 1), 0)
     noise_grey: float = key("noise_grey", number("grey levels", 0, 50), 2)
@@ -50,7 +50,8 @@ class World(WorldValues):
         boards: boards that stand in the cell.
         links: link errors of the true arm.
         camera: true camera if it differs from the cell's, else None.
-        releases: how the first cubes released over a hole come to rest, in order, of `RELEASES`; later ones are seated.
+        releases: how the first cubes that are released over a hole come to rest, each one of `RELEASES`; later cubes
+            are seated.
     """
 
     file: Path

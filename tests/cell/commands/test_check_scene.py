@@ -50,14 +50,14 @@ def test_coal_finds_what_the_file_expects(scene: SceneFile) -> None:
 def test_mujoco_finds_what_the_file_expects(scene: SceneFile) -> None:
     judge = MujocoScene(scene)
     for query in scene.queries:
-        distance, _ = judge.closest(query.q, query.allowed)
+        distance, _ = judge.closest(query.q[0], query.allowed)
         assert query.expected.distance == pytest.approx(distance, abs=AGREES)
         assert query.expected.verdict == ("free" if distance > 0.0 else "collides")
         assert query.expected.pair is not None
         of_pair = judge.cell.distance(*query.expected.pair) - scene.padding
         assert of_pair == pytest.approx(distance, abs=AGREES)
     for motion in scene.motions:
-        distance, _ = judge.least(motion.ends, motion.allowed, samples=201)
+        distance, _ = judge.least(motion.q, motion.allowed, samples=201)
         assert motion.expected.distance == pytest.approx(distance, abs=AGREES)
         assert motion.expected.verdict == ("clear" if distance >= motion.asked else "too close")
 

@@ -161,13 +161,6 @@ def test_mistakes_are_told(scenes: Path, file: str, old: str, new: str, message:
     assert "\n" not in str(error.value)
 
 
-def test_a_cell_file_alone_is_enough_for_its_cell(scenes: Path) -> None:
-    cell = read_cell(scenes / "cell.toml")
-    assert cell.board((2, 1)).name == "01-02"
-    with pytest.raises(InputError, match="lists boards 1,2, 3,4"):
-        cell.board((1, 4))
-
-
 def test_a_misspelt_key_is_named_even_where_another_is_missing(scenes: Path) -> None:
     cell = scenes / "cell.toml"
     for key, wrong in (("speed ", "speeed "), ("rest_tolerance_counts", "rest_tolerence_counts")):

@@ -77,13 +77,16 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
     [
         (lambda b: b.update(marker_ids=[1, 99]), r"marker_ids = \[1, 99\]: is not a board of the cell file"),
         (lambda b: b.update(T_base_board=np.zeros((4, 4)).tolist()), "01-02.T_base_board"),
-        (lambda b: b["holes"][0].update(state="full"), "four of cube, empty, unsure"),
-        (lambda b: b["holes"].pop(), "four of cube, empty, unsure"),
-        (lambda b: b.update(covariance=[[1.0]]), "must be 6 by 6"),
+        (lambda b: b["holes"][0].update(state="full"), "'full': must be one of cube, empty, unsure"),
+        (lambda b: b["holes"].pop(), "must be four, each one of cube, empty, unsure"),
+        (lambda b: b.update(covariance=[[1.0]]), "01-02.covariance.*must be 6 rows of 6 finite numbers"),
         (lambda b: b.update(covariance=np.full((6, 6), 1e400).tolist()), "finite"),
-        (lambda b: b.update(verdict="refused"), "must be 'accepted'"),
+        (lambda b: b.update(verdict="refused"), "verdict = 'refused': must be one of accepted"),
         (lambda b: b["holes"].reverse(), "in the order of the board's file"),
-        (lambda b: b.pop("residual_px"), "look.json: residual_px: is missing; a465 look writes it"),
+        (
+            lambda b: b.pop("residual_px"),
+            "look.json: 01-02.residual_px: is missing .a465 look writes this file",
+        ),
         (lambda b: b.update(residual_px="low"), "look again"),
     ],
 )

@@ -28,9 +28,9 @@ def test_the_fixtures_cover_what_they_should() -> None:
     assert any(s.padding for s in scenes)
     hidden = read_scene_file(FOLDER / "hidden_hit.toml")
     sweep = hidden.motions[0]
-    free = [q.q for q in hidden.queries if q.expected.verdict == "free"]
+    free = [q.q[0] for q in hidden.queries if q.expected.verdict == "free"]
     for s in (0.0, 0.5, 1.0):
-        assert any(np.allclose(sweep.ends[0] + s * (sweep.ends[1] - sweep.ends[0]), q) for q in free)
+        assert any(np.allclose(sweep.q[0] + s * (sweep.q[1] - sweep.q[0]), q) for q in free)
     assert sweep.expected.verdict == "too close"
 
 

@@ -99,11 +99,11 @@ def expected_lines(scene: SceneFile) -> dict[str, list[list[str]]]:
     judge = MujocoScene(scene)
     lines: dict[str, list[list[str]]] = {"[[queries]]": [], "[[motions]]": []}
     for query in scene.queries:
-        distance, pair = judge.closest(query.q, query.allowed)
+        distance, pair = judge.closest(query.q[0], query.allowed)
         verdict = "free" if distance > 0.0 else "collides"
         lines["[[queries]]"].append(_lines(verdict, "distance_mm", distance, pair))
     for motion in scene.motions:
-        distance, pair = judge.least(motion.ends, motion.allowed)
+        distance, pair = judge.least(motion.q, motion.allowed)
         verdict = "clear" if distance >= motion.asked else "too close"
         lines["[[motions]]"].append(_lines(verdict, "clearance_mm", distance, pair))
     return lines
