@@ -2,4 +2,4 @@
 
 from arm.former import former_names
 
-former_names(__name__, "cell.doctor.doctor", "Rows", "doctor_step")
+former_names(__name__, "cell.doctor.doctor", "doctor_step")

@@ -30,9 +30,9 @@ class ReadCell:
     """A cell that was read, with or without its calibration.
 
     Attributes:
-        cell: the cell, without its calibration if that cannot be used.
+        cell: the cell; without its calibration if that cannot be used.
         title: name of the file, for the table.
-        unusable: reason why the calibration cannot be used; empty if it can or there is none.
+        unusable: why the calibration cannot be used; empty if it can, or if there is none.
     """
 
     cell: Cell
@@ -71,10 +71,8 @@ def _cell_finding(read: ReadCell) -> CheckResult:
 
 def _shape_finding(cell: Cell) -> CheckResult:
     data = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
-    compared = bool(cell.arm_compared.strip())
-    return CheckResult(
-        "arm's shape", OK if compared else NOTE, arm_shape(cell), "" if compared else COMPARE, data
-    )
+    verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
+    return CheckResult("arm's shape", verdict, arm_shape(cell), help, data)
 
 
 def _lens_finding(cell: Cell) -> CheckResult:
@@ -84,14 +82,13 @@ def _lens_finding(cell: Cell) -> CheckResult:
     data = {"file": str(cell.camera_file), "id": name, "age_days": days, "work_std_mm": std}
     found = f"{name}, {dated}"
     if cell.nominal_camera.lens_digest == read_camera(data_file(NOMINAL_LENS)).lens_digest:
-        return CheckResult(
-            "lens", NOTE, f"{found}: the nominal lens of a lab, not calibrated", CALIBRATE_LENS, data
-        )
-    if cell.nominal_camera.lens_covariance is None or std is None:
-        return CheckResult("lens", NOTE, f"{found}: without uncertainty", CALIBRATE_LENS, data)
-    return CheckResult(
-        "lens", OK, f"{found}: {std:g} mm at the work points (one standard deviation)", "", data
-    )
+        note = "the nominal lens of a lab, not calibrated"
+    elif cell.nominal_camera.lens_covariance is None or std is None:
+        note = "without uncertainty"
+    else:
+        found = f"{found}: {std:g} mm at the work points (one standard deviation)"
+        return CheckResult("lens", OK, found, "", data)
+    return CheckResult("lens", NOTE, f"{found}: {note}", CALIBRATE_LENS, data)
 
 
 def _arm_finding(read: ReadCell) -> CheckResult:
@@ -111,12 +108,9 @@ def _arm_finding(read: ReadCell) -> CheckResult:
         for what, digest in (("lens", calibration.lens), ("arm", calibration.dh))
         if digest not in (cell.camera.lens_digest, A465.digest)
     ]
-    if unnamed:
-        return CheckResult(
-            "hand-eye", NOTE, f"{found}: does not name its {' and '.join(unnamed)}", CALIBRATE_ARM, data
-        )
-    if "held_out_mm" not in made:
-        return CheckResult("hand-eye", NOTE, f"{found}: without uncertainty", CALIBRATE_ARM, data)
+    if unnamed or "held_out_mm" not in made:
+        note = f"does not name its {' and '.join(unnamed)}" if unnamed else "without uncertainty"
+        return CheckResult("hand-eye", NOTE, f"{found}: {note}", CALIBRATE_ARM, data)
     accuracy = f"held-out error {made['held_out_mm']:g} mm"
     if "camera_std_mm" in made:
         accuracy += f", camera position {made['camera_std_mm']:g} mm (one standard deviation)"

@@ -15,7 +15,7 @@ from cell.doctor.finding import NOTE, OK, CheckResult
 if TYPE_CHECKING:
     from cell.config.cell import Cell
 
-FIRMWARE = "MARS8"  # of every known unit
+FIRMWARE = "MARS8"  # that every known unit reports
 
 
 def check_ports() -> CheckResult:
@@ -25,30 +25,20 @@ def check_ports() -> CheckResult:
     ports = [_port(d) for d in sorted({p.device for p in list_ports.comports(include_links=True)})]
     data = {"ports": ports}
     if not ports:
-        return CheckResult(
-            "serial ports",
-            NOTE,
-            "none",
-            "a real arm needs one: plug in its adapter; the simulated cell needs none",
-            data,
-        )
+        help = "a real arm needs one: plug in its adapter; the simulated cell needs none"
+        return CheckResult("serial ports", NOTE, "none", help, data)
     closed = [p for p in ports if not p["may_open"]]
     shown = ", ".join(p["device"] + ("" if p["may_open"] else " (no permission)") for p in ports)
     if closed:
         groups = " or ".join(sorted({p["group"] for p in closed if p["group"]})) or "dialout"
         help = f"join the group {groups}: sudo usermod -aG GROUP USER, and log in again"
         return CheckResult("serial ports", NOTE, shown, help, data)
-    return CheckResult(
-        "serial ports", OK, f"{shown}: you may open {'it' if len(ports) == 1 else 'them'}", "", data
-    )
+    them = "it" if len(ports) == 1 else "them"
+    return CheckResult("serial ports", OK, f"{shown}: you may open {them}", "", data)
 
 
 def _port(device: str) -> dict[str, Any]:
-    return {
-        "device": device,
-        "may_open": os.access(device, os.R_OK | os.W_OK),
-        "group": _group(device),
-    }
+    return {"device": device, "may_open": os.access(device, os.R_OK | os.W_OK), "group": _group(device)}
 
 
 def _group(device: str) -> str:
@@ -66,13 +56,9 @@ class Answered:
     version: str
     answer_s: float
 
-    def to_json(self) -> dict[str, Any]:
-        """Return both as JSON types."""
-        return asdict(self)
-
 
 def ask(url: str, firmware: str) -> Answered:
-    """Identify a unit with the harmless commands that are allowed before identification.
+    """Identify a unit by commands that are allowed before identification: they move and set nothing.
 
     Raises:
         InputError: the port cannot be opened, or no unit with this firmware answers.
@@ -100,7 +86,7 @@ def check_controller(port: str) -> CheckResult:
     """
     answer = ask(port, FIRMWARE)
     found = f"{port}: {answer.version}; answers in {1e3 * answer.answer_s:.0f} ms; it cannot report which arm it drives"
-    return CheckResult("controller", OK, found, "", {"port": port, **answer.to_json()})
+    return CheckResult("controller", OK, found, "", {"port": port, **asdict(answer)})
 
 
 def check_cameras() -> CheckResult:
@@ -113,7 +99,7 @@ def check_cameras() -> CheckResult:
 
     try:
         with warnings.catch_warnings():
-            # its SWIG types warn; as errors (python -W error) these warnings would crash the interpreter
+            # The SWIG types of pylon warn. As errors (python -W error) the warnings would crash the interpreter.
             warnings.simplefilter("ignore")
             from pypylon import genicam, pylon
     except ImportError as error:
@@ -134,7 +120,7 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
 
     Args:
         selector: selector of the camera; `cell.config.camera_keys.OF_CELL`: the one of the cell file.
-        cell: cell with the camera's settings and the size of its images; None: any.
+        cell: cell with the camera's settings and the size of its images; None: any settings and size.
 
     Raises:
         InputError: the selector is invalid.
@@ -153,10 +139,5 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
         (image,) = camera.grab(1)
         description = camera.description
     grey = float(image.mean())
-    return CheckResult(
-        "photograph",
-        OK,
-        f"{description}; mean grey {grey:.0f} of 255",
-        "",
-        {"camera": selector, "size_px": list(image.shape[::-1]), "mean_grey": grey},
-    )
+    data = {"camera": selector, "size_px": list(image.shape[::-1]), "mean_grey": grey}
+    return CheckResult("photograph", OK, f"{description}; mean grey {grey:.0f} of 255", "", data)

@@ -1,15 +1,18 @@
 """``a465 doctor``: check the installation, the devices and a cell. This module imports nothing that may be missing.
 
-Every check has a deadline and ends as a row of the table, whatever happens in it.
+Every check has a deadline and becomes a row of the table, even if it fails.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cell.console import WIDTH, Console
+from cell.doctor import devices, installation
 from cell.doctor.finding import OK, VERDICTS, WRONG, CheckResult, guarded
 
 if TYPE_CHECKING:
@@ -21,8 +24,6 @@ _INSTALL_S, _PORTS_S, _CELL_S = 20.0, 10.0, 60.0
 _CONTROLLER_S = 40.0  # three STAMP commands, VER, and the look-up of a host name
 _CAMERAS_S, _PHOTOGRAPH_S = 30.0, 100.0  # network cameras are found by broadcast
 _SELF_TEST_S = 60.0  # takes five seconds; more on a slow disk
-
-Rows = Callable[[], "CheckResult | Iterable[CheckResult]"]
 
 
 def doctor_step(
@@ -42,61 +43,32 @@ def doctor_step(
         console.progress(finding.check, len(findings) / ROWS)
     console.table(_HEADER, [_table_row(finding) for finding in findings], WIDTH)
     verdict = max((f.verdict for f in findings), key=VERDICTS.index)
-    counted = ", ".join(f"{sum(f.verdict == v for f in findings)} {v}" for v in VERDICTS)
-    console.say(counted)
+    console.say(", ".join(f"{sum(f.verdict == v for f in findings)} {v}" for v in VERDICTS))
     return {
         "verdict": verdict,
         "wrong": [f.check for f in findings if f.verdict == WRONG],
-        "checks": [f.to_json() for f in findings],
+        "checks": [asdict(f) for f in findings],
     }
 
 
 def _findings(port: str | None, camera: str | None, cell_file: Path | None) -> Iterator[CheckResult]:
     """Run the checks one after the other; each imports what it needs."""
-    from cell.doctor import installation as install
-
-    yield from _row("Python", install.check_python, _INSTALL_S)
-    yield from _row("libraries", install.check_libraries, _INSTALL_S)
-    yield from _row("extras", install.check_extras, _INSTALL_S)
-    yield from _devices(port)
-    read = guarded("cell", lambda: _read_cell(cell_file), _CELL_S, "see docs/new-cell.md for the keys")
-    cell: Cell | None = None
-    if isinstance(read, CheckResult):
-        yield read
-    else:
-        found, cell = read
-        yield from found
-    yield from _cameras(camera, cell if cell_file is not None else None)
-    yield from _self_test(cell)
-
-
-def _row(check: str, run: Rows, seconds: float, help: str = "") -> Iterator[CheckResult]:
-    """Yield the rows of a check, or one row that says why it failed."""
-
-    def all_rows() -> tuple[CheckResult, ...]:
-        found = run()
-        return (found,) if isinstance(found, CheckResult) else tuple(found)
-
-    rows = guarded(check, all_rows, seconds, help)
-    yield from (rows,) if isinstance(rows, CheckResult) else rows
-
-
-def _devices(port: str | None) -> Iterator[CheckResult]:
-    from cell.doctor import devices
-
-    yield from _row("serial ports", devices.check_ports, _PORTS_S)
+    yield guarded("Python", installation.check_python, _INSTALL_S)
+    yield guarded("libraries", installation.check_libraries, _INSTALL_S)
+    extras = guarded("extras", lambda: tuple(installation.check_extras()), _INSTALL_S)
+    yield from (extras,) if isinstance(extras, CheckResult) else extras
+    yield guarded("serial ports", devices.check_ports, _PORTS_S)
     if port is not None:
         help = "check that it is the controller's port, that the unit is on, and that no other program uses the port"
-        yield from _row("controller", lambda: devices.check_controller(port), _CONTROLLER_S, help)
-
-
-def _cameras(camera: str | None, cell: Cell | None) -> Iterator[CheckResult]:
-    from cell.doctor import devices
-
-    yield from _row("cameras", devices.check_cameras, _CAMERAS_S, "docs/cameras.md")
+        yield guarded("controller", lambda: devices.check_controller(port), _CONTROLLER_S, help)
+    read = guarded("cell", lambda: _read_cell(cell_file), _CELL_S, "see docs/new-cell.md for the keys")
+    found, cell = ((read,), None) if isinstance(read, CheckResult) else read
+    yield from found
+    yield guarded("cameras", devices.check_cameras, _CAMERAS_S, "docs/cameras.md")
     if camera is not None:
-        help = "see docs/cameras.md for the meaning of each reason"
-        yield from _row("photograph", lambda: devices.check_photograph(camera, cell), _PHOTOGRAPH_S, help)
+        help, of = "see docs/cameras.md for the meaning of each reason", None if cell_file is None else cell
+        yield guarded("photograph", lambda: devices.check_photograph(camera, of), _PHOTOGRAPH_S, help)
+    yield from _self_test(cell)
 
 
 def _read_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
@@ -106,35 +78,27 @@ def _read_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
     return tuple(check_cell(read)), read.cell
 
 
-def _built_in() -> Cell:
-    from cell.doctor.cell import read_named
-
-    return read_named(None).cell
-
-
 def _self_test(cell: Cell | None) -> Iterator[CheckResult]:
-    def motion() -> CheckResult:
-        from cell.doctor import self_test as selftest
+    """Run the self-test in a cell; None: the built-in one."""
 
-        return selftest.check_motion(cell or _built_in())
+    def tests() -> ModuleType:
+        from cell.doctor import self_test
 
-    def look() -> CheckResult:
-        from cell.doctor import self_test as selftest
-
-        return selftest.check_detection()
-
-    def unit() -> CheckResult:
-        from cell.doctor import self_test as selftest
-
-        return selftest.check_unit(cell or _built_in())
+        return self_test
 
     near = "q_start_deg or a body of the cell file may be wrong; a465 check CELL --q=J1,..,J6 lists the closest bodies"
-    yield from _row("self-test: plan", motion, _SELF_TEST_S, near)
-    yield from _row("self-test: look", look, _SELF_TEST_S, "report this, with the output of --json")
-    yield from _row("self-test: unit", unit, _SELF_TEST_S, "check that /dev/pts exists")
+    report = "report this, with the output of --json"
+    yield guarded(
+        "self-test: plan", lambda: tests().check_motion(cell or _read_cell(None)[1]), _SELF_TEST_S, near
+    )
+    yield guarded("self-test: look", lambda: tests().check_detection(), _SELF_TEST_S, report)
+    pty = "check that /dev/pts exists"
+    yield guarded(
+        "self-test: unit", lambda: tests().check_unit(cell or _read_cell(None)[1]), _SELF_TEST_S, pty
+    )
 
 
 def _table_row(finding: CheckResult) -> tuple[str, str, str]:
-    """What was found, and below it what would help."""
+    """Return the cells of a row: what was found has what would help below it."""
     help = f"\n-> {finding.help}" if finding.verdict != OK and finding.help else ""
     return finding.check, finding.verdict, finding.found + help

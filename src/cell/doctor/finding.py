@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from arm.errors import A465Error
@@ -21,9 +21,9 @@ class CheckResult:
     Attributes:
         check: name of the check.
         verdict: one of `VERDICTS`; a note prevents nothing.
-        found: finding in words.
+        found: what was found, in words.
         help: what would help if the verdict is not ok.
-        data: finding as JSON types.
+        data: what was found, as JSON types.
     """
 
     check: str
@@ -32,12 +32,8 @@ class CheckResult:
     help: str = ""
     data: Mapping[str, Any] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return all attributes."""
-        return asdict(self)
 
-
-def guarded(check: str, run: Callable[[], T], seconds: float, help: str) -> T | CheckResult:
+def guarded(check: str, run: Callable[[], T], seconds: float, help: str = "") -> T | CheckResult:
     """Return the result of `run`, or a row with the verdict wrong if it fails or exceeds its time.
 
     Args:

@@ -88,10 +88,8 @@ def _installed(names: Iterable[str]) -> dict[str, str | None]:
 
 def _complaints(needed: Mapping[str, SpecifierSet], there: Mapping[str, str | None]) -> list[str]:
     """Return the libraries that are missing or have another version, in words."""
-    missing = {name: f"{name} is missing" for name in needed if there[name] is None}
-    other = {
-        name: f"{name} {now} is not {needed[name]}"
-        for name, now in there.items()
-        if now is not None and not needed[name].contains(now, prereleases=True)
-    }
-    return [words for name in needed if (words := missing.get(name) or other.get(name))]
+    return [
+        f"{name} is missing" if now is None else f"{name} {now} is not {asked}"
+        for name, asked in needed.items()
+        if (now := there[name]) is None or not asked.contains(now, prereleases=True)
+    ]

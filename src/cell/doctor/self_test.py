@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from arm.errors import ImpossibleError
@@ -23,8 +25,8 @@ from render.renderer import PlacedBoard, render, with_noise
 from vision.boards.pose import estimate_board_pose
 from vision.markers.detect import detect_markers
 
-TURN = np.radians(5.0)  # of J6: hardly changes any clearance
-HOLE_LIMIT = 0.1e-3  # largest error of a detected hole, m; three times the error of this image
+TURN = np.radians(5.0)  # rotation of J6: it hardly changes any clearance
+HOLE_LIMIT = 0.1e-3  # largest error of a detected hole, m; three times the error in this image
 NOISE_GREY = 2.0
 
 
@@ -48,16 +50,14 @@ def check_motion(cell: Cell) -> CheckResult:
     if plan is None:
         raise ImpossibleError("a rotation of J6 by 5 deg was planned as no motion at all", joint="J6")
     moves = replay(plan, scene, unit, limits)
-    clearance = min(m.check.clearance for m in moves)
-    pair = min(moves, key=lambda m: m.check.clearance).check.pair
-    return CheckResult(
-        "self-test: plan",
-        OK,
+    closest = min(moves, key=lambda m: m.check.clearance).check
+    clearance, pair = closest.clearance, closest.pair
+    found = (
         f"J6 by 5 deg from q_start in {plan.duration_s:.2f} s, certified and checked: {1e3 * clearance:.1f} mm "
-        f"({' - '.join(pair)})",
-        "",
-        {"motion_s": plan.duration_s, "clearance_mm": 1e3 * clearance, "closest": list(pair)},
+        f"({' - '.join(pair)})"
     )
+    data = {"motion_s": plan.duration_s, "clearance_mm": 1e3 * clearance, "closest": list(pair)}
+    return CheckResult("self-test: plan", OK, found, "", data)
 
 
 def check_detection() -> CheckResult:
@@ -92,4 +92,4 @@ def check_unit(cell: Cell) -> CheckResult:
     with Emulator(unit, Clock()) as emulator:
         answer = ask(emulator.open_pty(), unit.firmware)
     found = f"an emulated {unit.name} on a pseudo-terminal answers in {1e3 * answer.answer_s:.0f} ms"
-    return CheckResult("self-test: unit", OK, found, "", answer.to_json())
+    return CheckResult("self-test: unit", OK, found, "", asdict(answer))
