@@ -1,7 +1,7 @@
 """Terminal output: lines, tables and progress, or one JSON object on standard output.
 
-Tables and progress are laid out by rich, which is loaded when the first is shown. Tables are plain text everywhere: as
-wide as they need to be in a file or a pipe, wrapped at the width of a terminal. Progress is one line at the bottom of a
+rich lays out tables and progress; it is loaded when the first is shown. Tables are plain text. In a file or a pipe they
+are as wide as they need to be; on a terminal they are wrapped at its width. Progress is one line at the bottom of a
 terminal, on standard error.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rich.live import Live
 
 WIDTH = 80
-TICK_S = 0.5  # work that is shorter shows no busy line
+TICK_S = 0.5  # shorter work shows no busy line
 _REDRAWS = 10  # per second, of the progress line
 _UNBOUNDED = 100_000  # width of a table that is not wrapped
 
@@ -39,9 +39,10 @@ class OutputLost(ExecutionStopped):
 
 
 class Console:
-    """Write text. The first failed write raises `OutputLost` (a closed pipe only in `heard`); later ones are lost.
+    """Write text to the terminal, a file or a pipe.
 
-    With `as_json`, standard output gets exactly one JSON object at the end; all other output goes to standard error.
+    The first write that fails raises `OutputLost`; a closed pipe does so only inside `heard`. Later writes are ignored.
+    With `as_json`, standard output gets one JSON object at the end; everything else goes to standard error.
 
     Attributes:
         listener: called with every line of `step` before it is written, or None.
@@ -56,8 +57,7 @@ class Console:
         self._terminal = self._stream is not None and self._stream.isatty()
         self._busy, self._busy_s = "", 0.0  # text of the busy line, and since when
         self._bar: RenderableType = ""
-        # When the bar or a line was last written; no busy line for a while after it.
-        self._bar_s = -math.inf
+        self._bar_s = -math.inf  # when the bar or a line was last written: the busy line waits after it
         self._lost: OSError | None = None
         self._needed = False
         self._started = time.monotonic()
@@ -65,7 +65,7 @@ class Console:
 
     @contextlib.contextmanager
     def heard(self) -> Iterator[None]:
-        """Require a reader inside the block, where the arm may move.
+        """Inside the block, where the arm may move, require that somebody reads the output.
 
         Raises:
             OutputLost: the reader is gone.
@@ -109,12 +109,8 @@ class Console:
 
     def _show_progress(self) -> None:
         with self._lock:
-            if (
-                not self._terminal
-                or sys.stderr is None
-                or not sys.stderr.isatty()
-                or Console._line is not None
-            ):
+            shows = self._terminal and sys.stderr is not None and sys.stderr.isatty()
+            if not shows or Console._line is not None:
                 return
             from rich.console import Console as Terminal
             from rich.live import Live
@@ -145,7 +141,9 @@ class Console:
         """Write a table with numbers right-aligned and text left-aligned.
 
         Args:
-            width: at most, in columns; longer texts are wrapped. None: that of the terminal, or as wide as need be.
+            header: names of the columns.
+            rows: cells of each row.
+            width: largest width in columns; longer texts are wrapped. None: the terminal's, or any in a file or a pipe.
         """
         for line in table_lines(header, rows, width or (None if self._terminal else _UNBOUNDED)):
             self.say(line)
@@ -215,7 +213,7 @@ def _silence(stream: TextIO) -> None:
 
 
 def progress_bar(text: str, fraction: float, hint: str) -> RenderableType:
-    """Return a line of text, bar, percentage and hint; where there is little room, text and bar give way."""
+    """Return a line of text, bar, percentage and hint; on a narrow terminal text and bar are shortened."""
     from rich.progress_bar import ProgressBar
     from rich.table import Table
     from rich.text import Text
@@ -251,13 +249,12 @@ def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]], width: 
     return [line.rstrip() for line in drawn.get().splitlines()]
 
 
-def _plain(value: object) -> str:
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
-
-
 def _text(value: object) -> str:
+    """Return the text of a table's cell; small numbers have one more decimal."""
     if value is None:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.3f}" if isinstance(value, float) and abs(value) < 0.1 else _plain(value)
+    if isinstance(value, float):
+        return f"{value:.3f}" if abs(value) < 0.1 else f"{value:.2f}"
+    return str(value)

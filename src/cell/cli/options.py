@@ -1,4 +1,4 @@
-"""Arguments, options and ends that several commands share. Valued options are named after their parameter."""
+"""Arguments, options and exits that several commands share. An option with a value is named after its parameter."""
 
 from __future__ import annotations
 

@@ -75,12 +75,9 @@ def render(
 ) -> None:
     folder = output or Path("photographs")
     with answering("rendering", as_json) as console:
-        from cell.commands.render import render_step, target_step
+        from cell.commands.render import render_step
 
-        if target is None:
-            console.result(render_step(task, world, folder, count, console))
-        else:
-            console.result(target_step(task, target, seed, folder, count, console))
+        console.result(render_step(task, world, folder, count, console, target, seed))
 
 
 @tools.command(

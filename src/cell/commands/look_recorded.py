@@ -72,6 +72,11 @@ def _tilt_deg(pose: BoardPose) -> float:
 
 
 def _print_table(seen: list[BoardAssessment], T_camera_base: Array, tilts: bool, console: Console) -> None:
+    header = (
+        *("scene", "x mm", "y mm", "z mm", "tilt deg"),
+        *(["tilt class"] if tilts else []),
+        *("std mm", "px", "verdict"),
+    )
     rows = [
         (
             number,
@@ -83,21 +88,10 @@ def _print_table(seen: list[BoardAssessment], T_camera_base: Array, tilts: bool,
             "accepted" if s.accepted else "refused",
         )
         if s.pose is not None
-        else (number, *[None] * (7 if tilts else 6), "refused")
+        else (number, *[None] * (len(header) - 2), "refused")
         for number, s in enumerate(seen, start=1)
     ]
-    header = (
-        "scene",
-        "x mm",
-        "y mm",
-        "z mm",
-        "tilt deg",
-        *(["tilt class"] if tilts else []),
-        "std mm",
-        "px",
-        "verdict",
-    )
-    console.table(header, [tuple(float(v) if isinstance(v, np.floating) else v for v in row) for row in rows])
+    console.table(header, rows)
     for number, s in enumerate(seen, start=1):
         for doubt in s.doubts:
             console.say(f"scene {number}: {doubt}")

@@ -27,7 +27,6 @@ from vision.camera.model import CameraKeys
 PLACEHOLDER = "placeholder"
 LONGEST_NAME = 60
 
-
 _FILES: dict[str, tuple[str, str, type[Keys]]] = {
     "cell.toml": ("scenes/cell.toml", "cell", CellKeys),
     "camera.toml": ("scenes/cameras/lab.toml", "camera", CameraKeys),
@@ -37,7 +36,7 @@ _FILES: dict[str, tuple[str, str, type[Keys]]] = {
     "task2.toml": ("scenes/task2.toml", "task", Task2Keys),
     "task2.world.toml": ("scenes/task2.world.toml", "world", WorldKeys),
 }
-"""Of each file of a new cell: the scene with its values, the name of its texts, and the declaration of its keys."""
+"""Source of each file of a new cell: scene file with its values, name of its texts, declaration of its keys."""
 
 
 def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Console) -> dict[str, Any]:

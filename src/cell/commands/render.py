@@ -21,55 +21,41 @@ TARGET_IMAGES = 20  # default number
 
 
 def render_step(
-    task_file: Path, world: Path | None, output: Path, count: int | None, console: Console
+    task_file: Path,
+    world: Path | None,
+    output: Path,
+    count: int | None,
+    console: Console,
+    target_file: str | None = None,
+    seed: int = 0,
 ) -> dict[str, Any]:
-    """Write images of the simulated cell with the arm at q_start.
+    """Write images of the simulated cell with the arm at q_start, or of a target as for a lens calibration.
 
     Args:
         task_file: task file with the cell.
-        world: ground truth; None: the world file beside the task file.
+        world: ground truth of the cell; None: the world file beside the task file.
         output: folder of the images.
-        count: number of images; None: that of a look.
+        count: number of images; None: that of a look, or `TARGET_IMAGES`.
         console: output.
-
-    Raises:
-        InputError: a file or the count is wrong.
-    """
-    task = read_task(task_file)
-    wanted = _count(count, task.cell.photographs)
-    return _write(camera_at_start(task, world).grab(wanted), wanted, output / "photograph", "", console)
-
-
-def target_step(
-    task_file: Path, target_file: str, seed: int, output: Path, count: int | None, console: Console
-) -> dict[str, Any]:
-    """Write images in which a target covers the field of view, as for a lens calibration.
-
-    Args:
-        task_file: task file with the cell.
-        target_file: target file, or "charuco" for the default one.
-        seed: seed of the poses and the noise.
-        output: folder of the images.
-        count: number of images; None: `TARGET_IMAGES`.
-        console: output.
+        target_file: file of a target that covers the field of view, or "charuco" for the default one; None: the cell.
+        seed: seed of the target's poses and of their noise.
 
     Raises:
         InputError: a file, the count or the seed is wrong.
     """
-    wanted = _count(count, TARGET_IMAGES)
+    if count is not None and not 1 <= count <= 1000:
+        raise InputError(f"count = {count}: must be from 1 to 1000", count=count)
+    task = read_task(task_file)
+    if target_file is None:
+        wanted = count or task.cell.photographs
+        images: Iterable[Image] = camera_at_start(task, world).grab(wanted)
+        return _write(images, wanted, output / "photograph", "", console)
     if seed < 0:
         raise InputError(f"--seed {seed}: must be 0 or more", seed=seed)
     target = Target() if target_file == "charuco" else read_target(Path(target_file))
-    camera, rng = read_task(task_file).cell.camera, np.random.default_rng(seed)
+    camera, rng, wanted = task.cell.camera, np.random.default_rng(seed), count or TARGET_IMAGES
     images = (photograph_target(camera, target, T, rng) for T in random_poses(camera, target, rng, wanted))
     return _write(images, wanted, output / "target", f" of {target.label()}", console)
-
-
-def _count(count: int | None, usual: int) -> int:
-    wanted = usual if count is None else count
-    if not 1 <= wanted <= 1000:
-        raise InputError(f"count = {wanted}: must be from 1 to 1000", count=wanted)
-    return wanted
 
 
 def _write(images: Iterable[Image], wanted: int, stem: Path, what: str, console: Console) -> dict[str, Any]:

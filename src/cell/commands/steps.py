@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,17 +57,16 @@ def look_step(
     return result
 
 
-@contextmanager
-def _frames(task: Task, images: Path | None, camera: str | None, world: Path | None) -> Iterator[FrameSource]:
+def _frames(
+    task: Task, images: Path | None, camera: str | None, world: Path | None
+) -> AbstractContextManager[FrameSource]:
     from cell.session.cameras import open_basler
     from cell.session.connection import camera_at_start
     from vision.camera.frame_source import ImageFolder
 
     if camera is not None:
-        with open_basler(task.cell, camera) as opened:
-            yield opened
-    else:
-        yield ImageFolder(images) if images is not None else camera_at_start(task, world)
+        return open_basler(task.cell, camera)
+    return nullcontext(ImageFolder(images) if images is not None else camera_at_start(task, world))
 
 
 def _print_look(seen: Observation, console: Console) -> None:

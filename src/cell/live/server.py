@@ -1,8 +1,8 @@
 """A read-only server on the loopback that shows a run: one page, and the run's state as JSON, which the page polls.
 
-The thread that drives the arm only puts messages into an inbox, which never blocks it. The server's thread takes them
-out several times a second and keeps the state; a thread per request answers. An answer waits for news for a while, so
-that the page shows them at once, and a page in the background, whose timers are slowed down, misses none.
+The thread that drives the arm only puts messages into a queue, which never blocks it. The server's thread empties the
+queue several times a second and keeps the state; a thread per request answers. A request for the state waits until the
+state changes (long polling). So the page is up to date even in the background, where browsers slow its timers down.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from cell.preview.page import waiting_page
 
 HOST = "127.0.0.1"
 MOST_CONNECTIONS = 32
-MOST_MESSAGES = 20_000  # messages in the inbox; more are dropped
+MOST_MESSAGES = 20_000  # in the queue; further ones are dropped
 PATIENCE_S = 5.0  # timeout of a client that neither sends nor reads
 TICK_S = 0.1  # period in which messages become visible
-HOLD_S = 1.0  # longest wait of an answer for news
-GOODBYE_S = 0.5  # for pages that are open to ask for the end of the run
+HOLD_S = 1.0  # longest wait of an answer for a change
+GOODBYE_S = 0.5  # in which open pages can ask for the end of the run
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -45,7 +45,7 @@ class LiveServer(ThreadingHTTPServer):
     """The server of one run.
 
     Args:
-        port: to listen on; 0: any free port.
+        port: port to listen on; 0: any free port.
 
     Raises:
         InputError: it cannot listen there.
@@ -56,9 +56,9 @@ class LiveServer(ThreadingHTTPServer):
 
     def __init__(self, port: int) -> None:
         self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._state, self._changed = LiveState(), threading.Condition()  # the state is used under its lock
+        self._state, self._changed = LiveState(), threading.Condition()  # its lock guards the state
         self._waiting_page = waiting_page().encode()
-        self._asked_s = -math.inf  # when a page last asked for the state, monotonic
+        self._asked_s = -math.inf  # monotonic time when a page last asked for the state
         self._connections = threading.BoundedSemaphore(MOST_CONNECTIONS)
         try:
             super().__init__((HOST, port), _Handler)
@@ -73,7 +73,7 @@ class LiveServer(ThreadingHTTPServer):
         )
 
     def server_bind(self) -> None:
-        """Bind without the base class's look-up of the host name."""
+        """Bind without the look-up of the host name that the base class does."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = HOST, self.server_address[1]
 
@@ -92,12 +92,12 @@ class LiveServer(ThreadingHTTPServer):
         self._serving.start()
 
     def put(self, message: Message) -> None:
-        """Queue a message. Returns at once; may be called from any thread."""
+        """Queue a message without waiting. Any thread may call this."""
         if self._inbox.qsize() < MOST_MESSAGES:
             self._inbox.put(message)
 
     def service_actions(self) -> None:
-        """Take the messages. Called by `serve_forever` after each request and every TICK_S."""
+        """Take the queued messages. `serve_forever` calls this after each request and every TICK_S."""
         with self._changed:
             while not self._inbox.empty():
                 self._state.take(self._inbox.get())
@@ -105,7 +105,7 @@ class LiveServer(ThreadingHTTPServer):
             self._changed.notify_all()
 
     def page(self) -> bytes:
-        """Return the page of the plan being executed, or the one that waits for it."""
+        """Return the page of the plan being executed, or the waiting page before the first."""
         with self._changed:
             return self._state.page or self._waiting_page
 
@@ -146,7 +146,7 @@ class LiveServer(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers one request: only GET of the page or of the state."""
+    """Answer one request: a GET of the page or of the state."""
 
     server: LiveServer
     timeout = PATIENCE_S
@@ -168,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.OK, "text/html; charset=utf-8", self.server.page())
         elif (asked := _STATE.fullmatch(self.path)) is None:
             self._refuse(HTTPStatus.NOT_FOUND, "must be / or /state?after=VERSION")
-        # a foreign page must not keep connections busy; browsers name the origin of a request
+        # Browsers state the origin of a request. A page of another origin must not occupy connections.
         elif self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
             self._refuse(HTTPStatus.FORBIDDEN, "only the page of this server may read the state")
         else:

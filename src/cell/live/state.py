@@ -1,6 +1,6 @@
-"""State of a live view: the run as last reported, in versions, so that a page asks only for what is new.
+"""State of a live view: the run as last reported. Versions number its changes, so that a page asks only for new ones.
 
-A `LiveState` is not thread-safe. Times are on the clock of the plan's preview, so that the page can compare them.
+A `LiveState` is not thread-safe. Times are those of the plan's preview, so that the page can compare both.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ class NewPlan:
     """The execution of a plan begins.
 
     Attributes:
-        mark: unique mark of its page.
-        name: of its file.
-        page: its page; None shows the waiting page, which has no mark.
+        mark: identifies the page.
+        name: name of the plan file.
+        plan: the plan.
+        unit: controller that executes it.
+        page: page of the plan; None: the waiting page is shown, which has no mark.
     """
 
     mark: str
@@ -41,7 +43,7 @@ class NewPlan:
 
 
 @dataclass(frozen=True)
-class Told:
+class Line:
     """A line of text for the operator."""
 
     text: str
@@ -56,12 +58,12 @@ class Ended:
 
 @dataclass(frozen=True)
 class Begun:
-    """The run has begun; `control` has the state of pauses."""
+    """The run has begun; `control` reports whether it is paused."""
 
     control: Control
 
 
-Message = Begun | NewPlan | Step | Progress | Told | Ended
+Message = Begun | NewPlan | Step | Progress | Line | Ended
 _T = TypeVar("_T")
 
 
@@ -100,7 +102,7 @@ class LiveState:
                 self._control = control
             case NewPlan():
                 self._follow(message)
-            case Told(text):
+            case Line(text):
                 self._lines.append((self.version, text))
             case Ended(text):
                 self._ended = text
@@ -110,7 +112,7 @@ class LiveState:
                 self._enter(message)
 
     def refresh(self) -> None:
-        """Count a change of the run's state (running, pausing, at rest ..) as a new version."""
+        """Start a new version if the run began to run, to pause, or to rest since the last call."""
         state = self._state()
         if state != self._shown:
             self._shown = state
@@ -167,7 +169,7 @@ class LiveState:
         }
 
     def _place(self, progress: Progress) -> tuple[int | None, float | None]:
-        """First step of the present motion, and the sample's time on the plan's clock."""
+        """Return the first step of the present motion, and the sample's time in the preview, s."""
         found = None if self._index is None else self._motions.get(self._index)
         if found is None or self._unit is None:
             return None, None
@@ -180,6 +182,6 @@ class LiveState:
 
 
 def _after(version: int, kept: deque[tuple[int, _T]]) -> list[_T]:
-    """The values of later versions, in order."""
+    """Return the values of later versions, in order."""
     newest: Iterable[tuple[int, _T]] = takewhile(lambda item: item[0] > version, reversed(kept))
     return [value for _, value in newest][::-1]

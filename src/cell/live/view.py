@@ -12,26 +12,22 @@ from arm.plan_file import Plan, Step
 from cell.console import Console
 from cell.files.task import Task
 from cell.live.server import LiveServer
-from cell.live.state import Begun, NewPlan, Told
+from cell.live.state import Begun, Line, NewPlan
 from cell.preview.of_plan import plan_page
 from cell.session.observer import RunObserver
 from driver.execution.control import Control
 from driver.execution.progress import Progress
 
-LEAST_PORT = 1024  # lower ones need privileges
+LEAST_PORT = 1024  # lower ports need privileges
 
 
 class Live(RunObserver):
-    """Reports a run to a server. Only `plan` takes time; the arm is at rest then.
-
-    Args:
-        server: shows the run.
-    """
+    """Observer that reports a run to a server. Only `plan` takes time; the arm is at rest then."""
 
     def __init__(self, server: LiveServer) -> None:
         self._server = server
         self._task: Task | None = None
-        self._run = secrets.token_hex(4)  # so that a page left open does not match a later run
+        self._run = secrets.token_hex(4)  # a page that was left open must not match a later run
         self._plans = count(1)
 
     def begins(self, task: Task, control: Control) -> None:
@@ -45,7 +41,7 @@ class Live(RunObserver):
         try:
             page = plan_page(self._task, plan, mark).encode()
         except A465Error as error:  # the run goes on without a page
-            self.told(f"no live page of {name}: {error}")
+            self.line(f"no live page of {name}: {error}")
             page = None
         self._server.put(NewPlan(mark, name, plan, self._task.cell.unit, page))
 
@@ -55,18 +51,18 @@ class Live(RunObserver):
     def progress(self, progress: Progress) -> None:
         self._server.put(progress)
 
-    def told(self, text: str) -> None:
+    def line(self, text: str) -> None:
         """Pass on a line of the console."""
-        self._server.put(Told(text))
+        self._server.put(Line(text))
 
 
 @contextmanager
 def live_view(console: Console, port: int = 0) -> Iterator[Live]:
-    """Inside, a run can be watched in a browser on this machine, to its end.
+    """Inside the block, show a run in a browser on this machine.
 
     Args:
-        console: prints the page's URL; its lines are shown on the page.
-        port: to listen on; 0: any free port.
+        console: output; prints the page's URL, and the page shows its lines.
+        port: port to listen on; 0: any free port.
 
     Raises:
         InputError: it cannot listen on the port.
@@ -78,7 +74,7 @@ def live_view(console: Console, port: int = 0) -> Iterator[Live]:
     server = LiveServer(port)
     live = Live(server)
     server.start()
-    console.listener = live.told
+    console.listener = live.line
     text = "not done"
     try:
         console.say(f"live view: {server.url}")

@@ -16,16 +16,16 @@ from cell.report.lens_text import VIEW_COLUMNS, intrinsics_rows, left_out, rms_m
 
 ARROWS = 0.02  # length of the arrow of a typical residual, in image widths
 LABEL = 0.036  # font size of the views' numbers, in image widths
-DEEP = 340  # height of the drawing of the targets
-CELL = 60, 40  # of a work point: width and height
+DEEP = 340  # height of the drawing of the targets, px
+CELL = 60, 40  # width and height of a work point's cell, px
 
 
 def lens_page(c: CameraCalibration, source: str) -> str:
     """Return the page, self-contained. The same calibration gives the same bytes.
 
     Args:
-        c: the calibration.
-        source: of the photographs, for the title.
+        c: calibration.
+        source: name of the folder of images, for the title.
     """
     width, height = c.camera.size
     return render(
@@ -54,7 +54,7 @@ def lens_page(c: CameraCalibration, source: str) -> str:
 
 
 def _corners(c: CameraCalibration) -> dict[str, Any]:
-    """Cells of the image shaded by their number of corners, and an arrow for the residual of every corner, px."""
+    """Return cells of the image shaded by their number of corners, and an arrow for every residual, px."""
     width, height = c.camera.size
     count, (columns, rows) = cells(c), CELLS
     cell_w, cell_h, most = width / columns, height / rows, max(int(count.max()), 1)
@@ -80,7 +80,7 @@ def _corners(c: CameraCalibration) -> dict[str, Any]:
 
 
 def _work(c: CameraCalibration) -> dict[str, Any]:
-    """Standard deviations of the work points, micrometres, as one grid over the image per distance."""
+    """Return the standard deviations of the work points, um: for each distance a grid over the image."""
     sigmas = np.full((LAYERS, ROWS, COLUMNS), np.nan)  # NaN where the lens model has no inverse
     sigmas[:, c.work.seen] = 1e6 * c.work_sigmas.reshape(LAYERS, -1)
     most, limit = float(np.nanmax(sigmas)), 1e3 * c.limits.work_mm
@@ -100,7 +100,7 @@ def _work(c: CameraCalibration) -> dict[str, Any]:
 
 
 def _poses(c: CameraCalibration) -> dict[str, Any] | None:
-    """Outlines of the target in the camera frame, along the image's x and along its y; None without a pose."""
+    """Return outlines of the target in the camera frame, along the image's x and along its y; None without a pose."""
     width, height = c.target.size
     outline = np.array([[0, 0, 0], [width, 0, 0], [width, height, 0], [0, height, 0]], dtype=float)
     placed = [
@@ -150,7 +150,7 @@ def _suspects(c: CameraCalibration) -> Table:
 
 
 def _next_views(c: CameraCalibration) -> Iterator[tuple[int, str, float, float, float]]:
-    """Number, outline, position of the number and its font size, px, of each view to add that is in the image."""
+    """Yield the number, outline, position of the number and font size, px, of each proposed view in the image."""
     lines = np.array([[0, 0, 0], [c.target.size[0], 0, 0], [*c.target.size, 0], [0, c.target.size[1], 0]])
     labels: list[Array] = []
     size = LABEL * c.camera.size[0]
@@ -168,7 +168,7 @@ def _next_views(c: CameraCalibration) -> Iterator[tuple[int, str, float, float, 
 
 
 def _along(corners: Array, steps: int = 12) -> Array:
-    """Points along the closed outline, to show the distortion."""
+    """Return points along the closed outline of `corners`, so that it shows the distortion."""
     after = np.roll(corners, -1, axis=0)
     share = np.arange(steps)[:, None] / steps
     return np.concatenate([a + share * (b - a) for a, b in zip(corners, after, strict=True)])

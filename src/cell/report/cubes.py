@@ -31,7 +31,7 @@ class CubeRow:
         motion_s: duration of its planned motions, s.
         min_clearance: smallest clearance of its moves, m.
         error: distance of its axis from the target's when the jaws opened, m; ground truth, simulated cell only.
-        tilt_error: of its axis, rad; likewise.
+        tilt_error: tilt of its axis then, rad; ground truth, simulated cell only.
         remarks: further results, as text.
     """
 
@@ -45,7 +45,7 @@ class CubeRow:
     remarks: list[str] = field(default_factory=list)
 
     def add_motion(self, steps: Sequence[Step]) -> None:
-        """Add the moves of this cube."""
+        """Add the moves among some steps to the duration and the clearance."""
         moves = [s for s in steps if isinstance(s, Move)]
         self.motion_s += sum(m.path.duration_s for m in moves)
         clearances = [m.clearance for m in moves] + (
@@ -90,7 +90,7 @@ def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
 
 
 def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow) -> None:
-    """Compare the true position of the last cube when the jaws opened with its target."""
+    """Compare the true pose of the last cube with its target, at the moment when the jaws opened."""
     event = next(e for e in reversed(simulated.events) if e.what in RELEASED)
     if event.T_base_cube is None:
         return

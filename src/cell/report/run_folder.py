@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 
 from arm.errors import InputError
@@ -26,20 +27,22 @@ def require_new_folder(asked: Path | None) -> None:
 
 @contextmanager
 def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
-    """Create a new or use an empty folder for a run; remove it at the end if the run wrote nothing.
+    """Create a folder for a run, or use an empty one; remove it at the end if the run wrote nothing.
 
-    The log file is created here, which succeeds only once, so no other run can use the folder.
+    Creating the log file succeeds only once, so no other run can use the folder.
 
     Args:
-        asked: the requested folder; None: ``runs/NAME-1``, ``-2`` .., the first that does not exist.
-        name: of the task.
+        asked: requested folder; None: ``runs/NAME-1``, ``-2`` .., the first that does not exist.
+        name: name of the task.
 
     Raises:
         InputError: the requested folder is not empty, or cannot be made.
     """
     require_new_folder(asked)
     try:
-        folder, made = _next(name) if asked is None else (asked, _make(asked))
+        folder = asked or _next(name)
+        made = asked is None or not asked.exists()
+        folder.mkdir(parents=True, exist_ok=True)
         try:
             (folder / LOG).touch(exist_ok=False)
         except FileExistsError as error:
@@ -60,23 +63,8 @@ def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
                     folder.rmdir()
 
 
-def _make(folder: Path) -> bool:
-    """Make a folder. Return whether it is new.
-
-    Raises:
-        OSError: it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError:
-        if folder.is_dir():
-            return False
-        raise
-    return True
-
-
-def _next(name: str) -> tuple[Path, bool]:
-    """Make a new folder in `RUNS`. Temporary files of killed runs are removed from the others.
+def _next(name: str) -> Path:
+    """Make a new folder in `RUNS`. Remove the temporary files of killed runs from the others.
 
     Raises:
         OSError: it cannot be made.
@@ -85,12 +73,9 @@ def _next(name: str) -> tuple[Path, bool]:
     for before in RUNS.iterdir():
         if before.is_dir():
             remove_abandoned(before)
-    number = 1
-    while True:
+    for number in count(1):
         folder = RUNS / f"{name}-{number}"
-        try:
+        with contextlib.suppress(FileExistsError):
             folder.mkdir()
-        except FileExistsError:
-            number += 1
-        else:
-            return folder, True
+            break
+    return folder

@@ -54,11 +54,11 @@ def run_page(
     """Return the page's text, self-contained.
 
     Args:
-        task: the task of the run.
+        task: task of the run.
         report: content of ``report.json``.
-        pictures: in order.
-        plans: in order.
-        began, ended: by the host's clock.
+        pictures: images of the looks, in order.
+        plans: plans of the run, in order.
+        began, ended: times of the host's clock.
     """
     cubes, error = report["cubes"], report.get("error")
     placed = sum(cube["placed"] for cube in cubes)
@@ -119,7 +119,7 @@ def _shown(value: float | None, decimals: int) -> str:
 
 
 def _look(picture: Picture) -> dict[str, str]:
-    """The reason of a look, and its image (JPEG, base 64) or why there is none."""
+    """Return the reason of a look, and its image (JPEG, base 64) or why there is none."""
     if not picture.file.is_file():
         return {"why": picture.why, "jpeg": "", "fault": "The look was not finished."}
     image = cv2.imread(str(picture.file), cv2.IMREAD_COLOR)
@@ -156,7 +156,7 @@ def _provenance(task: Task) -> list[tuple[str, str]]:
 
 
 def _details(plans: Sequence[KeptPlan]) -> list[tuple[str, Table]]:
-    """Summaries and tables of what the last plan rests on."""
+    """Return titles and tables of what the last plan depends on."""
     last = plans[-1].plan if plans else None
     found = [] if last is None else [*_flat(last.provenance), *_flat(last.notes, "notes")]
     inputs = [(key.removeprefix("inputs."), v) for key, v in found if key.startswith("inputs.")]

@@ -6,6 +6,7 @@ import shlex
 
 import pytest
 
+import cell.commands.emulate
 from arm.errors import InputError
 from cell.cli.main import app
 from cell.cli.options import examples
@@ -13,6 +14,12 @@ from cell.cli.options import examples
 EXECUTE, COLLECT = ("execute", "PLAN", "TASK"), ("calibrate", "hand-eye", "DATA", "--collect", "TASK")
 NO_PLANNING = "needs --resume: executing a plan needs no search"
 NO_PORT = "needs --port: the simulated cell asks for no confirmation"
+
+
+@pytest.fixture(autouse=True)
+def no_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `a465 emulate` end at once instead of serving, should it accept an option."""
+    monkeypatch.setattr(cell.commands.emulate, "emulate_step", lambda *_: None)
 
 
 def _refused(*arguments: str) -> str:

@@ -125,7 +125,7 @@ def arm_at(run: Run, counts: np.ndarray) -> np.ndarray:
 
 def test_it_waits_then_follows_and_keeps_the_end(browser, run: Run, tmp_path: Path) -> None:
     with opened(browser, run.url) as page:
-        run.live.told("[  0.0 s] homing")
+        run.live.line("[  0.0 s] homing")
         until(page, "document.getElementById('told').innerText.includes('homing')")
         assert "waiting" in page.locator("#live").inner_text()
         run.plan()

@@ -15,7 +15,7 @@ from arm.plan_file import Move
 from cell.files.task import read_task
 from cell.live import server as liveserver
 from cell.live.server import MOST_CONNECTIONS, MOST_MESSAGES, LiveServer
-from cell.live.state import Begun, Told
+from cell.live.state import Begun, Line
 from cell.live.view import Live
 from cell.preview.page import page, waiting_page
 from driver.execution.control import Control
@@ -137,7 +137,7 @@ def test_who_comes_late_gets_the_present_and_then_what_is_new(server: LiveServer
     index, move = next((i, s) for i, s in enumerate(plan.steps) if isinstance(s, Move))
     samples = [progress for _, progress in looks(move)][:5]
     early = Reader(server.server_port)
-    for message in (Begun(Control()), Told("a line"), new_plan(plan), move, *samples):
+    for message in (Begun(Control()), Line("a line"), new_plan(plan), move, *samples):
         server.put(message)
     early.until(lambda _: len(early.samples) == len(samples))
     late = Reader(server.server_port)
@@ -166,7 +166,7 @@ def test_an_answer_waits_for_news(server: LiveServer, monkeypatch: pytest.Monkey
     waiting = threading.Thread(target=lambda: states.append(reader.read()), daemon=True)
     waiting.start()
     until(lambda: server._changed._waiters)
-    server.put(Told("news"))
+    server.put(Line("news"))
     waiting.join(SOON_S)
     assert [state["lines"] for state in states] == [["news"]]
 
@@ -177,7 +177,7 @@ def test_the_end_is_shown_and_the_server_goes(monkeypatch: pytest.MonkeyPatch) -
     server.start()
     ends: list[str] = []
     readers = [Reader(server.server_port) for _ in range(3)]
-    server.put(Told("a line"))
+    server.put(Line("a line"))
     for reader in readers:
         reader.until(lambda _, reader=reader: reader.lines == ["a line"])
     threads = [threading.Thread(target=lambda r=r: ends.append(r.end()), daemon=True) for r in readers]
@@ -209,7 +209,7 @@ def test_who_reads_too_slowly_is_let_go(server: LiveServer, monkeypatch: pytest.
 
     monkeypatch.setattr(liveserver._Handler, "finish", finished)
     for i in range(200):
-        server.put(Told(f"{i} " + "x" * 60_000))
+        server.put(Line(f"{i} " + "x" * 60_000))
     reader = Reader(server.server_port)
     reader.until(lambda _: len(reader.lines) == 200)
     ended.clear()
@@ -218,7 +218,7 @@ def test_who_reads_too_slowly_is_let_go(server: LiveServer, monkeypatch: pytest.
         slow.connect(("127.0.0.1", server.server_port))
         slow.sendall(f"GET /state?after=0 HTTP/1.1\r\nHost: localhost:{server.server_port}\r\n\r\n".encode())
         until(lambda: ended == ["/state?after=0"])
-    server.put(Told("and on"))
+    server.put(Line("and on"))
     reader.until(lambda _: reader.lines[-1] == "and on")
 
 
@@ -232,7 +232,7 @@ def test_who_drives_the_arm_never_waits(preview_case) -> None:
 
     def drive() -> None:
         live.step(move)
-        live.told("a line")
+        live.line("a line")
         for _ in range(3 * MOST_MESSAGES):
             live.progress(progress)
 

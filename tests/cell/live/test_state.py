@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm.controller.segments import CountPath, Segment
-from cell.live.state import MOST_SAMPLES, Begun, Ended, LiveState, Told
+from cell.live.state import MOST_SAMPLES, Begun, Ended, Line, LiveState
 from cell.preview.executed import OnPath
 from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
@@ -101,7 +101,7 @@ def test_who_asks_again_gets_what_is_new_and_nothing_twice(preview_case) -> None
     lines, counts, version = [], [], 0
     for k, progress in enumerate(samples):
         state.take(progress)
-        state.take(Told(f"line {k}"))
+        state.take(Line(f"line {k}"))
         if k % 2:
             shown = state.since(version)
             version = shown["version"]
