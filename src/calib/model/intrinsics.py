@@ -32,7 +32,8 @@ def lens_parameter_jacobian(camera: Camera, points_camera: Array) -> Array:
     x, y = on_plane[..., 0], on_plane[..., 1]
     r2 = x * x + y * y
     J = np.zeros((*x.shape, 2, COUNT))
-    J[..., [0, 1], [0, 1]] = distort(camera.distortion, on_plane)
+    distorted = distort(camera.distortion, on_plane)
+    J[..., 0, 0], J[..., 1, 1] = distorted[..., 0], distorted[..., 1]
     J[..., 0, 2] = J[..., 1, 3] = 1.0
     for column, power in ((4, r2), (5, r2**2), (8, r2**3)):
         J[..., column] = on_plane * power[..., None]

@@ -15,7 +15,7 @@ _INVERSE_STEPS, _STEP_TOLERANCE, _WORST_STEP = 50, 1e-13, 1e-9
 
 def distortion_terms(coefficients: Array, points: Array) -> tuple[Array, Array]:
     """Radial factor (...) and tangential shift (..., 2) at undistorted `points` (..., 2)."""
-    k1, k2, p1, p2, k3 = coefficients
+    k1, k2, p1, p2, k3 = coefficients.tolist()
     x, y = points[..., 0], points[..., 1]
     with np.errstate(over="ignore", invalid="ignore"):
         r2 = x * x + y * y
@@ -49,7 +49,7 @@ def undistort(coefficients: Array, distorted: Array) -> Array:
 
 def distortion_jacobian(coefficients: Array, points: Array) -> Array:
     """Derivative of `distort`: points (..., 2) to (..., 2, 2)."""
-    k1, k2, p1, p2, k3 = coefficients
+    k1, k2, p1, p2, k3 = coefficients.tolist()
     x, y = points[..., 0], points[..., 1]
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
