@@ -14,7 +14,7 @@ from vision.boards.pose import assess_board
 from vision.boards.pose_fit import Corners, fit_pose, fit_weighted, pose_jacobian
 
 
-@pytest.mark.parametrize("common_px", [0.0, 0.3])
+@pytest.mark.parametrize("common_px", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_clean_corners_lose_nothing_to_robustness(common_px: float) -> None:
     """Least squares, which reaches the bound, is no better; against the bound itself the bench has the scenes."""
     ours = plain = least = 0.0
@@ -39,7 +39,7 @@ def test_clean_corners_lose_nothing_to_robustness(common_px: float) -> None:
     assert np.sqrt(ours / least) < 1.15
 
 
-@pytest.mark.parametrize("bad", [0.2, 0.6])
+@pytest.mark.parametrize("bad", [pytest.param(0.2, marks=pytest.mark.slow), 0.6])
 def test_bad_corners_in_some_of_the_frames(bad: float) -> None:
     t = trials(60, bad=bad)
     assert max(t.over_bound.hole, t.over_bound.turn) < 1.15

@@ -54,7 +54,7 @@ def glue(seed: int, away: float | None) -> tuple[list[list[Marker]], Array]:
     return seen(seed, moved_px(BOARD, corners, T, CAMERA))
 
 
-@pytest.mark.parametrize("frames", [1, 3])
+@pytest.mark.parametrize("frames", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_board_made_within_its_tolerance_is_as_uncertain_as_it_says(frames: int) -> None:
     found = [glue(seed, None) for seed in range(60)]
     told = [nees(f[:frames], T, 1e-4) for f, T in found]
