@@ -23,7 +23,7 @@ from cell.scene.build import (
     unseen_scene,
 )
 from plan.advice.changes import Request
-from plan.cartesian.reachability import ReachTable, reach
+from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
@@ -138,10 +138,7 @@ def reach_of(task: Task, observation: Observation, speed: float | None = None) -
 def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
     cell = task.cell
     options = options_of(task, cell.speed if speed is None else speed)
-    limits = planned_limits(cell.limits, options)
-    return reach(
-        cell.robot(), limits, {s.name: s.T_base_tool for s in stations}, cell.offset, options.slowest
-    )
+    return reach_stations(cell.robot(), planned_limits(cell.limits, options), stations, options)
 
 
 def reachable_places(task: Task, observation: Observation, speed: float | None = None) -> tuple[Station, ...]:

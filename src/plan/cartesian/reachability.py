@@ -6,7 +6,7 @@ and no joint is too fast. If no candidate does, the table has the nearest miss a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ from plan.cartesian.line import LineOptions
 from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches
 from plan.kinematics.configuration import require_limits
 from plan.kinematics.ik import nearest_turns
+from plan.options import PlanOptions
+from plan.scene import Station
 
 _SAMPLE_STEP = (
     0.005  # m between poses along a line; joints move smoothly between them, away from singularities
@@ -191,6 +193,14 @@ def reach(
         holes.append(HoleReach(name, tuple(sorted(choices, key=_rank))))
         row += len(yaws)
     return ReachTable(tuple(holes))
+
+
+def reach_stations(
+    robot: Robot, planned: Limits, stations: Iterable[Station], options: PlanOptions
+) -> ReachTable:
+    """Return the `reach` of stations under the limits and options that motion is planned with."""
+    grasps = {station.name: station.T_base_tool for station in stations}
+    return reach(robot, planned, grasps, options.offset, options.slowest)
 
 
 def _rank(choice: GraspCandidate) -> tuple[float, ...]:

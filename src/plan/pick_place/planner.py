@@ -16,7 +16,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, LookStep, Plan, Step
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter, PlanningInterrupted, SearchBudget, allowed, budget_words
-from plan.cartesian.reachability import ReachTable, reach
+from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.kinematics.configuration import check_configuration
 from plan.options import PlanOptions
 from plan.pick_place.cause import find_cause
@@ -278,14 +278,7 @@ class Planner:
 
     def reach(self, stations: Sequence[Station]) -> ReachTable:
         """Reach of these places."""
-        robot = self.scene.robot_open
-        return reach(
-            robot,
-            self.planned,
-            {s.name: s.T_base_tool for s in stations},
-            self.options.offset,
-            self.options.slowest,
-        )
+        return reach_stations(self.scene.robot_open, self.planned, stations, self.options)
 
     def steps(self, search: TaskSearch, meter: Meter) -> tuple[list[Step], Found]:
         """The task's steps, timed and certified, and the sequence that they follow."""
