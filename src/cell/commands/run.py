@@ -90,14 +90,12 @@ def execute_plan(
 ) -> dict[str, Any]:
     """Execute a plan file if it is valid and matches the present cell; return the report as JSON types.
 
+    The arguments are those of `run_task`, and:
+
     Args:
-        plan_file: plan to execute.
+        plan_file: plan to execute; the speed of `where` lowers all its velocities (`cell.session.speed`).
         task_file: task with the cell of the plan.
-        console: output.
-        where: cell to execute it in; its speed lowers all velocities of the plan (`cell.session.speed`).
-        folder: run folder; None: a new one.
-        confirm: as in `opened`, called with this plan too; required for a real arm (`cell.task.approval`).
-        watcher: observer of the run.
+        confirm: called with the plan, too.
 
     Raises:
         InputError: a file, value or port is wrong.
@@ -147,7 +145,7 @@ def resume_plan(
     watcher: RunObserver | None = None,
     budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """Continue after a stop: replan the remaining work of a plan from where the arm is.
+    """Continue after a stop: replan the rest of a plan from the arm's present position; arguments as in `execute_plan`.
 
     Raises:
         InputError: a file, value or port is wrong.
