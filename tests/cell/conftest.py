@@ -14,17 +14,23 @@ from arm.board import PLATE_CENTRE, Board
 from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit, load_unit
 from arm.io.storage import data_file
-from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.plan_file import GripperStep, LookStep, Move, Plan, Step, read_plan
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box, body_to_json
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, rotation, rotation_vector, transform
 from calib.chain.score_tests import ChainErrorHypothesis
 from calib.hand_eye.calibrate import HandEye, calibrate_hand_eye
+from cell.files.observation import read_observation
+from cell.files.task import Task, read_task
 from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
+from driver.emulator import Emulator
+from driver.line.clock import Clock
 from pages.browsers import chromium
 from pages.preview import PlacedTestBoard, PreviewCase
 from recorded.arm_sets import TARGETS, Truth, draw_truth, recorded, wide
+from tasks.full_disks import folder_with_plan
 from typed.command_line import a465
+from vision.observation import Observation
 
 TOOL_LENGTH = 0.134112
 Q_START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
@@ -224,6 +230,35 @@ def planned_scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     a465("look", folder / "task2.toml", "-o", folder / "look.json")
     a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
     return folder
+
+
+@pytest.fixture(scope="session")
+def task(planned_scenes: Path) -> Task:
+    """The second task of `planned_scenes`; `plan` and `seen` are its plan and its look."""
+    return read_task(planned_scenes / "task2.toml")
+
+
+@pytest.fixture(scope="session")
+def plan(planned_scenes: Path) -> Plan:
+    return read_plan(planned_scenes / "plan.json")
+
+
+@pytest.fixture(scope="session")
+def seen(planned_scenes: Path, task: Task) -> Observation:
+    return read_observation(planned_scenes / "look.json", task.cell.boards)
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to run in, with a plan."""
+    return folder_with_plan(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def emulator() -> Iterator[Emulator]:
+    """A unit whose clock runs 20 times as fast as the wall's."""
+    with Emulator(load_unit("crs93"), Clock(20.0)) as emulator:
+        yield emulator
 
 
 @pytest.fixture(scope="session")

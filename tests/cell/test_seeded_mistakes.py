@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm.io.storage import data_file
-from typed.command_line import a465, ended
+from typed.command_line import ended
 
 pytestmark = pytest.mark.xdist_group("seeded_mistakes")
 
@@ -37,15 +36,6 @@ COUNTS = {
     "look.json": 12,
     "plan.json": 12,
 }
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped scenes with a look and a plan of the second task; no test may change them."""
-    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("whole") / "scenes"))
-    a465("look", folder / "task2.toml", "-o", folder / "look.json")
-    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
-    return folder
 
 
 # -- mistakes: the text with one in it, and what the message has to name besides the file
@@ -115,9 +105,9 @@ SPOILERS = {".toml": spoilt_toml, ".csv": spoilt_csv, ".json": spoilt_json}
     ("file", "seed"), [(file, seed) for file, count in COUNTS.items() for seed in range(count)]
 )
 def test_a_spoilt_file_is_one_line_with_file_and_key(
-    whole: Path, tmp_path: Path, file: str, seed: int
+    planned_scenes: Path, tmp_path: Path, file: str, seed: int
 ) -> None:
-    scenes = Path(shutil.copytree(whole, tmp_path / "scenes"))
+    scenes = Path(shutil.copytree(planned_scenes, tmp_path / "scenes"))
     rng = np.random.default_rng([seed, sum(map(ord, file))])
     text, key = SPOILERS[Path(file).suffix]((scenes / file).read_text(), rng)
     (scenes / file).write_bytes(text.encode(errors="surrogateescape"))

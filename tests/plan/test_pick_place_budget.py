@@ -15,6 +15,7 @@ from plan.budget import BudgetSpent, PlanningInterrupted, SearchBudget, allowed
 from plan.options import PlanOptions
 from plan.pick_place import search as sequence
 from plan.pick_place.planner import plan_task
+from plans.interrupted import stop_when_complete
 from tasks.task2 import Q_START, Task2
 
 POST = Body("pillar", Box((0.1, 0.02, 0.2)), transform(t=(0.6, 0.0, 0.1)), "wall")
@@ -110,22 +111,3 @@ def test_ctrl_c_before_that_says_so(case: Task2, monkeypatch: pytest.MonkeyPatch
     ) as caught:
         planned(case)
     assert caught.value.plan is None
-
-
-def stop_when_complete(monkeypatch: pytest.MonkeyPatch, stop: BaseException) -> None:
-    """Ctrl-C, or a budget's end, as soon as a first sequence is complete."""
-    proved, asked = sequence.TaskSearch._proved, sequence.best_order
-    found: list[object] = []
-
-    def noted(self: sequence.TaskSearch, *more: object) -> object:
-        result = proved(self, *more)  # type: ignore[arg-type]
-        found.extend([] if result is None else [result])
-        return result
-
-    def pressed(*more: object) -> object:
-        if found:
-            raise stop
-        return asked(*more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(sequence.TaskSearch, "_proved", noted)
-    monkeypatch.setattr(sequence, "best_order", pressed)

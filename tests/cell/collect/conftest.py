@@ -30,9 +30,6 @@ def shown() -> HandView:
     )
 
 
-HAND = data_file("scenes/targets/hand.toml")
-
-
 @pytest.fixture
 def small(tmp_path: Path) -> HandRecord:
     """A recording of eight poses that nobody has looked at."""

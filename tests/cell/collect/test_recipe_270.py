@@ -10,36 +10,9 @@ import cell.collect.recipe_270
 import cell.commands.calibration.collect
 import cell.session.connection
 from arm.errors import ImpossibleError
-from arm.io.storage import data_file
-from arm.se3 import Array
-from cell.collect.collector import seen_corners
 from cell.collect.pose_pool import HandView
 from cell.collect.recipe_270 import RISE, WRIST_STEP, recipe_poses
-from cell.config.cell_file import read_cell
-from cell.files.world import read_world
-from cell.sim.cell import SimulatedCamera, SimulatedCell
-from vision.targets.target import TargetFinder
-
-HAND = data_file("scenes/targets/hand.toml")
-
-
-def photographed(view: HandView, q: Array) -> Array:
-    """Corners (m, 2) px that a rendered photograph shows, the arm in it."""
-    cell = read_cell(data_file("scenes/cell.toml"))
-    world = read_world(data_file("scenes/task2.world.toml"), cell.boards[0].marker_size)
-    simulated = SimulatedCell(cell, world)
-    simulated.in_hand = view.hand
-    counts = cell.unit.counts(q)
-    camera = SimulatedCamera(simulated, cell.camera, lambda: counts, cell.dictionary)
-    return seen_corners(camera, TargetFinder(view.hand.target), 1)
-
-
-def require_shown_whole(view: HandView, q: Array) -> None:
-    corners = photographed(view, q)
-    assert np.isfinite(corners).all()
-    T = view.robot.T_base_tool(q) @ np.linalg.inv(view.robot.T_end_tool) @ view.hand.T_flange_target
-    at = view.hand.target.points() @ T[:3, :3].T + T[:3, 3]
-    assert np.abs(corners - view.camera.project_base(at)).max() < 0.5
+from tasks.collecting import require_shown_whole
 
 
 @pytest.mark.slow

@@ -1,27 +1,24 @@
 """Where the log of a run cannot be written nothing is sent; where it can no longer be written the arm is stopped."""
 
 from __future__ import annotations
+
 import errno
-import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
 import pytest
+
 import cell.commands.run
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit, load_unit
 from arm.errors import A465Error, ExecutionStopped, InputError
-from arm.io.storage import data_file
-from arm.plan_file import Move, Plan, write_plan
 from arms.count_paths import quintic
-from cell.console import Console, OutputLost
-from cell.files.task import read_task
+from cell.console import Console
 from cell.session.connection import WhichCell
-from cell.task.run import TaskRun
 from driver.emulator import Emulator
 from driver.execution.stream import stream
-from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.log.read import read_log
@@ -30,40 +27,20 @@ from tasks.full_disks import TASK, execute
 
 pytestmark = pytest.mark.xdist_group("logs")
 
+
 @pytest.fixture
 def unit() -> Unit:
     return load_unit("crs93")
 
-@pytest.fixture
-def emulator(unit: Unit) -> Iterator[Emulator]:
-    with Emulator(unit, Clock(20.0)) as emulator:
-        yield emulator
 
 def _run(port: str, images: Path) -> None:
     cell.commands.run.run_task(TASK, Console(), WhichCell(port, images=images))
 
-@pytest.fixture
-def place(tmp_path: Path, unit: Unit, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to run in, with a plan; that it holds in the cell of now is another test's business."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "images").mkdir()
-    start = tuple(int(c) for c in unit.counts(read_task(TASK).cell.q_start))
-    path: CountPath = quintic(start, 20)
-    move = Move("there", "transit", None, path, None, 0.06, 0.02, ("palm", "table"))
-    registers = unit.speed_registers, unit.acceleration_registers
-    write_plan(
-        tmp_path / "plan.json", Plan({"name": "x", "cubes": []}, "crs93", 1.0, *registers, (move,), {})
-    )
-    monkeypatch.setattr(cell.commands.run, "replayed", lambda *_: ())
-    monkeypatch.setattr(
-        "cell.session.connection.AWAIT_S", 0.1
-    )  # nobody brings photographs: a failing test fails at once
-    monkeypatch.setattr(cell.commands.run, "require_start_at", lambda *_: None)
-    return tmp_path
 
 def _a_file_in_the_way(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (place / "runs").write_text("")
     return "Not a directory|File exists"
+
 
 def _read_only(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """As a file system that is mounted read-only answers; rights alone do not hold back a superuser."""
@@ -77,9 +54,11 @@ def _read_only(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setattr(Path, "mkdir", mkdir)
     return "Read-only file system"
 
+
 def _full(place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     _fill_disk(monkeypatch, lambda: True)
     return "No space left on device"
+
 
 def _fill_disk(monkeypatch: pytest.MonkeyPatch, full: Callable[[], bool]) -> None:
     """Writing to the log, and to nothing else, fails while `full` says so."""
@@ -91,6 +70,7 @@ def _fill_disk(monkeypatch: pytest.MonkeyPatch, full: Callable[[], bool]) -> Non
         return real(descriptor, data)
 
     monkeypatch.setattr(os, "write", write)
+
 
 @pytest.mark.parametrize("spoil", [_a_file_in_the_way, _read_only, _full], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("verb", [_run, execute], ids=lambda f: f.__name__)
@@ -112,15 +92,18 @@ def test_without_a_log_not_one_byte_is_sent(
     assert emulator.lines == ()
     assert emulator.counts() == stood
 
+
 @pytest.fixture
 def stepped(unit: Unit) -> Iterator[Emulator]:
     with Emulator(unit, SteppedClock()) as emulator:
         yield emulator
 
+
 def _used(use: Callable[[Mars], None], place: Path, unit: Unit, emulator: Emulator) -> None:
     clock = emulator.clock
     with WireLog(place / "wire.jsonl", clock) as log, Mars(emulator.open_line(), unit, clock, log) as mars:
         use(mars)
+
 
 def test_a_disk_that_fills_before_homing_moves_nothing(
     place: Path, unit: Unit, stepped: Emulator, monkeypatch: pytest.MonkeyPatch
@@ -138,6 +121,7 @@ def test_a_disk_that_fills_before_homing_moves_nothing(
         _used(use, place, unit, stepped)
     assert stepped.counts() == stood
     assert not [line for _, line in stepped.lines if line.startswith(("HH", "COORD", "SPDT", "G"))]
+
 
 @pytest.mark.slow
 def test_a_disk_that_fills_while_the_arm_moves_stops_it_and_leaves_a_log_that_reads(

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from arm.plan_file import Plan, read_plan
+from arm.plan_file import Plan
 from arm.se3 import Array, frozen, rotation, transform
 from cell.files.board_shift import board_shift
-from cell.files.observation import read_observation
-from cell.files.task import Task, read_task
+from cell.files.task import Task
 from cell.scene.build import board_bodies, build_scene
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
@@ -21,26 +19,6 @@ from tasks.seen_cells import with_pose
 from vision.observation import Observation
 
 pytestmark = pytest.mark.xdist_group("checking")
-
-
-@pytest.fixture(scope="module")
-def scenes(planned_scenes: Path) -> Path:
-    return planned_scenes
-
-
-@pytest.fixture(scope="module")
-def task(scenes: Path) -> Task:
-    return read_task(scenes / "task2.toml")
-
-
-@pytest.fixture(scope="module")
-def plan(scenes: Path) -> Plan:
-    return read_plan(scenes / "plan.json")
-
-
-@pytest.fixture(scope="module")
-def seen(scenes: Path, task: Task) -> Observation:
-    return read_observation(scenes / "look.json", task.cell.boards)
 
 
 def _moved(T: Array, cell_moved: float, rng: np.random.Generator, task: Task, name: str) -> Array:

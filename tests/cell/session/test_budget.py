@@ -16,6 +16,7 @@ from cell.console import Console
 from cell.session.budget import budget_of, within
 from plan.budget import BudgetSpent, SearchBudget
 from plan.pick_place import search as sequence
+from plans.interrupted import stop_when_complete
 from tasks.small import small_scenes
 from typed.command_line import a465
 
@@ -67,21 +68,7 @@ def test_ctrl_c_with_a_complete_plan_writes_it_and_ends_with_4(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     task, look = looked(tmp_path)
-    proved, asked = sequence.TaskSearch._proved, sequence.best_order
-    found: list[object] = []
-
-    def noted(self: sequence.TaskSearch, *more: object) -> object:
-        result = proved(self, *more)  # type: ignore[arg-type]
-        found.extend([] if result is None else [result])
-        return result
-
-    def pressed(*more: object) -> object:
-        if found:
-            raise KeyboardInterrupt
-        return asked(*more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(sequence.TaskSearch, "_proved", noted)
-    monkeypatch.setattr(sequence, "best_order", pressed)
+    stop_when_complete(monkeypatch, KeyboardInterrupt())
     _, told = a465("plan", task, "--look", look, "-o", tmp_path / "p.json", code=4)
     plan = read_plan(tmp_path / "p.json")
     assert "stopped: the search was interrupted: this is the best sequence that was complete by then" in told

@@ -19,7 +19,6 @@ from arm.errors import A465Error, ImpossibleError
 from arm.plan_file import Plan, read_plan
 from arm.robot.shapes import Body, Box, body_from_json
 from arm.se3 import rotation, transform
-from cell.files.observation import read_observation
 from cell.files.task import Task, read_task
 from cell.task.plan_matches import (
     SAME,
@@ -45,21 +44,6 @@ pytestmark = pytest.mark.xdist_group("checking")
 @pytest.fixture(scope="module")
 def scenes(planned_scenes: Path) -> Path:
     return planned_scenes
-
-
-@pytest.fixture(scope="module")
-def task(scenes: Path) -> Task:
-    return read_task(scenes / "task2.toml")
-
-
-@pytest.fixture(scope="module")
-def plan(scenes: Path) -> Plan:
-    return read_plan(scenes / "plan.json")
-
-
-@pytest.fixture(scope="module")
-def seen(scenes: Path, task: Task) -> Observation:
-    return read_observation(scenes / "look.json", task.cell.boards)
 
 
 def _changed_digits(text: str) -> Iterator[dict[str, Any]]:

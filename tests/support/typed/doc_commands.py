@@ -25,10 +25,10 @@ from tasks.small import small_scenes
 from typed.command_line import a465, replace_in
 from vision.camera.model import read_camera, write_camera
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT, SUPPORT = Path(__file__).resolve().parents[3], Path(__file__).resolve().parents[1]
 SHELL = ("", "sh", "bash", "shell", "console")
 FIRST = ("a465", "python", "make", "cp", ".", "export", ".venv/bin/pytest")
-TIME_SCALE = 3.0  # of emulated units, which draw photographs meanwhile, and of their clients' clocks
+TIME_SCALE = 3.0  # of emulated units, which render images meanwhile, and of their clients' clocks
 FASTER = 20.0  # of the simulated cell
 POSES = 8  # of a target in the hand
 VIEWS = 20  # of a target, enough for a lens
@@ -181,6 +181,7 @@ class Reader:
 
     def __post_init__(self) -> None:
         scenes = small_scenes(self.folder)
+        replace_in(scenes / "cell.toml", "photographs = 2", "photographs = 5")  # as a reader has it
         self._cheapen(scenes / "uncalibrated")
         self._with_few_cubes(scenes)
 
@@ -343,9 +344,11 @@ class Reader:
         if _value(options, "--time-scale"):
             place = options.index("--time-scale")
             del options[place : place + 2]
-        program = [sys.executable, "-c", "from cell.cli.start import main; main()", "emulate"]
+        program = (
+            f"import sys; sys.path.insert(0, {str(SUPPORT)!r}); from typed.steady_camera import main; main()"
+        )
         unit = subprocess.Popen(
-            [*program, *options, "--time-scale", f"{TIME_SCALE:g}"],
+            [sys.executable, "-c", program, "emulate", *options, "--time-scale", f"{TIME_SCALE:g}"],
             cwd=self.folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
