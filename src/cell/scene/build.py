@@ -31,18 +31,16 @@ def cube_name(place: str) -> str:
     return f"cube {place}"
 
 
-def T_place_tool(height: float) -> tuple[Array, ...]:
+def _grips(T_base_place: Array, height: float) -> tuple[Array, ...]:
     """The four tool poses over a place, finger tips `height` m above it."""
-    return tuple(transform(mul(rot_x(np.pi), rot_z(k * np.pi / 2.0)), (0.0, 0.0, height)) for k in range(4))
+    turned = (mul(rot_x(np.pi), rot_z(k * np.pi / 2.0)) for k in range(4))
+    return tuple(frozen(mul(T_base_place, transform(R, (0.0, 0.0, height)))) for R in turned)
 
 
 def hole_station(cell: Cell, hole: HolePose, gap: float = 0.0) -> Station:
     """A hole as a station, finger tips at grip height, plus `gap` m for release."""
-    return Station(
-        hole.name,
-        tuple(frozen(mul(hole.T_base_hole, T)) for T in T_place_tool(cell.grip_height + gap)),
-        frozenset((plate_name(hole.board),)),
-    )
+    grips = _grips(hole.T_base_hole, cell.grip_height + gap)
+    return Station(hole.name, grips, frozenset((plate_name(hole.board),)))
 
 
 def table_station(task: Task, place: str) -> Station:
@@ -52,12 +50,8 @@ def table_station(task: Task, place: str) -> Station:
         ImpossibleError: the task has no such place.
     """
     grip_above_bottom = task.cell.grip_height + CUBE_SEAT_DEPTH
-    T_base_place = T_base_on_table(task, place)
-    return Station(
-        place,
-        tuple(frozen(mul(T_base_place, T)) for T in T_place_tool(grip_above_bottom + RELEASE_GAP)),
-        frozenset(("table",)),
-    )
+    grips = _grips(T_base_on_table(task, place), grip_above_bottom + RELEASE_GAP)
+    return Station(place, grips, frozenset(("table",)))
 
 
 def T_base_on_table(task: Task, place: str, height: float = 0.0) -> Array:

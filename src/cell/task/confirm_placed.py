@@ -121,9 +121,16 @@ def _top(task: Task, observation: Observation, place: str, without: Observation 
     if sight is None or T_base_place is None:
         return None
     empty = None if without is None else _empty(task, without, place)
-    if _on_table(task, place):
-        return sight.on_plane(T_base_place, empty)
-    return sight.in_hole(T_base_place, empty)
+    return (sight.on_plane if _on_table(task, place) else sight.in_hole)(T_base_place, empty)
+
+
+def _empty(task: Task, observation: Observation, place: str) -> EmptyPlace | None:
+    """The image of a place from a look at which it was certainly empty; otherwise None."""
+    T_base_place, sight = _T_base_place(task, observation, place), _sight(task, observation)
+    shown = _on_table(task, place) or observation.state(place) == "empty"
+    if sight is None or T_base_place is None or place in observation.moved_since or not shown:
+        return None
+    return sight.empty(T_base_place)
 
 
 def _sight(task: Task, observation: Observation) -> Sight | None:
@@ -132,16 +139,6 @@ def _sight(task: Task, observation: Observation) -> Sight | None:
         return None
     cell = task.cell
     return Sight(observation.images, cell.camera, nominal_width(cell), cell.boards[0].pocket)
-
-
-def _empty(task: Task, observation: Observation, place: str) -> EmptyPlace | None:
-    """The image of a place from a look at which it was certainly empty; otherwise None."""
-    T_base_place, sight = _T_base_place(task, observation, place), _sight(task, observation)
-    if sight is None or T_base_place is None or place in observation.moved_since:
-        return None
-    if not _on_table(task, place) and observation.state(place) != "empty":
-        return None
-    return sight.empty(T_base_place)
 
 
 def _on_table(task: Task, place: str) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 
 from arm.errors import ImpossibleError
 from arm.io.storage import sha256
-from arm.plan_file import Move, Plan
+from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array
 from cell.config.cell import Cell
@@ -29,7 +29,6 @@ from plan.failure import nearness
 from plan.options import PlanOptions
 from plan.pick_place.go_to import plan_joint_motion
 from plan.pick_place.planner import planned_limits
-from plan.pick_place.recovery import plan_retreat
 from plan.scene import Station, Transfer
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
@@ -130,6 +129,7 @@ def reach_of(task: Task, observation: Observation, speed: float | None = None) -
     """The planner's table of reach for all holes of the task's boards, over all branches and the cube's four yaws.
 
     Args:
+        task, observation: with the boards.
         speed: for which to plan, which matters near singular configurations; default: the cell's.
     """
     return _reach(task, hole_stations(task, observation), speed)
@@ -289,18 +289,3 @@ def plan_to_start(
     scene = unseen_scene(cell) if observation is None else build_scene(cell, observation, on_table)
     inputs = plan_fingerprint(task), _named(task)
     return plan_joint_motion(scene, q_from, cell.q_start, cell.unit, cell.limits, options, *inputs)
-
-
-def plan_retreat_from(
-    task: Task, observation: Observation, approach: Move, speed: float, on_table: Mapping[str, Array]
-) -> tuple[Move, ...]:
-    """Plan the retract with empty jaws from the end of `approach`.
-
-    Raises:
-        ImpossibleError: there is none; names the obstacle.
-    """
-    cell = task.cell
-    q = cell.unit.positions(approach.path.end)
-    return plan_retreat(
-        build_scene(cell, observation, on_table), q, cell.unit, cell.limits, options_of(task, speed)
-    )

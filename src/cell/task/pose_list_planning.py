@@ -255,21 +255,9 @@ class _Planner:
                 distance_m=check.seen,
             )
         clearance = float(np.floor(check.clearance * 1e7)) / 1e7
-        self.move(
-            Move(
-                name=name,
-                role="transit",
-                cube=None,
-                path=path,
-                held=None,
-                jaw_opening=0.0,
-                clearance=clearance,
-                closest=check.pair,
-                certified=True,
-                clearances=(clearance,) * len(path.segments),
-            ),
-            f"rest at {name}",
-        )
+        clearances = (clearance,) * len(path.segments)
+        dwell = Move(name, "transit", None, path, None, 0.0, clearance, check.pair, True, (), clearances)
+        self.move(dwell, f"rest at {name}")
 
     def located(self, error: ImpossibleError, leg: _Leg) -> ImpossibleError:
         """Return the error with the file and its entry, or the entries between which it arose."""

@@ -14,7 +14,7 @@ from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
 from cell.report.run_report import TO_START
-from cell.scene.build import T_base_cube_on_table, cube_name
+from cell.scene.build import T_base_cube_on_table, build_scene, cube_name
 from cell.session.budget import spending
 from cell.session.grasp_monitor import GraspMonitor, why_no_grip
 from cell.session.speed import tool_words
@@ -22,8 +22,9 @@ from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
 from cell.task.explain import explain_failure
 from cell.task.open_run import OpenRun
-from cell.task.planning import plan_rest, plan_retreat_from, plan_to_start, reach_of
+from cell.task.planning import options_of, plan_rest, plan_to_start, reach_of
 from driver.execution.progress import StreamOptions
+from plan.pick_place.recovery import plan_retreat
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
@@ -201,7 +202,9 @@ class TaskRun(OpenRun):
         row.remarks.append(why)
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         self.connection.mars.gripper(0.0)
-        self.execute(plan_retreat_from(self.task, observation, cycle.approach, self.speed, self.on_table))
+        cell, options = self.task.cell, options_of(self.task, self.speed)
+        scene, q = build_scene(cell, observation, self.on_table), cell.unit.positions(cycle.approach.path.end)
+        self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
         self.go_to_start(observation)
         before, after = observation.state(row.source), self.look("after a missed cube")
         if before == "cube" and after.state(row.source) == "empty":
