@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer.main
 
@@ -19,8 +20,11 @@ import cell.collect.collector
 import cell.session.connection
 import driver.mars.mars
 from calib.nao.chain import NaoUnknowns
+from cell.files.task import read_task
+from cell.session.connection import simulated_cell
 from driver.line.clock import Clock
 from recorded.nao import as_json, nao_recording
+from tasks.small import small_scenes
 from typed.doc_commands import (
     ROOT,
     TIME_SCALE,
@@ -38,6 +42,7 @@ from typed.doc_commands import (
     unknown_to,
 )
 from typed.doc_output import unlike
+from typed.steady_camera import SteadyCamera
 
 pytestmark = pytest.mark.slow
 TOGETHER = (  # pages that one reader follows one after the other: each goes on where those before it ended
@@ -118,6 +123,18 @@ def follow(reader: Reader, part: Block | Command, names: dict[str, object], wher
                 exec(compile(code, where, "exec"), names)
     except AssertionError as error:
         raise AssertionError(f"{where}: {error}") from error
+
+
+def test_the_images_of_an_emulated_unit_follow_from_the_state_of_its_cell(tmp_path: Path) -> None:
+    """Not from how many there were before, which depends on the host's load."""
+    task = read_task(small_scenes(tmp_path) / "task2.toml")
+    simulated, counts = simulated_cell(task, None), task.cell.unit.counts(task.cell.q_start)
+    camera = SteadyCamera(simulated, task.cell.camera, lambda: counts, task.cell.dictionary)
+    first = camera.grab(2)
+    assert np.array_equal(camera.grab(2), first)
+    assert not np.array_equal(first[0], first[1])
+    simulated.history.append(simulated.history[-1])
+    assert not np.array_equal(camera.grab(1)[0], first[0])
 
 
 def test_commands_are_found_where_a_reader_sees_them() -> None:
