@@ -145,6 +145,9 @@ def _intrinsic_matrix(node: Node) -> Array:
 INTRINSIC_MATRIX = Rule(numbers((3, 3), "px").words, _intrinsic_matrix)
 
 
+FARTHEST = 20.0  # m along each axis from the base to a camera; more is a pose in other units
+
+
 class CameraKeys(Keys):
     """Keys of a camera file."""
 
@@ -187,6 +190,13 @@ def _read(path: Path, placed: bool) -> Camera:
             "add [pose] with T_base_camera, 4 rows of 4 numbers, m",
         )
     T_base_camera = np.eye(4) if keys.T_base_camera is None else keys.T_base_camera
+    away = float(np.abs(T_base_camera[:3, 3]).max())
+    if away > FARTHEST:
+        raise root.error_at(
+            "pose.T_base_camera",
+            f"puts the camera {away:g} m from the base along one axis; at most {FARTHEST:g} m are allowed",
+            "its last column is in metres",
+        )
     size = (keys.size[0], keys.size[1])
     camera = Camera(keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance)
     if not _has_inverse(camera):

@@ -82,6 +82,7 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "has no inverse"),
         ("0.02629, 0.99788, -0.05940", "0.99788, 0.02629, -0.05940", "pose.T_base_camera"),
+        ("1.19294", "1192.94", "pose.T_base_camera.*1192.94 m from the base.*metres"),
         ("size_px", "size_pix", "did you mean|the file has intrinsics.size_pix"),
         ("[pose]", "[place]", "pose"),
         ("[calibration]", "[calibraton]", "calibraton.*not a known key"),
