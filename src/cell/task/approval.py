@@ -14,6 +14,7 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.plan_file import Plan, read_plan
+from arm.se3 import Array
 from cell.console import Console
 from cell.scene.arm_shape import arm_shape
 from cell.session.dialogue import asked, at_terminal, require_word, typed
@@ -115,7 +116,7 @@ class Approval:
         fastest = factor * of.fastest
         columns = (of.lowest, of.highest, of.travel)
         self.console.table(
-            ("joint", "from deg", "to deg", "travel deg", "max deg/s", "of the limit"),
+            ("joint", "lowest deg", "highest deg", "travel deg", "max deg/s", "of the limit"),
             [
                 (
                     f"J{j + 1}",
@@ -134,6 +135,8 @@ class Approval:
         say(arm_shape(cell))
         say(f"the arm: {_place(run)}")
         say(ABOUT_GOING_ON if self.resumes else ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
+        if not self.resumes:
+            say(_way_to_start(run, plan))
 
 
 class Consent:
@@ -172,12 +175,29 @@ class Consent:
         require_word(self.console, question, name, self._answer or typed, "nothing moved", "--unseen")
 
 
+def _way_to_start(run: TaskRun, plan: Plan) -> str:
+    """The motion before the plan's first move in words; how far each joint goes, if no homing comes before it."""
+    unit = run.task.cell.unit
+    begin = "its present configuration" if run.homed_before else "where homing leaves it"
+    text = (
+        f"before the plan, the arm moves from {begin} to the plan's start; this motion is not in the preview or the "
+        "table: it is planned after a look and certified, or refused"
+    )
+    if not run.homed_before:
+        return text
+    far = unit.positions(plan.start) - unit.positions(run.connection.mars.counters())
+    return f"{text}; the joints turn by {_degrees(far)} deg, further if it must go around something"
+
+
 def _place(run: TaskRun) -> str:
     """The arm's position in words, from its counters."""
     counters = run.connection.mars.counters()
     if is_unhomed(run.task.cell.unit, counters):
         return "not homed since it was switched on, so its position is not known"
-    degrees = ", ".join(
-        f"{d:.0f}" for d in np.round(np.degrees(run.task.cell.unit.positions(counters))) + 0.0
-    )
-    return f"at [{degrees}] deg by its counters, which are correct if it was homed since it was switched on"
+    at = _degrees(run.task.cell.unit.positions(counters))
+    return f"at {at} deg by its counters, which are correct if it was homed since it was switched on"
+
+
+def _degrees(angles: Array) -> str:
+    """Angles (n,) rad as a list of whole degrees."""
+    return f"[{', '.join(f'{d:.0f}' for d in np.round(np.degrees(angles)) + 0.0)}]"

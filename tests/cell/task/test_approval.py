@@ -107,6 +107,9 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     (told,) = asked
     of = overview(plan, preview_case.robot_holding, preview_case.unit)
     assert f"{plan.duration_s / 0.5:.0f} s of motion" in told
+    assert re.search("joint +lowest deg +highest deg +travel deg", told)
+    assert "moves from where homing leaves it to the plan's start; this motion is not in the preview" in told
+    assert "the joints turn by" not in told, "homing comes first, so it is not known how far"
     row = next(line.split() for line in told.splitlines() if line.startswith("J2"))
     assert row[1:4] == [f"{np.degrees(v[1]):.0f}" for v in (of.lowest, of.highest, of.travel)]
     assert row[4] == f"{np.degrees(0.5 * of.fastest[1]):.1f}"
@@ -132,6 +135,7 @@ def test_of_what_goes_on_nothing_is_said_to_be_homed(
     assert "this moves the real arm: the rest of" in told
     assert "the arm will not be homed" in told
     assert "homes the arm" not in told
+    assert "the plan's start" not in told
 
 
 def test_where_a_homed_arm_stands_is_told(
@@ -141,6 +145,22 @@ def test_where_a_homed_arm_stands_is_told(
     Approval(plan_file, plan.code, Console())(run, plan)
     home = ", ".join(f"{d:.0f}" for d in np.degrees(preview_case.unit.soft_home))
     assert f"the arm: at [{home}] deg by its counters" in capsys.readouterr().out
+
+
+def test_the_motion_to_the_start_of_the_plan_is_announced_with_how_far_each_joint_goes(
+    plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run.connection.mars.initialise()
+    run.homed_before = True
+    Approval(plan_file, plan.code, Console())(run, plan)
+    far = np.degrees(preview_case.unit.positions(plan.start) - preview_case.unit.soft_home)
+    assert np.abs(far).max() > 10.0, "a motion that is worth a word"
+    told = capsys.readouterr().out
+    assert "from its present configuration to the plan's start; this motion is not in the preview" in told
+    assert "certified, or refused" in told
+    shown = re.search(r"the joints turn by \[(.*)\] deg, further if it must go around something", told)
+    assert shown is not None
+    np.testing.assert_allclose([float(d) for d in shown[1].split(", ")], far, atol=0.6)
 
 
 def test_a_joint_a_little_below_zero_is_told_without_a_sign() -> None:
