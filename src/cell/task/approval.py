@@ -15,6 +15,7 @@ import numpy as np
 from arm.errors import InputError
 from arm.plan_file import Plan, read_plan
 from arm.se3 import Array
+from cell.config.calibration_state import calibration_lines
 from cell.console import Console
 from cell.scene.arm_shape import arm_shape
 from cell.session.dialogue import asked, at_terminal, require_word, typed
@@ -132,7 +133,8 @@ class Approval:
             f"tool: at most {1e3 * factor * of.tool:.0f} mm/s; clearance: at least {1e3 * of.clearance:.1f} mm"
             + (f" ({near})" if near else "")
         )
-        say(arm_shape(cell))
+        for line in (arm_shape(cell), *calibration_lines(cell)):
+            say(line)
         say(f"the arm: {_place(run)}")
         say(ABOUT_GOING_ON if self.resumes else ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
         if not self.resumes:
@@ -168,6 +170,8 @@ class Consent:
             f"this moves the real arm, {name}, by plans made as the command runs: certified, but without a preview"
         )
         say(f"speed: {100 * run.speed:.0f} % of the cell file's registers; the arm: {_place(run)}")
+        for line in calibration_lines(run.task.cell):
+            say(line)
         say(ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
         if self.said:
             return

@@ -23,6 +23,7 @@ from arm.controller.unit import load_unit
 from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.plan_file import Move, Plan, write_plan
+from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.preview.content import page_content
 from cell.session.dialogue import TRIES
@@ -67,12 +68,16 @@ def plan_file(plan: Plan, tmp_path: Path) -> Path:
 def run(preview_case, tmp_path: Path) -> Iterator[Any]:
     """What an approval looks at, with an emulated unit that was never homed."""
     unit, clock = preview_case.unit, SteppedClock()
+    shipped = read_cell(data_file("scenes/cell.toml"))
     cell = SimpleNamespace(
         unit=unit,
         cube_size=0.04,
         robot=lambda opening: preview_case.robot_holding,
         arm_padding=0.01,
         arm_compared="",
+        calibration=None,
+        camera_file=shipped.camera_file,
+        nominal_camera=shipped.nominal_camera,
     )
     with (
         Emulator(unit, clock) as emulator,
@@ -118,6 +123,8 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert f"tool: at most {500 * of.tool:.0f} mm/s" in told
     assert "not homed since it was switched on, so its position is not known" in told
     assert "the arm's shape is assumed, nobody has compared it with the arm: links padded by 10 mm" in told
+    assert "NOT CALIBRATED: the camera's pose is that of lab.toml (the shipped placeholder)" in told
+    assert "lens: PLACEHOLDER, as shipped" in told
     assert "without collision checks" in told
     assert plan.code not in told
     assert max(len(line) for line in told.splitlines() if re.match("joint|J[1-6]", line)) <= 80
@@ -214,6 +221,8 @@ def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
     told = asked[0]
     assert f"this moves the real arm, {run.task.cell.unit.name}, by plans made as the command runs" in told
     assert "speed: 10 %" in told
+    assert "NOT CALIBRATED: the camera's pose is that of lab.toml (the shipped placeholder)" in told
+    assert "lens: PLACEHOLDER, as shipped" in told
     assert "without collision checks" in told
     assert f"that is not {run.task.cell.unit.name}; 2 more tries" in asked[1]
     Consent(True, Console())(run)
