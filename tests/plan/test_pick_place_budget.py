@@ -62,6 +62,7 @@ def test_too_small_a_budget_is_told(case: Task2) -> None:
     assert caught.value.data["rejected"]
 
 
+@pytest.mark.slow
 def test_a_clock_refuses_even_what_is_complete(
     case: Task2, free: tuple[Plan, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:

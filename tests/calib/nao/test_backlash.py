@@ -79,6 +79,7 @@ def test_the_shape_of_play_is_found(hard, off):
     assert standing_error(true, NaoKinematics(ALL, fit.fit.unknowns, hard)).rms < 1e-3
 
 
+@pytest.mark.slow
 def test_play_that_no_stance_shows_is_taken_from_the_other_joints():
     found, x = sightings(3, ALL, ALL)
     torque = gravity_torques("L", found[0].readings[:, :6], ON_ITS_BACK)

@@ -43,6 +43,7 @@ def test_offsets_of_the_head_are_noticed():
     assert any("CamPitch" in a + b and "HeadPitch" in a + b for a, b, _ in c.correlations)
 
 
+@pytest.mark.slow
 def test_springs_are_noticed():
     soft = NaoUnknowns(compliance=True)
     recording, x = nao_recording(3, soft, 8)
@@ -53,6 +54,7 @@ def test_springs_are_noticed():
     assert joints_deg(c, x, soft) < 0.15
 
 
+@pytest.mark.slow
 def test_gravity_the_other_way_round_is_noticed():
     recording, _ = nao_recording(3, NaoUnknowns(compliance=True), 8)
     c = calibrate_nao(replace(recording, gravity=-recording.gravity))

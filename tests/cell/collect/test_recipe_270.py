@@ -38,6 +38,7 @@ def test_the_recipe_is_rows_of_turning_wrists_at_heights_0_1_m_apart(
     assert (np.abs(rows - rows.round()) < 1e-6).all()
 
 
+@pytest.mark.slow
 def test_poses_that_the_recipe_does_not_have_are_told(
     shown: HandView, monkeypatch: pytest.MonkeyPatch
 ) -> None:

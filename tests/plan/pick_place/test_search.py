@@ -141,9 +141,7 @@ def straight_and_clear(search: TaskSearch, truth: Truth, ways: Ways) -> bool:
     return all(truth.clear(*leg) for leg in legs)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "wall" else name for name in CASES]
-)
+@pytest.mark.parametrize("name", CASES)
 def test_no_straight_sequence_is_faster(name: str) -> None:
     """All orders, places, yaws and branches are tried, the fastest first, until one is proved leg by leg."""
     search, found = searched(name)

@@ -53,6 +53,7 @@ def mean_spread(common_px: float, frames: int) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
+@pytest.mark.slow
 def test_more_frames_never_take_the_shared_part_away() -> None:
     """With 0.3 px shared, forty frames are as uncertain as that part alone; without it they gain by the root."""
     alone = [

@@ -69,6 +69,7 @@ def test_a_marker_glued_aside_is_no_silent_error() -> None:
     assert np.median([nees(f, T, 0.0) for f, T in found]) > 5.0
 
 
+@pytest.mark.slow
 def test_sides_that_light_has_moved_count_as_much_as_is_said_of_them() -> None:
     """One marker's sides are known to 0.3 px only."""
     told, blind = [], []
