@@ -13,6 +13,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -129,6 +130,13 @@ def read_text(path: Path, kind: str = "text") -> str:
             path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read"
         ) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def begins_as_object(path: Path) -> bool:
+    """Whether a file begins as a JSON object does; False for a file that cannot be read. Reads 100 bytes."""
+    with suppress(FileInputError, OSError), open_file(path, "log") as stream:
+        return stream.read(100).lstrip().startswith(b"{")
+    return False
 
 
 def read_json(path: Path) -> Any:

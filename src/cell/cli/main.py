@@ -14,7 +14,7 @@ from typer import Argument, Option
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
-from cell.cli.options import NO_PORT, answering, examples, refuse, refuse_given
+from cell.cli.options import NO_PORT, answering, examples, refuse, refuse_given, refuse_swapped
 from cell.cli.tools import tools
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.line.signals import interruptible
@@ -223,6 +223,7 @@ def check(
     q: Annotated[str | None, Option(help="J1 to J6 in deg, separated by commas.", metavar="Q")] = None,
     as_json: shared.Json = False,
 ) -> None:
+    refuse_swapped("check", file, task)
     with answering("checking", as_json) as console:
         from cell.commands.check import check_step
 
@@ -251,6 +252,7 @@ def preview(
     output: shared.Output = None,
     as_json: shared.Json = False,
 ) -> None:
+    refuse_swapped("preview", file, task)
     with answering("drawing", as_json) as console:
         from cell.commands.preview import preview_file
 
@@ -288,6 +290,7 @@ def execute(
     live_port: shared.LivePort = None,
     as_json: shared.Json = False,
 ) -> None:
+    refuse_swapped("execute", plan, task)
     if not resume:
         refuse_given(context, ("budget", "give_up"), "needs --resume: executing a plan needs no search")
     if port is None:

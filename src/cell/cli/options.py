@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from textwrap import wrap
 from typing import Annotated
@@ -120,6 +120,31 @@ def refuse_given(context: typer.Context, names: tuple[str, ...], rule: str) -> N
         if parameter.name in names and source is not None and source.name == "COMMANDLINE":
             option = parameter.opts[-1]
             raise InputError(f"{option} {rule}", option=option)
+
+
+def refuse_swapped(verb: str, plan: Path, task: Path | None) -> None:
+    """Refuse a plan and its task in the wrong order.
+
+    Args:
+        verb: the command, for the message.
+        plan: first argument: a plan, or what the command takes instead of one.
+        task: second argument: the plan's task file, if any.
+
+    Raises:
+        InputError: `plan` is a task or cell file, and `task` is JSON.
+    """
+    from arm.io.storage import begins_as_object
+    from arm.io.toml_reader import read_toml
+
+    keys: set[str] = set()
+    with suppress(InputError):
+        keys = set() if task is None or not begins_as_object(task) else set(read_toml(plan))
+    if keys & {"task", "camera"}:
+        raise InputError(
+            f"{plan} and {task} are swapped: the plan comes first, then its task; give a465 {verb} {task} {plan}",
+            plan=str(task),
+            task=str(plan),
+        )
 
 
 def refuse(message: str, exit_code: int = ImpossibleError.exit_code) -> None:

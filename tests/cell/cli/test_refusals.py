@@ -18,6 +18,18 @@ from typed.command_line import a465, refused, replace_in
 pytestmark = pytest.mark.xdist_group("refusals")
 
 
+@pytest.mark.parametrize("verb", ["check", "preview", "execute"])
+def test_a_plan_and_its_task_in_the_wrong_order_are_told_which_is_which(
+    scenes: Path, tmp_path: Path, verb: str
+) -> None:
+    plan, task = tmp_path / "plan.json", scenes / "task2.toml"
+    plan.write_text('{"format": "a465-plan/3"}')
+    for first in (task, scenes / "cell.toml"):
+        told = refused(verb, first, plan, code=2, cwd=tmp_path)
+        assert f"are swapped: the plan comes first, then its task; give a465 {verb} {plan} {first}" in told
+    assert "swapped" not in refused(verb, plan, task, code=2, cwd=tmp_path)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "old", "new", "words"),

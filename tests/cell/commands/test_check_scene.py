@@ -239,5 +239,10 @@ def test_plans_and_scenes_are_told_apart(monkeypatch, capsys, tmp_path: Path) ->
     scene, task = str(FOLDER / "capsule.toml"), str(data_file("scenes/task2.toml"))
     assert run(["check", scene, task], monkeypatch) == 2
     assert "is not a plan and needs no task" in capsys.readouterr().err
+    assert run(["check", task, str(plan)], monkeypatch) == 2
+    assert (
+        f"are swapped: the plan comes first, then its task; give a465 check {plan} {task}"
+        in capsys.readouterr().err
+    )
     assert run(["check", str(tmp_path / "none.toml")], monkeypatch) == 2
     assert "cannot be read" in capsys.readouterr().err
