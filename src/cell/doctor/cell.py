@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arm.errors import InputError
-from arm.io.node import Node
 from arm.io.storage import data_file
 from cell.config.calibration_state import CalibrationState, hand_eye_state, lens_state
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
-from cell.files.task import read_task
+from cell.files.task import read_task, task_or_cell
 from cell.scene.arm_shape import COMPARE, arm_shape
 
 CALIBRATE_LENS = "on a real cell: a465 calibrate camera"
@@ -44,7 +43,7 @@ def read_named(file: Path | None) -> ReadCell:
     if file is None:
         return ReadCell(read_cell(data_file("scenes/cell.toml")), "the built-in scene", ())
     unusable: list[InputError] = []
-    is_task = "task" in Node.of_toml(file)
+    is_task = "task" in task_or_cell(file)
     cell = read_task(file, unusable.append).cell if is_task else read_cell(file, unusable.append)
     return ReadCell(cell, str(file), tuple(unusable))
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from arm.io.node import Node
 from arm.io.storage import canonical_json, sha256
 from cell.config.cell_file import read_cell
-from cell.files.task import Task, read_task
+from cell.files.task import Task, read_task, task_or_cell
 
 POSES = "poses"  # kind of a task that was read from a cell file
 
@@ -18,7 +17,7 @@ def read_place(path: Path) -> Task:
     Raises:
         InputError: the file is neither, or is wrong.
     """
-    if "task" in Node.of_toml(path):
+    if "task" in task_or_cell(path):
         return read_task(path)
     cell = read_cell(path)
     return Task(

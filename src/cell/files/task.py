@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from arm.board import Board
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node
 from arm.io.rules import integer, integers, is_whole, number, numbers, path, rule_of, same, text
@@ -119,6 +120,25 @@ class Task2Keys(TaskKeys):
     to_board: tuple[int, ...] = key("to_board", _IDS)
 
 
+def task_or_cell(path: Path) -> Node:
+    """Read a TOML file that may be a task file.
+
+    Raises:
+        InputError: it cannot be read; of a folder, the message names the task files in it.
+    """
+    if path.is_dir():
+        tasks = [str(file) for file in sorted(path.glob("*.toml")) if _is_task(file)]
+        help = f"give a task file of it: {', '.join(tasks)}" if tasks else "it holds no task file"
+        raise FileInputError(path, "", None, "is a folder, must be a file", help)
+    return Node.of_toml(path)
+
+
+def _is_task(file: Path) -> bool:
+    with suppress(InputError):
+        return "task" in Node.of_toml(file)
+    return False
+
+
 def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Task:
     """Read a task file and the cell file that it names.
 
@@ -129,7 +149,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     Raises:
         InputError: a value is wrong; names file, key, value and rule.
     """
-    root = Node.of_toml(path)
+    root = task_or_cell(path)
     is_clear_board = root.get("task", KIND) == KINDS[0]
     keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
     cell = read_cell(keys.cell, on_uncalibrated)

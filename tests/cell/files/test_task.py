@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm.errors import InputError
+from cell.files.place import read_place
 from cell.files.task import read_task
 from cell.task.planning import options_of
 from typed.command_line import replace_in
@@ -17,6 +19,17 @@ def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
         assert task.cell.tool_length == pytest.approx(0.134112)
         assert np.degrees(task.cell.q_start) == pytest.approx([-60, -40, -80, 0, -60, 0])
         assert task.cell.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
+
+
+def test_a_folder_is_told_with_its_task_files(scenes: Path, tmp_path: Path) -> None:
+    for read in (read_task, read_place):
+        with pytest.raises(InputError) as refused:
+            read(scenes)
+        told = str(refused.value)
+        assert "is a folder, must be a file (give a task file of it: " in told
+        assert told.endswith(f": {scenes / 'task1.toml'}, {scenes / 'task2.toml'})")
+        with pytest.raises(InputError, match="it holds no task file"):
+            read(tmp_path)
 
 
 def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
