@@ -111,10 +111,8 @@ def _pocket(keys: BoardKeys, root: Node, cube_size: float) -> tuple[float, float
     elif cube_size < floor:
         rule = "must fit the pocket, but would lie loose on its floor"
     elif abs(depth - CUBE_SEAT_DEPTH) > SEAT_TOLERANCE:
-        rule = (
-            f"must wedge in the pocket {1e3 * CUBE_SEAT_DEPTH:g} mm deep within {1e3 * SEAT_TOLERANCE:g} mm, but would "
-            f"wedge {1e3 * depth:.1f} mm deep"
-        )
+        least, most = 1e3 * (CUBE_SEAT_DEPTH - SEAT_TOLERANCE), 1e3 * (CUBE_SEAT_DEPTH + SEAT_TOLERANCE)
+        rule = f"must sit between {least:g} and {most:g} mm deep in the pocket, but would sit {1e3 * depth:.1f} mm deep"
     else:
         return mouth, floor
     shape = f"pockets are {1e3 * mouth:g} mm wide at the mouth and {1e3 * floor:g} mm at the floor (boards.pocket_mm)"

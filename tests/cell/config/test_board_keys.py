@@ -88,7 +88,7 @@ def test_mistakes_are_told(scenes: Path, old: str, new: str, words: str) -> None
             "",
             r"cube.size_mm = 45: must fit the pocket, but is wider than its mouth: .* 39 mm at the floor",
         ),
-        (42, "", r"must wedge in the pocket 8 mm deep within 1 mm, but would wedge 4.0 mm deep"),
+        (42, "", r"must sit between 7 and 9 mm deep in the pocket, but would sit 4.0 mm deep"),
         (30, "[34, 29]", ""),
         (40, "[34, 29]", "is wider than its mouth: pockets are 34 mm wide at the mouth and 29 mm"),
         (40, "[44, 44]", r"boards.pocket_mm = \[44, 44\]: must be the widths of mouth and floor"),
