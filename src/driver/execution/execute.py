@@ -189,7 +189,7 @@ def _stopped(mars: Mars, error: A465Error, steps: Sequence[Step], index: int) ->
     if "state" not in data:
         data["state"] = mars.stop().to_json()
     data.update(step=steps[index].name, index=index, steps_done=index)
-    return ExecutionStopped(f"step {index + 1} of {len(steps)}, {steps[index].name}: {error}", **data)
+    return ExecutionStopped(f"step {index + 1} of {len(steps)} ({steps[index].name}): {error}", **data)
 
 
 def require_start(mars: Mars, steps: Sequence[Step]) -> None:

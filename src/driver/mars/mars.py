@@ -374,7 +374,7 @@ class Mars:
             state = self.stop()
             hear_again()
             raise ExecutionStopped(
-                f"{what}: interrupted; {state.describe(self.unit)}",
+                f"{what} interrupted; {state.describe(self.unit)}",
                 state=state.to_json(),
                 reason="interrupted",
             ) from None

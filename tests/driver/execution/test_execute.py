@@ -80,7 +80,7 @@ def test_another_start_is_refused_with_the_difference(mars: Mars, fake: Any) -> 
 def test_a_failing_step_is_named_with_the_state(mars: Mars, fake: Any) -> None:
     fake.hooks["RG"] = lambda line: ["FAIL!"] if "GG:103" in fake.lines else None
     with pytest.raises(
-        ExecutionStopped, match="step 3 of 6, close: gripper: the jaws: the unit answered FAIL!"
+        ExecutionStopped, match=r"step 3 of 6 \(close\): gripper: the jaws: the unit answered FAIL!"
     ) as stopped:
         execute(mars, steps())
     assert stopped.value.data["steps_done"] == 2
@@ -92,7 +92,7 @@ def test_impossible_after_the_first_step_is_a_stop(mars: Mars) -> None:
     """Something has moved already, so it is no longer "nothing moved"."""
     first = move("out", SOFT_HOME, (100, 200, 300, 0, 0, 0))
     elsewhere = move("back", (0,) * 6, (1, 1, 1, 1, 1, 1))
-    with pytest.raises(ExecutionStopped, match="step 3 of 3, back: the path starts") as stopped:
+    with pytest.raises(ExecutionStopped, match=r"step 3 of 3 \(back\): the path starts") as stopped:
         execute(mars, [first, LookStep("look"), elsewhere])
     assert stopped.value.data["steps_done"] == 2
     assert stopped.value.data["state"]["counts"] == list(first.path.end)
@@ -180,7 +180,7 @@ def test_the_phase_that_ran_is_named(mars: Mars, fake: Any) -> None:
     names: list[str] = []
     steps = three(8, 30, 8)
     with pytest.raises(
-        ExecutionStopped, match=r"step 2 of 3, across: stream: segment .* arm power"
+        ExecutionStopped, match=r"step 2 of 3 \(across\): stream: segment .* arm power"
     ) as stopped:
         execute(mars, steps, lambda s, i, n: names.append(s.name), power)
     assert stopped.value.data["step"] == "across"

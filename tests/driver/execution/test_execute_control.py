@@ -72,7 +72,7 @@ def test_what_happens_in_a_pause_between_steps_ends_it(
             value = 0x10000 if harm == "status_bits" else [0, 30, 0, 0, 0, 0]
             clock.call_after(20.0, lambda: setattr(fake, harm, value))
 
-    with pytest.raises(ExecutionStopped, match="step 3 of 4, move 1: pause") as stopped:
+    with pytest.raises(ExecutionStopped, match=r"step 3 of 4 \(move 1\): pause") as stopped:
         execute(mars, steps(5, 5), on_step, control=control)
     assert stopped.value.data["reason"] == reason
     assert stopped.value.data["steps_done"] == 2

@@ -183,7 +183,7 @@ def test_the_tolerance_at_rest_is_the_units_and_what_was_read_is_told(mars: Mars
 
 def test_an_interrupt_stops_the_stream(mars: Mars, fake: Any) -> None:
     at_segment(fake, 20, lambda: os.kill(os.getpid(), signal.SIGINT))
-    with pytest.raises(ExecutionStopped, match="stream: interrupted; the arm has stopped") as stopped:
+    with pytest.raises(ExecutionStopped, match="stream interrupted; the arm has stopped") as stopped:
         stream(mars, wave(200))
     assert stopped.value.data["reason"] == "interrupted"
     assert splines(fake.since("STOP:")) == []

@@ -86,7 +86,7 @@ def test_two_signals_close_together_stop_the_arm(homed: Emulator, pair: str, gap
         child.kill()
         child.wait()
     assert "STOP:" in [line for _, line in homed.lines[before:]]
-    assert b"move: interrupted; the arm has stopped and is still under power, at [" in told
+    assert b"move interrupted; the arm has stopped and is still under power, at [" in told
     at = homed.counts()
     time.sleep(0.2)
     assert homed.counts() == at

@@ -305,7 +305,7 @@ def test_an_interrupt_is_a_stop_within_a_tenth_of_a_second(fake: Any, unit: Unit
 
         fake.hooks["COORDMV"] = interrupt
         with pytest.raises(
-            ExecutionStopped, match="move: interrupted; the arm has stopped and is still under power"
+            ExecutionStopped, match="move interrupted; the arm has stopped and is still under power"
         ) as stopped:
             mars.move_to([c + 6000 for c in SOFT_HOME])
     assert stopped.value.data["reason"] == "interrupted"
