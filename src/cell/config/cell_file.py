@@ -145,7 +145,7 @@ def _check_clearance(keys: CellKeys, root: Node) -> None:
     """Check the clearance of transits against the smallest value allowed for it."""
     if keys.clearance < keys.least_clearance:
         unit = f"the unit is mm: 10 mm is 10, and this is {1e3 * keys.clearance:g} mm"
-        exception = "only a deliberate exception is below, with motion.least_clearance_mm"
+        exception = "less is a deliberate exception: motion.least_clearance_mm"
         help = f"{unit}; {exception}" if keys.least_clearance == LEAST_CLEARANCE else unit
         rule = f"must be a number in mm from {1e3 * keys.least_clearance:g} to 100"
         raise root.error_at("motion.clearance_mm", rule, help)

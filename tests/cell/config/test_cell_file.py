@@ -22,7 +22,7 @@ def test_a_clearance_in_metres_is_told_the_unit_before_the_exception(scenes: Pat
         "must be a number in mm from 5 to 100 (the unit is mm: 10 mm is 10, and this is 0.01 mm; only a"
         in told
     )
-    assert "deliberate exception is below, with motion.least_clearance_mm" in told
+    assert "deliberate exception: motion.least_clearance_mm)" in told
 
 
 def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
