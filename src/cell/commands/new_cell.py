@@ -68,9 +68,9 @@ def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Con
         f"{folder}: cell {title!r} with arm {unit}, {len(texts)} files; their comments say what to measure"
     )
     commands = next_commands(folder, unit)
-    console.say("\nNext steps; the first three need no hardware:")
+    console.say("\nNext steps; the first three need no hardware, docs/real-cell.md explains the others:")
     for why, line in commands:
-        console.say(f"\n# {why}\n{line}")
+        console.say(f"\n# {why}" + (f"\n{line}" if line else ""))
     return {
         "folder": str(folder),
         "name": title,
@@ -92,50 +92,68 @@ def cell_files(unit: str, name: str) -> dict[str, str]:
 
 
 def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
-    """Return the next steps of a user with a real cell: pairs of purpose and command."""
+    """Return the next steps of a user with a real cell, in the order of docs/real-cell.md.
+
+    Returns:
+        Pairs of purpose and command; the command is empty where a page has to be followed.
+    """
 
     def at(name: str) -> str:
         return shlex.quote(str(folder / name))
 
-    task, port, camera = at("task2.toml"), "--port /dev/mars", "--camera name:MY-CAMERA"
+    task, hand, look, plan = (at(name) for name in ("task2.toml", "hand.toml", "look.json", "plan.json"))
+    camera = "--camera name:MY-CAMERA"
+    arm = f"--port /dev/mars {camera}"
+    homed = f"{arm} --homed --speed 0.1"
     return [
         ("try it: move four cubes in the simulated cell", f"a465 run {task}"),
         (
-            f"measure, edit {at('cell.toml')}, and list the closest bodies at a configuration",
+            f"measure, edit {at('cell.toml')}, and list the closest bodies at a configuration; compare the assumed "
+            "bodies with the arm (docs/real-cell.md, step 2)",
             f"a465 check {at('cell.toml')} --q=-60,-40,-80,0,-60,0",
         ),
         (
             "rehearse the calibration",
-            f"a465 calibrate hand-eye {at('rehearsal.json')} --collect {task} --target {at('hand.toml')}",
+            f"a465 calibrate hand-eye {at('rehearsal.json')} --collect {task} --target {hand}",
         ),
         (
             f"check the installation and devices (a465 cannot verify that the arm is {unit})",
-            f"a465 doctor --cell {task} {port} {camera}",
+            f"a465 doctor --cell {task} {arm}",
         ),
         (
-            f"calibrate the lens; then copy [pose] from {at('camera.toml')} into it, and name it in the cell file",
+            "remove everything within the arm's reach, boards too, and home once, by the program of "
+            "docs/real-cell.md, step 4; --homed below states that the unit was homed and stayed on",
+            "",
+        ),
+        ("print the lens target at 100 %", f"a465 calibrate target -o {at('lens-target.svg')}"),
+        (
+            f"calibrate the lens; then name {at('lens.toml')} in the cell file, and write the camera's approximate "
+            "pose into it (docs/real-cell.md, step 5)",
             f"a465 calibrate camera {at('lens')} --live {camera} -o {at('lens.toml')}",
         ),
         (
-            f"print the board of {at('hand.toml')}, put it into the gripper, clear the table; emergency stop at hand",
-            f"a465 calibrate hand-eye {at('recorded.json')} --collect {task} --target {at('hand.toml')} "
-            f"{port} {camera} --speed 0.1 -o {at('calibration.toml')} --apply",
+            "print the target for the gripper at 100 %",
+            f"a465 calibrate target {hand} -o {at('hand-target.svg')}",
         ),
         (
-            "set up boards and cubes, and detect them",
-            f"a465 look {task} {camera} -o {at('look.json')}",
+            "close the jaws on that target, clear the table; emergency stop at hand (docs/real-cell.md, step 6)",
+            f"a465 calibrate hand-eye {at('recorded.json')} --collect {task} --target {hand} "
+            f"{homed} -o {at('calibration.toml')} --apply",
         ),
-        ("plan", f"a465 plan {task} --look {at('look.json')} -o {at('plan.json')}"),
+        (
+            "take the target out, set up boards and cubes, and detect them",
+            f"a465 look {task} {camera} -o {look} --picture {at('look.png')}",
+        ),
+        (
+            f"raise clearance_mm in {at('cell.toml')} by the errors listed in docs/real-cell.md, step 7; then plan",
+            f"a465 plan {task} --look {look} -o {plan}",
+        ),
         (
             "preview the plan in a browser; the page shows the code that execute needs",
-            f"a465 preview {at('plan.json')} {task} -o {at('plan.html')}",
+            f"a465 preview {plan} {task} -o {at('plan.html')}",
         ),
-        ("execute slowly first", f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1"),
-        (
-            "repeat while the unit stays switched on, without homing among the boards",
-            f"a465 execute {at('plan.json')} {task} {port} {camera} --speed 0.1 --homed",
-        ),
-        ("do it all in one command", f"a465 run {task} {port} {camera} --speed 0.1"),
+        ("execute slowly first", f"a465 execute {plan} {task} {homed}"),
+        ("do it all in one command", f"a465 run {task} {homed}"),
     ]
 
 

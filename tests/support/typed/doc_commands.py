@@ -236,7 +236,8 @@ class Reader:
             return code
         if LINK not in self._units:
             self._emulate(["--link", LINK])
-        return code.replace("/dev/mars", LINK)
+        # the emulated unit was just switched on, so it is homed in place of a unit that was homed before
+        return code.replace("(home=False", "(soft_home=False").replace("/dev/mars", LINK)
 
     def close(self) -> None:
         """End the units, and see that none ended badly."""
