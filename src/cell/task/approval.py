@@ -14,7 +14,6 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.plan_file import Plan, read_plan
-from arm.se3 import Array
 from cell.config.calibration_state import calibration_lines
 from cell.console import Console
 from cell.scene.arm_shape import arm_shape
@@ -121,7 +120,7 @@ class Approval:
             [
                 (
                     f"J{j + 1}",
-                    *(f"{np.degrees(column[j]):.0f}" for column in columns),
+                    *(_degrees(column[j]) for column in columns),
                     f"{np.degrees(fastest[j]):.1f}",
                     f"{100 * fastest[j] / limits[j]:.0f} %",
                 )
@@ -190,7 +189,7 @@ def _way_to_start(run: TaskRun, plan: Plan) -> str:
     if not run.homed_before:
         return text
     far = unit.positions(plan.start) - unit.positions(run.connection.mars.counters())
-    return f"{text}; the joints turn by {_degrees(far)} deg, further if it must go around something"
+    return f"{text}; the joints turn by [{', '.join(map(_degrees, far))}] deg, further if it must go around something"
 
 
 def _place(run: TaskRun) -> str:
@@ -198,10 +197,10 @@ def _place(run: TaskRun) -> str:
     counters = run.connection.mars.counters()
     if is_unhomed(run.task.cell.unit, counters):
         return "not homed since it was switched on, so its position is not known"
-    at = _degrees(run.task.cell.unit.positions(counters))
-    return f"at {at} deg by its counters, which are correct if it was homed since it was switched on"
+    at = ", ".join(map(_degrees, run.task.cell.unit.positions(counters)))
+    return f"at [{at}] deg by its counters, which are correct if it was homed since it was switched on"
 
 
-def _degrees(angles: Array) -> str:
-    """Angles (n,) rad as a list of whole degrees."""
-    return f"[{', '.join(f'{d:.0f}' for d in np.round(np.degrees(angles)) + 0.0)}]"
+def _degrees(angle: float) -> str:
+    """An angle in rad as whole degrees, without a sign at 0."""
+    return f"{np.round(np.degrees(angle)) + 0.0:.0f}"

@@ -117,6 +117,7 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert "the joints turn by" not in told, "homing comes first, so it is not known how far"
     row = next(line.split() for line in told.splitlines() if line.startswith("J2"))
     assert row[1:4] == [f"{np.degrees(v[1]):.0f}" for v in (of.lowest, of.highest, of.travel)]
+    assert not re.search(r"^J.*\s-0\s", told, re.MULTILINE)
     assert row[4] == f"{np.degrees(0.5 * of.fastest[1]):.1f}"
     limits = preview_case.unit.limits(plan.speed_registers).velocity
     assert row[5] == f"{50 * of.fastest[1] / limits[1]:.0f}"
