@@ -186,6 +186,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "plan/trajectory/test_extremes.py",
         "plan/trajectory/test_rounding.py",
     ),
+    "arm/controller/unit_keys.py": ("arm/controller/test_unit.py",),
     "arm/plan_file.py": ("plan/test_verify.py",),
     "vision/observe.py": (
         "vision/boards/test_pose.py",
