@@ -69,7 +69,9 @@ def choose(mutant: Mutant, reach: Reached, budget_s: float) -> Choice:
     tests = {test for line in range(first, last + 1) for test in by_line.get(f"{mutant.file}:{line}", ())}
     if first == 0:
         tests = {t for line, names in by_line.items() if line.startswith(f"{mutant.file}:") for t in names}
-        tests = tests or set(seconds)  # it only declares: its lines run while it is imported, and are nobody's
+        tests = tests or set(
+            seconds
+        )  # it only declares: its lines run while it is imported, and are nobody's
     chosen: list[str] = []
     total = 0.0
     for test in sorted(tests, key=lambda t: (seconds[t], t)):

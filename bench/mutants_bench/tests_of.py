@@ -11,6 +11,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "cell/session/test_homed.py",
         "cell/task/test_free_cell.py",
     ),
+    "cell/scene/build.py": ("cell/task/test_planning.py", "cell/task/test_resume.py"),
     "driver/mars/stopping.py": (
         "driver/mars/test_stopping.py",
         "driver/mars/test_mars.py",

@@ -89,6 +89,8 @@ def _damaged(change: Any) -> str:
             lambda v: v["steps"][0]["segments"][0].__setitem__(0, "x"),
             r"steps\[0\]\.segments\[0\] = 'x': duration",
         ),
+        (lambda v: v["steps"][0]["segments"][0].__setitem__(0, -1), r"segments\[0\] = -1: duration"),
+        (lambda v: v["steps"][0]["segments"][0].__setitem__(0, 60_001), r"segments\[0\] = 60001: duration"),
         (lambda v: v["steps"][0]["segments"][0][1].pop(), r"must be 6 whole numbers"),
         (lambda v: v["steps"][0]["segments"][0].append(list(ROW)), r"segments\[0\] = .*1 to 3 rows of coeff"),
         (
@@ -129,6 +131,13 @@ def test_damage_is_told_by_its_key(tmp_path: Path, change: Any, message: str) ->
     with pytest.raises(FileInputError, match=message) as error:
         read_plan(path)
     assert "plan again" in str(error.value)
+
+
+@pytest.mark.parametrize("duration_ms", [0, 60_000])
+def test_segments_last_from_nothing_to_a_minute(tmp_path: Path, duration_ms: int) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(_damaged(lambda v: v["steps"][0]["segments"][0].__setitem__(0, duration_ms)))
+    assert next(read_plan(path).moves).path.segments[0].duration_ms == duration_ms
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", "\x00"])
