@@ -17,7 +17,7 @@ ROOT = Path(a465.__file__).resolve().parents[2]
 
 def _python(program: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, cwd=folder, timeout=120, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=folder, timeout=600, check=False
     )
 
 

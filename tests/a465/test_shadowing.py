@@ -24,7 +24,7 @@ def _run(
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=600.0,
         check=False,
     )
 

@@ -45,7 +45,7 @@ def test_what_never_was_is_not_found() -> None:
 def test_a_program_of_the_version_before_imports_as_it_did() -> None:
     program = "from plan.check import check_move; import driver.stepped; print(check_move.__module__)"
     ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=600
     )
     assert ran.stdout.strip() == "plan.collision.certificate"
 

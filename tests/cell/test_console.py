@@ -83,7 +83,7 @@ def _a465(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
         ["bash", "-c", shell],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
         check=False,
         env=environment,
         cwd=folder,

@@ -33,7 +33,7 @@ def test_example(name: str, tmp_path: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
     )
     assert ran.returncode == 0, ran.stderr
     assert SAYS[name] in ran.stdout

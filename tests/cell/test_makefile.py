@@ -46,7 +46,7 @@ def _make(folder: Path, python: str, *words: str) -> subprocess.CompletedProcess
         env=plain,
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=600.0,
         check=False,
     )
 
@@ -68,7 +68,7 @@ def test_the_environment_may_have_spaces_too_and_is_made_once(tmp_path: Path) ->
         cwd=tmp_path / "project",
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=600.0,
         check=False,
     )
     assert again.returncode == 0, again.stdout + again.stderr

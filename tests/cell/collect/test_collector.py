@@ -222,7 +222,7 @@ def test_the_arm_behind_a_port_is_collected_from_with_photographs_of_a_folder(
             )
         finally:
             over.set()
-            thread.join(10.0)
+            thread.join(600.0)
     assert result["verdict"] == "accepted"
     assert len(json.loads(collected.recording.read_text())["poses"]) == 8
     assert np.degrees(np.abs(np.array(result["joint_offsets_rad"]) - TRUE_OFFSETS)).max() < 0.01

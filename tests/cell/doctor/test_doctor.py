@@ -89,7 +89,7 @@ def test_missing_libraries_are_rows_and_no_traceback(missing: list[str]) -> None
         "from cell.cli.start import main\nmain()"
     )
     ran = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=100, check=False
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=False
     )
     assert ran.returncode == 3, ran.stderr
     assert "Traceback" not in ran.stderr

@@ -49,7 +49,7 @@ def _at_once(count: int, folder: Path, *asked: str) -> list[str]:
             assert child.stdin is not None
             child.stdin.write("go\n")
             child.stdin.flush()
-        return [child.communicate(timeout=180.0)[0].strip() for child in children]
+        return [child.communicate(timeout=600.0)[0].strip() for child in children]
     finally:
         for child in children:
             child.kill()

@@ -43,7 +43,7 @@ def test_1_hardware_handshake_is_accepted_and_a_reopened_port_finds_the_same_pos
     with Emulator(unit, Clock(20.0)) as emulator:
         path = emulator.open_pty()
         for number in range(3):
-            port = serial.Serial(path, 19200, rtscts=True, timeout=60.0)
+            port = serial.Serial(path, 19200, rtscts=True, timeout=600.0)
             assert termios.tcgetattr(port.fd)[2] & termios.CRTSCTS
             port.write(b"ECHO:0\n" + (b"GA:700\nRA:\n" if not number else b"") + b"APA?\nAPB?\n")
             lines = [port.readline() for _ in range(4 if not number else 2)]

@@ -21,7 +21,7 @@ def replace_in(path: Path, old: str, new: str) -> None:
 
 def _in_a_process(arguments: list[str], flags: list[str], cwd: Path) -> tuple[int, str, str]:
     command = [sys.executable, *flags, "-c", "import cell.cli.main; cell.cli.main.main()", *arguments]
-    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=120)
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, timeout=600)
     assert "Traceback" not in ran.stderr, ran.stderr[-4000:]
     return ran.returncode, ran.stdout, ran.stderr
 

@@ -359,7 +359,7 @@ class Reader:
         assert unit.stdout is not None
         first = unit.stdout.readline()
         self.said += first
-        assert " on " in first, f"the unit does not say where it is: {unit.communicate(timeout=180)}"
+        assert " on " in first, f"the unit does not say where it is: {unit.communicate(timeout=600)}"
         shots = _value(options, "--photographs")
         if shots:
             self._shots[link] = shots
@@ -375,7 +375,7 @@ class Reader:
     def _end(self, link: str) -> None:
         unit = self._units.pop(link)
         unit.send_signal(signal.SIGINT)
-        said, errors = unit.communicate(timeout=180)
+        said, errors = unit.communicate(timeout=600)
         self.said += said
         assert (unit.returncode, errors) == (0, ""), f"the unit on {link} ended badly: {errors}"
 

@@ -74,7 +74,7 @@ class Client:
         self._socket: socket.socket | None = None
         if url.startswith("socket://"):
             host, port = url.removeprefix("socket://").split(":")
-            self._socket = socket.create_connection((host, int(port)), timeout=60.0)
+            self._socket = socket.create_connection((host, int(port)), timeout=600.0)
             self._socket.settimeout(None)  # reads are guarded by select
             self.descriptor = self._socket.fileno()
         else:
