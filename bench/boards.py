@@ -117,7 +117,7 @@ ERROR_HEADER = ("holes mm rms", "p95", "turn deg rms", "x bound, holes", "x boun
 
 
 def ways(pool: Pool, scenes: int) -> None:
-    """Table of the first seed's lessons."""
+    """Table of the course report's lessons."""
     table("way", *ERROR_HEADER)
     for name in WAYS:
         row(name, *against_bound(pool.over(scenes, Conditions(), "", (), "" if name == OURS else name)))

@@ -137,7 +137,7 @@ def wrong_images(campaign: Campaign) -> None:
 
 
 def mounts(campaign: Campaign) -> None:
-    """The first seed's fourth lesson."""
+    """The course report's fourth lesson (docs/sources.md, "The course report")."""
     print("\nMount x target x sampler, 60 poses\n" + HEAD)
     for target in ("marker", "charuco"):
         for mount in ("parallel", "perpendicular"):

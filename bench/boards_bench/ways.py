@@ -1,4 +1,4 @@
-"""The five ways of the first seed's lessons, side by side: each gives T_camera_board from the same corners."""
+"""The five ways of the course report's lessons, side by side: each gives T_camera_board from the same corners."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def single(board: Board, frames: Frames, camera: Camera) -> Array:
 
 
 def vector_median(board: Board, frames: Frames, camera: Camera) -> Array:
-    """One marker, median of translations and of rotation vectors: the first seed's first try."""
+    """One marker, median of translations and of rotation vectors: the course report's first try."""
     poses = one_marker(board, frames, camera)
     vectors = np.median([rotation_vector(T[:3, :3]) for T in poses], axis=0)
     return transform(rotation(vectors), np.median([T[:3, 3] for T in poses], axis=0))
@@ -43,7 +43,7 @@ def element_median(board: Board, frames: Frames, camera: Camera) -> Array:
 
 
 def corner_median(board: Board, frames: Frames, camera: Camera) -> Array:
-    """Both markers, median of every corner, then one pose: the first seed's final recipe."""
+    """Both markers, median of every corner, then one pose: the course report's final recipe."""
     corners = np.median([[m.corners_px for m in frame] for frame in frames], axis=0).reshape(1, 8, 2)
     points = board.marker_corners().reshape(8, 3)
     start = planar_poses(corners[0], points, camera)[0]

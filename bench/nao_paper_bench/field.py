@@ -3,7 +3,7 @@
 The robot stands on its left foot's known place; where the camera is follows from the leg's and the head's readings. The
 field is the Standard Platform League's of 2014: 9 m x 6 m, penalty areas of 0.6 m x 2.2 m, a circle of 1.5 m, lines of
 50 mm (assumed: its rule book was not at hand). Gravity is the standing robot's; that the leg bears its weight is not
-modelled, as in the fact sheet of calibration, section 2d.
+modelled, see docs/sources.md, "The NAO and its paper".
 """
 
 from __future__ import annotations

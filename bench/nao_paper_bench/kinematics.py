@@ -140,7 +140,7 @@ def standing_postures(count: int, rng: np.random.Generator) -> dict[str, tuple[A
 
 
 def standing_error(true: NaoKinematics, taken: NaoKinematics, seed: int = 0, count: int = 600) -> PoseErrors:
-    """Error of the soles' poses in the camera on standing and swinging postures (fact sheet, section 2d)."""
+    """Error of the soles' poses in the camera on standing and swinging postures."""
     T_true, T_taken = [], []
     for side, (leg, head) in standing_postures(count, np.random.default_rng(seed)).items():
         T_true.append(true.T_camera_sole(side, leg, head, STANDING))

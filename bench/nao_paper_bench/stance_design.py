@@ -1,7 +1,7 @@
 """Optimal design of NAO measurements: choose the stances that together are most informative.
 
 The information of a stance is known before it is taken: that of its images with the encoder errors eliminated
-(generalised least squares, fact sheet of calibration, section 2c). The search is that of `calib.model.optimal_design`.
+(generalised least squares, docs/sources.md, "Encoder errors"). The search is that of `calib.model.optimal_design`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Seeded scenes: the seeds' layout of two boards side by side in view, with or without something in between.
+"""Seeded scenes: the course report's layout of two boards side by side in view, with or without something in between.
 
 A scene is kept by necessary conditions only: bodies apart, holes with a line in limits and clear of what stands. No
 planner is asked whether a scene can be solved.

@@ -1,7 +1,9 @@
-"""The first seed's method (its section 2.4.4): inverse kinematics nearest to where the arm is, straight joint moves.
+"""The course report's method: inverse kinematics nearest to where the arm is, straight joint moves.
+
+See docs/sources.md, "The course report", section 2.4.
 
 Grips are aligned with the hole (one yaw), and the arm goes through its start between pick and place. After letting go
-the seed goes straight home; `retract` first goes back to the offset point, as the seed does after gripping.
+the report goes straight home; `retract` first goes back to the offset point, as the report does after gripping.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from planning_bench.straight import straight
 
 
 class Seed:
-    """The seed's method, with or without the retract."""
+    """The report's method, with or without the retract."""
 
     def __init__(self, retract: bool) -> None:
         self.retract = retract

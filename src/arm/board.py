@@ -1,7 +1,8 @@
 """Boards: a plate with four pockets ("holes") and two markers, described by the users' CSV files.
 
 Board frame: origin at the centre of the lower-ID marker, x and y along the plate's edges, z out of the plate,
-top surface at z = 0 (fact sheet of the cell). The second marker is at (180, 140) mm with the same rotation.
+top surface at z = 0 (docs/sources.md, "Boards and cubes"). The second marker is at (180, 140) mm with the same
+rotation.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A board's plate: a box with two printed markers on it and four square funnels ("pockets") cut into it.
 
 Markers lie in the plane z = 0 of the board frame, the plate's top; each has a white border that is one module wide.
-Pockets narrow from mouth to floor and have a finger hole in the floor (cell fact sheet). They are darker at depth,
-because their walls block part of the ambient light.
+Pockets narrow from mouth to floor and have a finger hole in the floor (docs/sources.md, "Boards and cubes"). They are
+darker at depth, because their walls block part of the ambient light.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Motion as the controller executes it: polynomial segments in encoder counts and milliseconds.
 
 A segment is one ``COORDSPLINET``: counts(u) = start + a1 u + a2 u^2 + a3 u^3 with u from 0 to 1 over its duration
-(fact sheet of the controller, section 2, row 3). All numbers are integers, so the checked, stored and sent motions are
+(docs/sources.md, "Coordinated motion", row 3). All numbers are integers, so the checked, stored and sent motions are
 the same to the bit.
 """
 

@@ -1,7 +1,7 @@
 """One arm on one controller: encoder counts, limits and registers, read from ``urdf/a465/<unit>.toml``.
 
 Counts are quadrature counts (times 4). The unit of a speed register is 1/256 count per ms, that of an acceleration
-register 1/256 count per ms^2 (the controller's fact sheet; the latter is assumed until measured).
+register 1/256 count per ms^2 (docs/sources.md, "Registers"; the latter is assumed until measured).
 """
 
 from __future__ import annotations

@@ -41,4 +41,4 @@ A465 = DhTable(
     alpha=frozen([_QUARTER, 0.0, 3.0 * _QUARTER, _QUARTER, 3.0 * _QUARTER, 0.0]),
     theta_offset=frozen([0.0, -3.0 * _QUARTER, -_QUARTER, 0.0, 0.0, 0.0]),
 )
-"""From the cell's fact sheet; the last frame is the flange of ``urdf/a465/a465.urdf``."""
+"""Source: docs/sources.md, "The arm"; the last frame is the flange of ``urdf/a465/a465.urdf``."""

@@ -3,7 +3,7 @@
 Every reading of an inexact encoder gets an error of its own. Its prior has the encoder's standard deviation, and all
 images taken at that reading share it. These errors are eliminated stance by stance (Schur complement), as the poses are
 in `calib.camera.bundle_adjustment`. To first order this equals weighting the pixels by their full covariance
-(generalised least squares), so a coarse encoder is not treated as exact (fact sheet of calibration, finding 1).
+(generalised least squares), so a coarse encoder is not treated as exact (docs/sources.md, "Encoder errors").
 """
 
 from __future__ import annotations

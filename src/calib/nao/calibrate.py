@@ -1,4 +1,4 @@
-"""Kinematic calibration of the NAO of the second seed from recorded images: model, fit and verdict."""
+"""Kinematic calibration of the NAO from recorded images: model, fit and verdict."""
 
 from __future__ import annotations
 

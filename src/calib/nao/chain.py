@@ -1,7 +1,8 @@
-"""Kinematic chains of the NAO of the second seed: from the lower camera to the checkerboards on the soles.
+"""Kinematic chains of the NAO: from the lower camera to the checkerboards on the soles.
 
 T. Kastner, T. Roefer, T. Laue, "Automatic robot calibration for the NAO" (2014): eqs. 1 to 5 for the chain, Table 1 for
-the unknowns. In addition: offsets of the head joints, compliance and backlash of the leg joints (its future work).
+the unknowns. In addition: offsets of the head joints, compliance and backlash of the leg joints (its future work). What
+is assumed is listed in docs/sources.md, "The NAO and its paper".
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SIDES = ("L", "R")
 LEG_JOINTS = tuple(side + joint for side in SIDES for joint in LEG)
 CAMERA_TURNS = ("CamYaw", "CamPitch", "CamRoll")
 MOUNT = ("RotZ", "TransX", "TransY")
-BACKLASH_NM = 0.05  # torque scale over which smooth backlash changes sides (data sheet of the sets)
+BACKLASH_NM = 0.05  # torque scale over which smooth backlash changes sides (assumed)
 _SAME_STANCE = np.radians(3.0)  # a fit may move readings by a degree meanwhile
 _X, _Y, _Z = np.eye(3)
 # the paper's camera looks along x

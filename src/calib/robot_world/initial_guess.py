@@ -1,8 +1,8 @@
 """Robust initial guess for robot-world/hand-eye calibration, from pairs of poses with outliers.
 
 One wrong pose in twenty ruins a closed form (M. Shah, "Solving the robot-world/hand-eye calibration problem using the
-Kronecker product", 2013; fact sheet of calibration, section 1). So the closed form is applied to many small random sets
-of pairs, and the inliers of the best result are kept. The inlier threshold is estimated too, because an arm with wrong
+Kronecker product", 2013; docs/sources.md, "Pose pairs"). So the closed form is applied to many small random sets of
+pairs, and the inliers of the best result are kept. The inlier threshold is estimated too, because an arm with wrong
 joint offsets scatters by millimetres, a good one by a tenth of that.
 """
 

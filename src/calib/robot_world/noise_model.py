@@ -3,7 +3,7 @@
 A pose from an image is less accurate along the line of sight and in tilt than across it and in roll, above all if the
 target appears small. A pose from a tracker may scatter isotropically. Angular errors of an arm act about the flange.
 Wrong lengths and joint offsets add an error that varies smoothly with the pose. Equal weights cost up to a factor of
-five in accuracy (fact sheet of calibration, section 1), and so does a wrong model. Therefore the data decide on the
+five in accuracy (docs/sources.md, "Pose pairs"), and so does a wrong model. Therefore the data decide on the
 model and on the sizes.
 """
 

@@ -115,7 +115,7 @@ def calibrate_hand_eye(
         bool,
         Option(
             "--recipe",
-            help="Use the fixed poses of the original report instead of the most informative ones.",
+            help="Use the fixed poses of the course report instead of the most informative ones.",
         ),
     ] = False,
     seed: Annotated[int | None, Option(help="Seed for choosing the poses.")] = None,

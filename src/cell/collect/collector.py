@@ -47,7 +47,7 @@ class CollectOptions:
     Attributes:
         poses: number of poses, including those already in the recording.
         seed: seed of their choice.
-        recipe: take the poses of the original report (`cell.collect.recipe_270`) instead of the most informative ones.
+        recipe: take the poses of the course report (`cell.collect.recipe_270`) instead of the most informative ones.
     """
 
     poses: int = PLANNED

@@ -1,4 +1,4 @@
-"""The original report's recipe for 270 poses (its section 2.3.3), for comparison.
+"""The course report's recipe for 270 poses, for comparison (docs/sources.md, "The course report", section 2.3.3).
 
 In the first pose the target faces the camera in the middle of the image. J4, J5 and J6 rotate together until the camera
 no longer sees the target. Then J1 advances, and the wrist starts again. Every fifth pose varies distance and tilt

@@ -1,6 +1,6 @@
 """Map the samples of a log to the plan's clock: each sample to the nearest point of the planned motion.
 
-The controller keeps the path and only stretches time (fact sheet of the controller, section 2, row 14). So each sample
+The controller keeps the path and only stretches time (docs/sources.md, "Coordinated motion", row 14). So each sample
 is compared with the nearest point of the planned path, near the segment that the unit reported. A delay shows in the
 duration of the motion only.
 """

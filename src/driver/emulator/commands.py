@@ -1,8 +1,8 @@
 """Execute the unit's command lines: one line in, its answers out. Knows nothing of ports or baud rates.
 
 A successful command has no answer. ``R:`` is answered later, by `Interpreter.ready`. Integers may be written with
-decimals (ctu_crs sends ``REGMSA:7680.0``). The options define the answer to an unknown line. Source: the controller's
-fact sheet, sections 1, 2 and 4.3.
+decimals (ctu_crs sends ``REGMSA:7680.0``). The options define the answer to an unknown line. Source:
+docs/sources.md, "Lines and commands", "Coordinated motion" and "Public clients".
 """
 
 from __future__ import annotations

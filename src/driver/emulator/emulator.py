@@ -1,7 +1,7 @@
 """The emulated MARS-8: a thread that serves a pseudo-terminal or a TCP port in a clock's time.
 
-Its requirements are in the controller's fact sheet, section 4.3. The thread sleeps while the arm is at rest and no
-bytes come. With a `driver.line.stepped_clock.SteppedClock` there is no thread: the clock calls `Emulator.step`.
+Its requirements are in docs/sources.md, "Public clients". The thread sleeps while the arm is at rest and no bytes come.
+With a `driver.line.stepped_clock.SteppedClock` there is no thread: the clock calls `Emulator.step`.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ class EmulatorOptions:
         version: answer to VER.
         noise: bytes sent when a client's first byte arrives, as some units do after power-up.
         unknown: answer to a line that is not understood; silence is what the public clients' history shows
-            (fact sheet, section 4.2).
+            (docs/sources.md, "Public clients").
         echo: after ``ECHO:1``, echo each line once it is complete, each byte as it arrives, or nothing; which of these
             the real unit does is unknown.
         echo_end: echo of a line feed.

@@ -1,7 +1,7 @@
 """A pause: the arm stops on its path, and resumes only if it is still there.
 
 During a stream the driver sends no more segments. The unit then brings the arm to rest on the path, at the end of the
-last segment that it holds (fact sheet, section 2, row 13). Between steps the arm is already at rest.
+last segment that it holds (docs/sources.md, "Coordinated motion", row 13). Between steps the arm is already at rest.
 """
 
 from __future__ import annotations

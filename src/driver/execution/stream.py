@@ -1,7 +1,7 @@
 """Stream a path of integer segments to the controller, and monitor the motion.
 
 Exactly the certified counts are sent. The controller keeps the path and only stretches time, so progress is read from
-its segment numbers, never from the clock (fact sheet, sections 2 and 3).
+its segment numbers, never from the clock (docs/sources.md, "Coordinated motion" and "Capacity of the line").
 """
 
 from __future__ import annotations

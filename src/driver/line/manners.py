@@ -1,7 +1,7 @@
 """How a unit echoes ("manners"): whether it sends back what it receives, and whether its answers interrupt the echo.
 
-Which of these a MARS-8 does is not known (fact sheet, section 1), so it is measured at every opening, by ECHO and STAMP
-alone.
+Which of these a MARS-8 does is not known (docs/sources.md, "What is not known of the controller"), so it is measured at
+every opening, by ECHO and STAMP alone.
 """
 
 from __future__ import annotations

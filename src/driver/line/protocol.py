@@ -1,8 +1,8 @@
 """The MARS-8 line protocol: a table of commands, and pure functions that encode and parse lines.
 
 ``NAME[axis]:v,v..`` is a command and ``NAME[axis]?`` a query; both end in a line feed. A successful command has no
-answer. An answer is ``NAME[axis]=value`` and CR LF. Source: the controller's fact sheet, sections 1 and 2.
-Evidence: D documented by the vendor, C client code, U records from a unit, I inferred.
+answer. An answer is ``NAME[axis]=value`` and CR LF. Source: docs/sources.md, "Lines and commands" and
+"Coordinated motion". Evidence: D documented by the vendor, C client code, U records from a unit, I inferred.
 """
 
 from __future__ import annotations
@@ -216,7 +216,10 @@ def parse_reply(line: str) -> Reply:
 
 @dataclass(frozen=True)
 class Status:
-    """The status word. Bits are tested one by one, as unknown ones may be set (fact sheet 1.1)."""
+    """The status word. Bits are tested one by one, as unknown ones may be set.
+
+    Source: docs/sources.md, "Status word and recovery".
+    """
 
     word: int
 
@@ -255,7 +258,7 @@ class Status:
         return tuple(text for on, text in named if on)
 
     def remedy(self) -> str:
-        """Say how to clear the faults (fact sheet, section 6)."""
+        """Say how to clear the faults (docs/sources.md, "Status word and recovery")."""
         return (
             "find what stopped the axis and make sure that nothing touches it; press Motion Stop, then Arm Power"
             if self.axis_error

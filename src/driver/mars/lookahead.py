@@ -1,8 +1,8 @@
 """How early a segment must be sent so that a damaged one never begins: time for its echo and time for a stop.
 
-The unit may take longer than commanded but never less (fact sheet, section 2). So the earliest time at which a segment
-can begin follows from what was sent. For each segment there is a last moment at which STOP still prevents it. If its
-echo has not come by then, the driver sends STOP.
+The unit may take longer than commanded but never less (docs/sources.md, "Coordinated motion", row 1). So the earliest
+time at which a segment can begin follows from what was sent. For each segment there is a last moment at which STOP
+still prevents it. If its echo has not come by then, the driver sends STOP.
 """
 
 from __future__ import annotations

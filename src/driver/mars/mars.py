@@ -237,8 +237,8 @@ class Mars:
         """Set the start of the controller's path generator to these counts, which must be close to the arm's.
 
         After a stop, a release or a push the generator may end elsewhere than the arm is, and a relative segment would
-        make the arm jump. So the arm first moves slowly to its measured position, in absolute counts (fact sheet,
-        section 6).
+        make the arm jump. So the arm first moves slowly to its measured position, in absolute counts
+        (docs/sources.md, "What is not known of the controller").
 
         Raises:
             ImpossibleError: the arm is further than `Unit.rest_tolerance` from `counts`; nothing moved.

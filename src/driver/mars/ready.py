@@ -20,7 +20,7 @@ def wait_ready(
     """Wait for ``R!`` (or ``Rx!``) and a status that is not busy.
 
     ``R!`` alone proves nothing: it may answer an earlier wait that was given up. It means that the path generator has
-    finished, not that the arm is at rest (fact sheet, section 1). So let the arm settle afterwards.
+    finished, not that the arm is at rest (docs/sources.md, "Lines and commands"). So let the arm settle afterwards.
 
     Args:
         what: name of the action waited for, for the message.

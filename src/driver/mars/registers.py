@@ -1,7 +1,7 @@
 """Set registers of the unit and read them back where it answers: an echo proves the line, not the register.
 
-Which registers a MARS-8 can be asked for is not known (fact sheet, section 6). So a missing answer proves nothing, but
-a wrong value does.
+Which registers a MARS-8 can be asked for is not known (docs/sources.md, "What is not known of the controller"). So a
+missing answer proves nothing, but a wrong value does.
 """
 
 from __future__ import annotations

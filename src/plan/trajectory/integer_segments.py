@@ -28,7 +28,7 @@ from plan.trajectory.extremes import cubic_acceleration, cubic_speed
 from plan.trajectory.rounding import round_chain
 from plan.trajectory.timing import Trajectory
 
-SHORTEST_MS = 40  # the serial line sends about 25 cubics a second (fact sheet of the controller, section 3)
+SHORTEST_MS = 40  # the line sends about 25 cubics a second (docs/sources.md, "Capacity of the line")
 _LONGEST = 16  # longest segment, in multiples of segment_ms, where rounding errors are too large
 _ROUNDING = 8.0  # counts/T^2, about the most that nearest rounding adds to an acceleration
 # Factors on the duration, on segment_ms, and on the least distance of knots, in the order of the attempts. The first

@@ -4,7 +4,7 @@ A segment of duration T moves a joint by a1 u + a2 u^2 + a3 u^3 counts. With p =
 is 2 p / T^2 at the beginning, 2 r / T^2 at the end, and linear between. The limit is |p|, |r| <= L, an integer. For a
 displacement D, p and a3 are chosen within the limit and near the planned values, and a1 = D - p - a3 takes the rest. So
 positions at joins are the planned ones, to the count, and velocities jump there by a few counts per segment, within the
-controller's vertex rule (fact sheet of the controller, section 2, row 10).
+controller's vertex rule (docs/sources.md, "Coordinated motion", row 10).
 
 If no choice keeps all limits, positions at joins may shift by up to 4 counts. Dynamic programming over the chain finds
 the shifts, for each joint separately.

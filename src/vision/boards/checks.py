@@ -22,8 +22,8 @@ class BoardLimits:
     """Limits for accepting a board's pose.
 
     The last three are standard deviations. Each is a third of what a task tolerates: a cube that is 2 mm off still
-    slides into its pocket, the palm hits a cube that is 8 mm higher than expected (fact sheet of the cell), and jaws
-    that are rotated by 3 deg push a cube.
+    slides into its pocket, the palm hits a cube that is 8 mm higher than expected (docs/sources.md, "Boards and
+    cubes"), and jaws that are rotated by 3 deg push a cube.
 
     Attributes:
         residual_px: largest rms residual of the mean corners, px per coordinate.

@@ -1,7 +1,7 @@
 """Test whether another marker size fits the corners better than the stated one, given the markers' spacing.
 
-A marker size that is wrong by 1 mm shifts the board's height by 24 mm (fact sheet of the cell, failure 7). The pose fit
-shows it only by larger residuals.
+A marker size that is wrong by 1 mm shifts the board's height by 24 mm (docs/sources.md, "Pose of a board"). The pose
+fit shows it only by larger residuals.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Predict where the image shows borders if a hole holds a cube, and where if it is empty.
 
 A cube in its pocket shows the sides of its top, 32 mm above the plate, and upright edges between its faces. An empty
-pocket shows the sides of its mouth, those of its floor 10 mm below, and the rim of the finger hole in the floor (cell
-fact sheet). From a slant the borders of the two states lie apart, for any colours. To be compared, all are projected
-from the camera's centre to the plate's top plane z = 0, in m from the hole.
+pocket shows the sides of its mouth, those of its floor 10 mm below, and the rim of the finger hole in the floor
+(docs/sources.md, "Boards and cubes"). From a slant the borders of the two states lie apart, for any colours. To be
+compared, all are projected from the camera's centre to the plate's top plane z = 0, in m from the hole.
 """
 
 from __future__ import annotations

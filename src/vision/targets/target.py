@@ -2,7 +2,7 @@
 
 The target frame is OpenCV's: origin at the top left corner of the print, x along the columns, y down the rows, z into
 the board. Corners are the inner ones of the chessboard, row by row. They are saddle points, where OpenCV's refinement
-is unbiased (fact sheet of the parts, 3a: 0.026 px rms; for outer corners of markers see `vision.markers.edge_lines`).
+is unbiased (docs/sources.md, "Corners in images": 0.026 px rms; for outer corners see `vision.markers.edge_lines`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Unit files against the figures of the controller's fact sheet."""
+"""Unit files against the figures of docs/sources.md, "The arm" and "Registers"."""
 
 import re
 from pathlib import Path

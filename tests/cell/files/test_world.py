@@ -11,7 +11,7 @@ from cell.files.world import board_placement, read_world
 from typed.command_line import replace_in
 
 
-def test_the_shipped_world_stands_where_the_fact_sheet_says() -> None:
+def test_the_shipped_world_stands_where_the_page_of_sources_says() -> None:
     world = read_world(data_file("scenes/task2.world.toml"), 0.036)
     origins = [b.T_base_board[:3, 3] for b in world.boards]
     assert origins[0] == pytest.approx([0.5557, 0.1714, 0.0485], abs=5e-5)

@@ -114,7 +114,7 @@ def test_registers_may_be_readable() -> None:
 
 
 def test_the_public_client_s_opening_is_understood_but_for_its_misspelling() -> None:
-    """The order of lines of ctu_crs 1.0.6 (fact sheet, section 4.3, wire log)."""
+    """The order of lines of ctu_crs 1.0.6 (docs/sources.md, "Public clients")."""
     unit = made()
     opening = ["", "ECHO:0", "STAMP:1", "VER?", "STAMP:2", "PURGE:", "STOP:", "ST?", "R:"]
     opening += [f"{name}{axis}:{value}" for name, value in (("REGME", 32000), ("REGCFG", 1489), ("REGP", 10),

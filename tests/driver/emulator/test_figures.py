@@ -1,7 +1,6 @@
 """What the emulated unit makes of a stream of cubics, by raw bytes at 19200 baud: path, time, limits, cost.
 
-No part of the driver is used. The figures are those that the controller's fact sheet (section 3) and the plan of
-work ask for.
+No part of the driver is used. The figures follow from docs/sources.md, "Capacity of the line".
 """
 
 from __future__ import annotations

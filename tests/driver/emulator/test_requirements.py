@@ -1,4 +1,4 @@
-"""The nine requirements on an emulated unit (controller's fact sheet, section 4.3), one by one, where no other test of
+"""The nine requirements on an emulated unit (docs/sources.md, "Public clients"), one by one, where no other test of
 the emulator states them."""
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def _board(centre, yaw_deg, tilt_deg, towards_deg):  # type: ignore[no-untyped-d
 
 
 def _task_2(shift=(0.0, 0.0, 0.0)):  # type: ignore[no-untyped-def]
-    """The default placement of the cell's fact sheet; tip 15 mm above the plate, four yaws."""
+    """The default placement of docs/sources.md, "Boards and cubes"; tip 15 mm above the plate, four yaws."""
     grasps = {}
     for name, T in (
         ("01-02", _board((0.46, 0.11, 0.04), 175, 7, 265)),

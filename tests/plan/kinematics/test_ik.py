@@ -36,7 +36,7 @@ def test_no_branch_is_missed_and_none_is_wrong(robot: Robot, unit: Unit) -> None
     assert np.abs(arm.tool_poses(found.q) - T[found.pose]).max() <= 1e-10
     assert (found.q >= unit.lower).all()
     assert (found.q <= unit.upper).all()
-    assert 5.9 < len(found) / SAMPLES < 6.3  # fact sheet: 6.1 to 6.5, with other limits
+    assert 5.9 < len(found) / SAMPLES < 6.3  # docs/sources.md, "The arm": 6.1 to 6.5, with other limits
 
 
 def test_the_branches_of_a_pose_differ_and_carry_their_names(robot: Robot, unit: Unit) -> None:

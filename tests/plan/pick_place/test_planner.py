@@ -134,7 +134,7 @@ def test_motion_is_near_the_bound_without_obstacles(plan: Plan, direct: Plan, wa
         for m in plan.moves
     )
     assert plan.duration_s <= bound
-    assert plan.duration_s <= 115.0  # the fact sheet's 92 s are for the whole of the limits
+    assert plan.duration_s <= 115.0  # 92 s with the full limits (docs/sources.md, "Boards and cubes")
     for made in (plan, direct, walled_plan):
         assert 0.8 * made.duration_s < made.task["no_plan_is_faster_than_s"] <= made.duration_s
     assert walled_plan.task["no_plan_is_faster_than_s"] == plan.task["no_plan_is_faster_than_s"]

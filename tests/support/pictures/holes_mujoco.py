@@ -2,7 +2,7 @@
 
 The plate is a mesh with real pockets and finger holes, its markers are textures, things are MuJoCo's primitives, and
 the lamp casts shadows by a shadow map. MuJoCo draws a larger ideal pinhole image, which is then drawn through the lens.
-Its pixels count from their corners, ours from their centres (fact sheet of the parts, section 3).
+Its pixels count from their corners, ours from their centres (docs/sources.md, "Corners in images").
 
 OpenGL comes from the machine: EGL with Mesa's software driver will do (Debian: libegl1 libegl-mesa0 libgl1-mesa-dri).
 """

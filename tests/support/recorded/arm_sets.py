@@ -145,7 +145,7 @@ def wide(truth: Truth, points: Array, count: int, rng: np.random.Generator) -> A
 
 
 def recipe(truth: Truth, points: Array, count: int, rng: np.random.Generator) -> Array:
-    """Postures by the first seed's recipe (its section 2.3.3).
+    """Postures by the course report's recipe (section 2.3.3).
 
     From a level target J4, J5 and J6 turn together until it leaves the image; then J1 goes on. After every five, the
     target comes nearer or goes away and leans a little; after 100, all again 0.1 m higher.

@@ -1,4 +1,4 @@
-"""The default Task 2 of the cell's fact sheet as the planner's scene, built from what the fact sheet says."""
+"""The default Task 2 of docs/sources.md, "Boards and cubes", as the planner's scene, built from what that page says."""
 
 from __future__ import annotations
 

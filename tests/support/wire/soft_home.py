@@ -1,3 +1,3 @@
 """Where the scripted unit stands after homing."""
 
-SOFT_HOME = (-181650, -349, -12200, 99200, 33300, -96500)  # the fact sheet's soft home of crs93, counts
+SOFT_HOME = (-181650, -349, -12200, 99200, 33300, -96500)  # counts of crs93, soft home of ctu_crs

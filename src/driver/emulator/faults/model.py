@@ -1,7 +1,8 @@
 """Faults of an emulated unit or its line as data: kind, trigger and duration.
 
-The list is that of issue 4; the behaviour follows the controller's fact sheet, sections 1, 2 and 6. Each fault draws
-its random choices from its own seed.
+The kinds are those that a driver must survive: of power, of an axis, of the line, of the gripper and of the queue. The
+unit behaves as docs/sources.md says: "Status word and recovery", "Coordinated motion", "What is not known of the
+controller". Each fault draws its random choices from its own seed.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """The coordinated path generator: a queue of segments, executed at 1 kHz by planning the rate of one parameter.
 
-Controller's fact sheet, section 2, rows 7 and 10 to 16. The path is kept exactly; only the parameter's rate is planned.
-When a segment is appended, the vertex between it and the one before gets the highest pair of rates at which the speed
-jump of every axis stays within COORDDISCONT acceleration steps of 1 ms. The last segment ends at rest; a backward pass
-raises the speeds of earlier vertices. So a queue that runs empty ends at rest on its last point.
+Source: docs/sources.md, "Coordinated motion", rows 7 and 10 to 16. The path is kept exactly; only the
+parameter's rate is planned. When a segment is appended, the vertex between it and the one before gets the highest pair
+of rates at which the speed jump of every axis stays within COORDDISCONT acceleration steps of 1 ms. The last segment
+ends at rest; a backward pass raises the speeds of earlier vertices. So a queue that runs empty ends at rest on its last
+point.
 """
 
 from __future__ import annotations

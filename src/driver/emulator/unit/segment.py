@@ -1,6 +1,6 @@
 """A queued segment of coordinated motion: a polynomial of all axes in a parameter u from 0 to 1.
 
-Controller's fact sheet, section 2, row 3: counts(u) = start + a1 u + a2 u^2 + .. .
+Source: docs/sources.md, "Coordinated motion", row 3: counts(u) = start + a1 u + a2 u^2 + .. .
 """
 
 from __future__ import annotations
