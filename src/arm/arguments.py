@@ -33,7 +33,7 @@ def number(name: str, value: Any, low: float, high: float, unit: str = "", help:
     """Return `value` as a float from `low` to `high`.
 
     Raises:
-        InputError: not a number (texts, booleans and arrays are not), NaN, or out of range.
+        InputError: not a number (a string, boolean or array is not one), NaN, or out of range.
     """
     real = isinstance(value, Real) and not isinstance(value, bool)
     if real and low <= value <= high:
@@ -66,11 +66,11 @@ def integer(name: str, value: Any, low: int) -> int:
     """Return `value` as an integer of at least `low`.
 
     Raises:
-        InputError: not an integer (1.5, texts and booleans are not), or below `low`.
+        InputError: not an integer (1.5, a string or a boolean is not one), or below `low`.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < low:
         raise InputError(
-            f"{name} = {shown(value)}: must be a whole number from {low} on",
+            f"{name} = {shown(value)}: must be a whole number, {low} or more",
             name=name,
             value=shown(value),
             low=low,
@@ -79,7 +79,7 @@ def integer(name: str, value: Any, low: int) -> int:
 
 
 def numbers(value: Any) -> Array | None:
-    """Return `value` as an array of floats, or None for a text, rows of different lengths, or None."""
+    """Return `value` as an array of floats; None if it is not numeric or its rows differ in length."""
     try:
         array = np.asarray(value)
         return np.asarray(array, dtype=float) if array.dtype.kind in "fiu" else None
@@ -91,7 +91,7 @@ def joints(name: str, q: Any, names: Sequence[str]) -> Array:
     """Return q as (n,), one finite number per joint; q may be (1, n).
 
     Raises:
-        InputError: another shape, a text or None, or a number that is not finite.
+        InputError: wrong shape, not numeric, or a number that is not finite.
     """
     n, array = len(names), numbers(q)
     if array is not None and array.shape == (1, n):
@@ -144,7 +144,7 @@ def poses(name: str, T: npt.ArrayLike) -> Array:
     """Return poses (m, 4, 4) from (4, 4) or (m, 4, 4).
 
     Raises:
-        InputError: another shape, or a pose is not rigid (see `rigid`).
+        InputError: wrong shape, or a pose that is not rigid (see `rigid`).
     """
     array = numbers(T)
     if array is None or array.ndim not in (2, 3) or array.shape[-2:] != (4, 4):
@@ -158,13 +158,13 @@ def poses(name: str, T: npt.ArrayLike) -> Array:
         off = np.maximum(off, np.abs(np.cross(R[:, :, 0], R[:, :, 1]) - R[:, :, 2]).max(axis=1))
         off = np.maximum(off, np.abs(every[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1))
         fine = (off <= RIGID) & np.isfinite(every[:, :3, 3]).all(axis=1)
-    for i in np.flatnonzero(~fine).tolist():  # `rigid` decides on those at the edge of the tolerance
+    for i in np.flatnonzero(~fine).tolist():  # `rigid` decides borderline cases
         rigid(name if array.ndim == 2 else f"{name}[{i}]", every[i])
     return every
 
 
 def pairs(name: str, value: Any) -> frozenset[frozenset[str]]:
-    """Return pairs of names, each of two different ones.
+    """Return `value` as a set of unordered pairs of different names.
 
     Raises:
         InputError: a name instead of a pair, or a pair without two different names.

@@ -69,7 +69,7 @@ class Board:
 def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Board:
     """Read a board file: a line with the two marker IDs, then four lines ``x,y`` in mm.
 
-    No text header; CRLF or LF; the last line end is optional.
+    The file has no header. Lines end with CRLF or LF; the last line end is optional.
 
     Args:
         path: the file, usually ``positions_plate_01-02.csv``.
@@ -91,7 +91,9 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
         )
     ids = _pair(path, 1, lines[0], "two marker ids such as 1,2")
     if not all(v == int(v) and 0 <= v <= 999 for v in ids) or ids[0] == ids[1]:
-        raise FileInputError(path, "line 1", lines[0], "must be two different whole marker ids such as 1,2")
+        raise FileInputError(
+            path, "line 1", lines[0], "must be two different marker ids from 0 to 999, such as 1,2"
+        )
     holes = [
         _pair(path, number, line, "x,y of a hole in mm") for number, line in enumerate(lines[1:], start=2)
     ]
@@ -107,7 +109,7 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
 
 
 def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None:
-    """Return the first hole (4, 2) whose mouth is off the plate or on a marker or hole, and the rule; or None."""
+    """Return the index of the first hole (of (4, 2)) that does not fit on the plate, and the broken rule; or None."""
     mouth = 1e3 * POCKET_MOUTH
     centre, room = 1e3 * np.array(PLATE_CENTRE), 500.0 * np.array(PLATE_SIZE[:2]) - mouth / 2.0
     apart = mouth / 2.0 + 1e3 * marker_size * (0.5 + QUIET_ZONE)
@@ -115,7 +117,7 @@ def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None
         if not (np.abs(hole - centre) <= room).all():
             (x0, y0), (x1, y1) = centre - room, centre + room
             return index, (
-                f"is off the plate with its mouth of {mouth:g} mm: x must be from {x0:g} to {x1:g} mm, y from "
+                f"puts its mouth of {mouth:g} mm partly off the plate: x must be from {x0:g} to {x1:g} mm, y from "
                 f"{y0:g} to {y1:g} mm"
             )
         for marker in (np.zeros(2), 1e3 * np.array(SECOND_MARKER)):
@@ -134,7 +136,7 @@ def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None
 
 
 def _likely(holes_mm: Array, marker_size: float) -> str:
-    """Return a guess what is wrong with the numbers (4, 2) of a board file."""
+    """Return a guess at what is wrong with the numbers (4, 2) of a board file."""
     readings = (
         (1e3 * holes_mm, "these are metres: multiply them by 1000"),
         (10.0 * holes_mm, "these are centimetres: multiply them by 10"),

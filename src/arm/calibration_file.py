@@ -37,7 +37,7 @@ class ArmCalibration:
         unit: name of the calibrated unit; "" if not known.
         lens: digest of the camera's intrinsics that the result depends on; "" if not known.
         dh: digest of the arm's nominal Denavit-Hartenberg parameters; "" if not known.
-        made: quality, date and sources for information: texts, numbers, flags, or lists of these.
+        made: quality, date and sources, for information only: strings, numbers, booleans, or lists of these.
     """
 
     T_base_camera: Array
@@ -50,7 +50,7 @@ class ArmCalibration:
 
     @property
     def id(self) -> str:
-        """Hash of all content: the same numbers have the same id, and a change by hand is detected."""
+        """Hash of all values: the same values have the same id, and manual edits are detected."""
         found: dict[str, Any] = {
             "camera": self.T_base_camera.tolist(),
             "offsets": self.joint_offsets.tolist(),
@@ -65,7 +65,7 @@ def _made(node: Node) -> dict[str, Any]:
     values = table().read(node)
     for name, value in values.items():
         if not _writable(value):
-            raise node[name].error("must be a text, a finite number, true or false, or a list of these")
+            raise node[name].error("must be a string, a finite number, true or false, or a list of these")
     return values
 
 
@@ -98,7 +98,7 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
     """Read a calibration file.
 
     Raises:
-        FileInputError: a value breaks its rule, or the id is not that of the values (they were edited by hand).
+        FileInputError: a value breaks its rule, or the id is not the hash of the values (they were edited by hand).
     """
     root = Node.of_toml(path)
     keys = CalibrationKeys.read(root)
@@ -112,7 +112,7 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
         keys.made,
     )
     if keys.id != calibration.id:
-        rule = f"must be {calibration.id}, that of the values; they were changed after the calibration"
+        rule = f"must be {calibration.id}, the hash of the values; they were changed after the calibration"
         raise root.error_at("id", rule)
     return calibration
 

@@ -9,7 +9,7 @@ MOST_VALUE = 200  # characters of a value inside a message
 
 
 def shortened(text: str, most: int = MOST_MESSAGE) -> str:
-    """Shorten a text to at most `most` characters: its beginning, the number of characters left out, and its end."""
+    """Shorten a string to at most `most` characters: its beginning, the number of characters left out, and its end."""
     if len(text) <= most:
         return text
     room = most - len(f" .. {len(text)} characters left out .. ")

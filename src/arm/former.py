@@ -107,7 +107,7 @@ def former_names(module: str, place: str, *names: str, **renamed: str) -> None:
 
 
 def renamed_arguments(**renamed: str) -> Callable[[type[T]], type[T]]:
-    """Decorate a class to accept arguments, and have attributes, by former names too, with a DeprecationWarning.
+    """Keep former names of a class's arguments and attributes working, with a DeprecationWarning.
 
     Args:
         renamed: former name -> present name.

@@ -22,7 +22,7 @@ from arm.robot.shapes import body_from_json
 
 FORMAT = "a465-plan/3"
 _LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # no two that look alike
-ROUNDING = 1e-6  # m, by which a move's clearance may be below the smallest of its segments
+ROUNDING = 1e-6  # m, by which a move's clearance may be below the smallest of its segments' clearances
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Motion:
         """The segments of all moves.
 
         Raises:
-            InputError: the moves do not meet to the count.
+            InputError: a move does not start at the counts where the previous one ends.
         """
         return chain([move.path for move in self.moves])
 
@@ -108,7 +108,7 @@ class Motion:
 
 
 def motions(steps: Sequence[Step]) -> tuple[Motion, ...]:
-    """Return the runs of moves among steps, in order; any other step ends a run."""
+    """Join consecutive moves to motions, in order; any other step ends a motion."""
     found: list[Motion] = []
     for index, step in enumerate(steps):
         if not isinstance(step, Move):
@@ -165,7 +165,7 @@ class Plan:
 
     @property
     def duration_s(self) -> float:
-        """Sum of all motion, s."""
+        """Total duration of all moves, s."""
         return sum(move.path.duration_s for move in self.moves)
 
     def to_json(self) -> str:
@@ -261,7 +261,7 @@ def _plan(root: Node) -> Plan:
     )
     moves = list(plan.moves)
     if not moves:
-        raise root["steps"].error("have no move")
+        raise root["steps"].error("must contain a move")
     for before, after in pairwise(moves):
         if before.path.end != after.path.start:
             rule = f"starts at {after.path.start}, but {before.name!r} ends at {before.path.end}"
@@ -339,11 +339,11 @@ def _move(node: Node, name: str) -> Move:
 
 
 def _clearances(move: Node, clearance: float, count: int, may_lack: bool) -> tuple[float, ...]:
-    """Return one clearance per segment, the smallest that of the move; an uncertified move may lack them."""
+    """Return one clearance per segment, the smallest equal to the move's; an uncertified move may lack them."""
     node = move["clearances"]
     found = node.read(_CLEARANCES)
     if len(found) != count and not (may_lack and not found):
-        rule = f"must be as many as the move has segments, {count}"
+        rule = f"must be the move's number of segments, {count}"
         raise replace(node, value=len(found)).error(rule)
     if found and not clearance <= min(found) <= clearance + ROUNDING:
         rule = f"the smallest must be the move's clearance, {clearance:g} m, up to rounding"

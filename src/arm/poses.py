@@ -23,7 +23,7 @@ class TiltHypothesis:
 
     Attributes:
         nearest: nearest tilt of the set, rad.
-        z: difference to that tilt, in standard deviations (of the pose and of stands).
+        z: difference from that tilt, in standard deviations (of the pose and of stands).
         probability: of that tilt, against the others and against an arbitrary tilt.
         fits: whether the board may have that tilt; if not, its tilt is not in the set.
     """

@@ -47,7 +47,7 @@ class TransitBudget:
         steps: steps of sequential quadratic programming for the fastest path; the others get a third.
 
     Raises:
-        InputError: an attribute is not a whole number from 0 on.
+        InputError: an attribute is not a whole number, 0 or more.
     """
 
     corners: int = 300
@@ -93,7 +93,7 @@ class SearchBudget:
 class BudgetSpent(A465Error):
     """The budget of a search is spent.
 
-    This is not an `ImpossibleError`, on which searches skip a candidate; public functions convert it to one.
+    Not an `ImpossibleError`, because searches skip a candidate on that; public functions convert it to one.
 
     Args:
         by: ``effort`` or ``clock``.
@@ -160,7 +160,7 @@ class Meter:
 
     @contextmanager
     def lifted(self) -> Iterator[None]:
-        """Suspend the limit on effort in the context, so that a plan that was found can be timed and certified."""
+        """Suspend the limit on effort in the context, so that a complete plan can still be timed and certified."""
         most, self.most = self.most, float("inf")
         try:
             yield
@@ -191,7 +191,7 @@ def spend(checks: float) -> None:
 
 @contextmanager
 def allowed(budget: SearchBudget | None) -> Iterator[Meter]:
-    """Count every `spend` in the context against a budget; without one, on the outer meter if there is one."""
+    """Count every `spend` in the context against a budget; without a budget, on the outer meter, if any."""
     outer = _meter.get()
     if budget is None and outer is not None:
         yield outer

@@ -83,8 +83,8 @@ class PlanOptions:
     def slowest(self) -> float:
         """Tool speed that joints must allow on lines, m/s (`plan.cartesian.differential_ik.LineOptions`).
 
-        Joints do not allow it on a line too near a singular configuration. Below half of the registers' speed it is
-        proportional to `speed`; otherwise a low speed alone would look like a singularity.
+        Too near a singular configuration, joints cannot keep it. Below half of the registers' speed it is proportional
+        to `speed`; otherwise a low speed alone would look like a singularity.
         """
         return _SLOWEST * min(self.speed / _SLOWEST_AT, 1.0)
 
@@ -120,7 +120,7 @@ class PlanOptions:
             not isinstance(self.look, int) or isinstance(self.look, bool) or self.look < 1
         ):
             raise InputError(
-                f"look = {self.look!r}: must be one of {', '.join(LOOKS)}, or a number of cubes from 1 on",
+                f"look = {self.look!r}: must be one of {', '.join(LOOKS)}, or a number of cubes, 1 or more",
                 value=self.look,
             )
         for name, known in (("order", CHOICES), ("assignment", CHOICES), ("certificate", CERTIFICATES)):

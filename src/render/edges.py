@@ -27,12 +27,12 @@ class EdgeSample:
 
 
 def edge_pixels(surface: npt.NDArray[np.uint16]) -> Bools:
-    """Pixels (h, w) whose 3 x 3 neighbourhood shows more than one surface."""
+    """Return the pixels (h, w) whose 3 x 3 neighbourhood shows more than one surface."""
     return np.asarray(cv2.dilate(surface, NEIGHBOURS) != cv2.erode(surface, NEIGHBOURS))
 
 
 def pixel_offsets(count: int) -> Array:
-    """Positions (count, 2) in a pixel, px from its centre: Hammersley's points, `count` a power of two.
+    """Return positions (count, 2) in a pixel, px from its centre: Hammersley points, `count` a power of two.
 
     All columns and all rows differ, so an edge along the pixels is located to 1/count px. A square grid of `count`
     points would locate it to 1/sqrt(count) px (J. H. Halton, 1960; van der Corput's sequence in base 2).
@@ -79,7 +79,7 @@ def edge_samples(
 def _pixels_by_solid(
     solids: Sequence[InView], surface: npt.NDArray[np.uint16], edge: Bools
 ) -> list[tuple[InView, Indices]]:
-    """For each solid, the indices of the edge pixels (in their order) that show it or are next to one that does."""
+    """Return for each solid the indices of the edge pixels, in order, that show it or are next to one that does."""
     order = np.zeros(edge.shape, dtype=np.int32)
     order[edge] = np.arange(np.count_nonzero(edge))
     tried = []

@@ -39,7 +39,7 @@ class FirstHits:
 
 
 def in_view(solids: Sequence[Solid], T_base_camera: Array, rays: PixelRays) -> list[InView]:
-    """The solids that may be in an image with these rays."""
+    """Return the solids that may be in an image with these rays."""
     windows = [window_of(s.T_base_solid, s.half_extent, T_base_camera, rays) for s in solids]
     return [
         InView(number, solid, window)
@@ -49,7 +49,7 @@ def in_view(solids: Sequence[Solid], T_base_camera: Array, rays: PixelRays) -> l
 
 
 def no_hits(shape: tuple[int, ...]) -> FirstHits:
-    """The result before any solid is tested."""
+    """Return the result before any solid is tested."""
     return FirstHits(
         np.full(shape, np.inf, dtype=np.float32),
         np.full(shape, BACKGROUND_GREY, dtype=np.float32),
@@ -58,7 +58,7 @@ def no_hits(shape: tuple[int, ...]) -> FirstHits:
 
 
 def first_hits(solids: Sequence[InView], T_base_camera: Array, rays: PixelRays) -> FirstHits:
-    """First hits of the rays (h, w) of an image."""
+    """Return the first hits of the rays (h, w) of an image."""
     hits = no_hits(rays.x.shape)
     for item in solids:
         depth, grey, surface = (f[item.window.area] for f in (hits.depth, hits.grey, hits.surface))

@@ -52,15 +52,15 @@ class Light:
     penumbra: float = 7e-3
 
     def towards(self, point: npt.ArrayLike) -> Array:
-        """Unit vector to the lamp from a point (3,) m; a body's centre serves for the whole body."""
+        """Return the unit vector from a point (3,) m to the lamp; a body's centre serves for the whole body."""
         direction = np.asarray(self.lamp) - np.asarray(point, dtype=float)
         return np.asarray(direction / np.linalg.norm(direction))
 
     def lambert(self, cosine: npt.ArrayLike) -> Array:
-        """Factor on the grey level of surfaces with this cosine between normal and lamp, any shape."""
+        """Return the factor on grey levels for cosines, any shape, of the angle between normal and lamp."""
         return np.asarray(self.gain * (self.ambient + (1.0 - self.ambient) * np.maximum(cosine, 0.0)))
 
 
 def body_grey(body: Body) -> float:
-    """Grey level of a body facing the lamp: by name for the arm's dark parts, else by kind."""
+    """Return the grey level of a body facing the lamp: by name for the arm's dark parts, else by kind."""
     return NAME_GREY.get(body.name, KIND_GREY.get(body.kind, OTHER_GREY))

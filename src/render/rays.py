@@ -37,14 +37,14 @@ class SubpixelRays:
     per_row: Floats
 
     def moved(self, columns: float, rows: float) -> PixelRays:
-        """Rays offset from the pixel centres; linear, accurate to 3e-5 px inside a pixel."""
+        """Return rays offset from the pixel centres, px; linear, accurate to 3e-5 px inside a pixel."""
         return PixelRays(
             *(self.centres + self.per_column * np.float32(columns) + self.per_row * np.float32(rows))
         )
 
 
 def pixel_rays(camera: Camera) -> PixelRays:
-    """Rays of all pixels: undistorted on a grid, with splines in between (0.1 s instead of 1.4 s for a full image)."""
+    """Return the rays of all pixels: undistorted on a grid, splines between (0.1 s, not 1.4 s, for a full image)."""
     width, height = camera.size
     columns, rows = (np.arange(-GRID_PX, n + 2.0 * GRID_PX, GRID_PX) for n in (width, height))
     points = camera.normalised(np.stack(np.meshgrid(columns, rows), axis=-1))
@@ -54,7 +54,7 @@ def pixel_rays(camera: Camera) -> PixelRays:
 
 
 def subpixel_rays(rays: PixelRays, row: Indices, column: Indices) -> SubpixelRays:
-    """Rays of the pixels (row, column), (n,) each, with derivatives from their neighbours."""
+    """Return the rays of the pixels (row, column), (n,) each, with derivatives from their neighbours."""
     height, width = rays.x.shape
     left, right = np.maximum(column - 1, 0), np.minimum(column + 1, width - 1)
     above, below = np.maximum(row - 1, 0), np.minimum(row + 1, height - 1)

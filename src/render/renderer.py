@@ -52,7 +52,7 @@ def render(
         boards: rendered with their markers and pockets.
         dictionary: of the markers.
         psf_px: standard deviation of the lens's blur, px; 0 for none.
-        light: of the cell; default: `Light()`.
+        light: the light in the cell; default: `Light()`.
         samples: rays per pixel at edges, a power of two.
         others: further solids, such as a calibration target.
 

@@ -27,11 +27,11 @@ class Shadow:
     """Shadow of the lamp in the view of one camera.
 
     Args:
-        solids: that cast and receive shadows.
-        light: with the lamp.
+        solids: the solids that cast and receive shadows.
+        light: the light in the cell.
         T_base_camera: pose of the camera, 4x4.
-        rays: of its pixels.
-        depth: of their first hits, same shape.
+        rays: rays of its pixels.
+        depth: depth of their first hits, m, same shape.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Shadow:
         )
 
     def hidden(self, rays: PixelRays, depth: Floats) -> Floats:
-        """Fraction of the lamp, 0 to 1, that is hidden from points at `depth` m on the camera's rays, any shape."""
+        """Return the fraction of the lamp, 0 to 1, hidden from points at `depth` m on the camera's rays, any shape."""
         R, t = self._T_lamp_camera[:3, :3].astype(np.float32), self._T_lamp_camera[:3, 3].astype(np.float32)
         finite = np.where(np.isfinite(depth), depth, np.float32(1.0))
         px, py = finite * rays.x, finite * rays.y
@@ -87,7 +87,7 @@ def _sampled(field: Floats, columns: Floats, rows: Floats) -> Floats:
 
 
 def _some_points(T_base_camera: Array, rays: PixelRays, depth: Floats) -> Array:
-    """Points (n, 3) m of the base frame at a coarse grid of pixels; a point below the camera if nothing is in view."""
+    """Return points (n, 3) m, base frame, in view at a coarse grid of pixels; if none, one below the camera."""
     grid = np.s_[::20, ::20]
     x, y, z = rays.x[grid], rays.y[grid], depth[grid]
     met = np.isfinite(z)
@@ -98,7 +98,7 @@ def _some_points(T_base_camera: Array, rays: PixelRays, depth: Floats) -> Array:
 
 
 def _looking_at(eye: Array, target: Array) -> Array:
-    """Pose of a camera at `eye` looking at `target`, both (3,) m."""
+    """Return the pose of a camera at `eye` looking at `target`, both (3,) m."""
     z = (target - eye) / np.linalg.norm(target - eye)
     x = np.cross(z, (0.0, 1.0, 0.0) if abs(z[1]) < 0.9 else (1.0, 0.0, 0.0))
     x /= np.linalg.norm(x)

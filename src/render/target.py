@@ -14,7 +14,7 @@ from vision.targets.target import Target
 
 PAPER, INK = 235.0, 22.0
 MARGIN = 0.012  # m of white paper around the chessboard
-_BENT_STEPS = 6  # of the iteration towards a bent plate; each reduces the error by a factor of about 20
+_BENT_STEPS = 6  # iterations for a bent plate; each reduces the error by a factor of about 20
 
 
 class TargetSolid:
@@ -23,7 +23,7 @@ class TargetSolid:
     Args:
         target: nominal print.
         T_base_target: its frame, see `vision.targets.target`.
-        light: of the cell.
+        light: the light in the cell.
         bend: bulge of its middle towards the viewer relative to the chessboard's left and right edges, m.
         true_marker: edge of the markers as printed, m; default: that of `target`.
     """
@@ -75,7 +75,7 @@ class TargetSolid:
         return Cast(depth.reshape(shape), grey.reshape(shape), region.reshape(shape))
 
     def _print(self, x: Floats, y: Floats) -> npt.NDArray[np.uint8]:
-        """Region of the print at (x, y) m from the chessboard's centre."""
+        """Return the region of the print at (x, y) m from the chessboard's centre."""
         target = self._target
         column_at = x / np.float32(target.square) + np.float32(target.columns / 2.0)
         row_at = y / np.float32(target.square) + np.float32(target.rows / 2.0)

@@ -28,7 +28,7 @@ class Window:
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     def cut(self, rays: PixelRays) -> PixelRays:
-        """Rays of the window's pixels."""
+        """Return the rays of the window's pixels."""
         return PixelRays(rays.x[self.area], rays.y[self.area])
 
 
@@ -69,12 +69,12 @@ def window_of(
 
 
 def _slack(cells: Array) -> Array:
-    """A quarter of a cell: allows for the curved sides of cells and the neighbours of edge pixels."""
+    """Return a quarter of a cell, which allows for the curved sides of cells and the neighbours of edge pixels."""
     return np.asarray(0.25 * (cells.max(axis=0) - cells.min(axis=0)))
 
 
 def _visible_corners(T_camera_solid: Array, half: Array) -> Array:
-    """Corners (n, 3) of the part of a box in front of the camera, in the camera frame."""
+    """Return the corners (n, 3) m of the part of a box in front of the camera, in the camera frame."""
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     corners = apply(T_camera_solid, signs * half)
     points = list(corners[corners[:, 2] >= NEAREST])

@@ -106,7 +106,7 @@ def test_poses_of_every_kind_are_kept_to_the_bit_and_cannot_be_changed() -> None
 
 def test_a_body_has_a_name_and_a_shape() -> None:
     for name, shape, kind in (("", Sphere(0.1), "box"), (1, Sphere(0.1), "box"), ("a", Sphere(0.1), None)):
-        with pytest.raises(InputError, match="must be texts"):
+        with pytest.raises(InputError, match="must be strings"):
             Body(name, shape, transform(), kind)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="body 'a': shape = 'sphere': must be a Box"):
         Body("a", "sphere", transform(), "box")  # type: ignore[arg-type]

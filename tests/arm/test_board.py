@@ -46,11 +46,11 @@ def test_marker_corners() -> None:
         ("1,2\n0,80\n80,60\n100,140", "4 lines"),
         ("id,id\n0,80\n80,60\n100,140\n140,0", r"line 1 = 'id,id': must be two marker ids"),
         ("1,1\n0,80\n80,60\n100,140\n140,0", "two different"),
-        ("1,2.5\n0,80\n80,60\n100,140\n140,0", "whole marker ids"),
+        ("1,2.5\n0,80\n80,60\n100,140\n140,0", "marker ids from 0 to 999"),
         ("1,2\n0,80\nab,60\n100,140\n140,0", r"line 3 = 'ab,60': must be x,y of a hole in mm"),
         ("1,2\n0,80\n80;60\n100,140\n140,0", "line 3"),
         ("1,2\n0,80,5\n80,60\n100,140\n140,0", "line 2"),
-        ("1,2\n0,800\n80,60\n100,140\n140,0", "off the plate"),
+        ("1,2\n0,800\n80,60\n100,140\n140,0", "partly off the plate"),
         ("1,2\n0,nan\n80,60\n100,140\n140,0", "finite"),
     ],
 )
@@ -99,7 +99,7 @@ def test_other_units_and_swapped_axes_are_named(
     [
         (
             "0,80\n80,60\n100,140\n140,-9",
-            r"line 5 = '140,-9': is off the plate with its mouth .* y from -8 to 148 mm",
+            r"line 5 = '140,-9': puts its mouth of 44 mm partly off the plate.* y from -8 to 148 mm",
         ),
         ("0,45\n80,60\n100,140\n140,0", r"line 2 = '0,45': lies on the marker at 0, 0 mm .* at least 46 mm"),
         ("0,80\n80,60\n100,140\n135,100", r"line 5 = '135,100': lies on the marker at 180, 140 mm"),

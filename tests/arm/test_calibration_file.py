@@ -147,7 +147,7 @@ def test_what_no_calibration_tells_is_refused_by_its_key(tmp_path: Path, value: 
     path = tmp_path / "c.toml"
     write_arm_calibration(path, FOUND)
     replace_in(path, "poses = 24", f"poses = 24\nwhen = {value}")
-    with pytest.raises(FileInputError, match=r"made\.when.*: must be a text, a finite number") as refused:
+    with pytest.raises(FileInputError, match=r"made\.when.*: must be a string, a finite number") as refused:
         read_arm_calibration(path)
     assert refused.value.data["key"] == "made.when"
     assert len(str(refused.value).splitlines()) == 1

@@ -106,7 +106,7 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][2]["start_counts"].__setitem__(0, 7), "'there' ends at"),
         (lambda v: v["steps"][1].update(action="squeeze"), "one of open, close"),
         (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper or look"),
-        (lambda v: v.update(steps=[]), "have no move"),
+        (lambda v: v.update(steps=[]), "must contain a move"),
         (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
         (lambda v: v["steps"][0].update(segments=[]), r"steps\[0\]\.segments = \[\]: must be at least one"),
         (lambda v: v["steps"][0].pop("clearances"), r"steps\[0\]\.clearances: is missing"),

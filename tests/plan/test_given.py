@@ -165,7 +165,7 @@ def test_options_are_checked_when_they_are_made(key: str, values: list[object]) 
 
 def test_budgets_are_counts() -> None:
     for value in (-1, 1.5, "x", None, True):
-        with pytest.raises(InputError, match=r"transit\.rrt = .*whole number from 0 on"):
+        with pytest.raises(InputError, match=r"transit\.rrt = .*whole number, 0 or more"):
             TransitBudget(rrt=value)  # type: ignore[arg-type]
     made = PlanOptions(seed=np.int64(3), speed=np.float32(0.5), segment_ms=np.int32(80))  # type: ignore[arg-type]
     assert [type(v) for v in (made.seed, made.speed, made.segment_ms)] == [int, float, int]

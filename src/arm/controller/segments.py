@@ -61,7 +61,7 @@ class CountPath:
 
     Attributes:
         start: (6,) counts.
-        segments: in order; each starts where the one before ends.
+        segments: in order; each starts where the previous one ends.
     """
 
     start: tuple[int, ...]
@@ -99,7 +99,7 @@ class CountPath:
         return a
 
     def extremes(self) -> tuple[Counts, Counts]:
-        """Return the lowest and highest counts of every axis between the knots too, (6,) each, rounded outwards."""
+        """Return the lowest and highest counts of every axis, at and between knots, (6,) each, rounded outwards."""
         low, high = self.knots()[:-1] + cubic_position_range(self.cubics())
         return np.floor(low.min(axis=0)).astype(np.int64), np.ceil(high.max(axis=0)).astype(np.int64)
 
@@ -132,8 +132,8 @@ class CountPath:
 
 
 def cubic_position_range(a: Array) -> Array:
-    """Return the smallest and largest a1 u + a2 u^2 + a3 u^3 over u in [0, 1], (2, ...), for a (3, ...)."""
-    # roots of a1 + 2 a2 u + 3 a3 u^2; nan if there is none
+    """Return the smallest and largest a1 u + a2 u^2 + a3 u^3 over u in [0, 1], (2, ...); a is (3, ...)."""
+    # roots of a1 + 2 a2 u + 3 a3 u^2; NaN if there are none
     half = -(a[1] + np.copysign(np.sqrt(np.maximum(a[1] ** 2 - 3 * a[2] * a[0], 0.0)), a[1]))
     with np.errstate(divide="ignore", invalid="ignore"):
         roots = np.stack([half / (3 * a[2]), a[0] / half])
@@ -147,14 +147,14 @@ def chain(paths: Sequence[CountPath]) -> CountPath:
     """Concatenate paths.
 
     Raises:
-        InputError: there are no paths, or a path does not start at the counts where the one before ends.
+        InputError: there are no paths, or a path does not start at the counts where the previous one ends.
     """
     if not paths:
         raise InputError("a chain needs at least one path", count=0)
     for number, (before, after) in enumerate(pairwise(paths), start=1):
         if before.end != after.start:
             raise InputError(
-                f"path {number} of the chain starts at {after.start}, but the one before ends at {before.end}",
+                f"path {number} of the chain starts at {after.start}, but the previous one ends at {before.end}",
                 path=number,
                 start=list(after.start),
                 end=list(before.end),

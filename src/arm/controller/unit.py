@@ -106,7 +106,7 @@ class GripperAxis(GripperValues):
 
 
 class Unit(UnitValues):
-    """Parameters of one arm and its controller: values of its file, and what follows from them.
+    """Parameters of one arm and its controller: the values of its file, and values derived from them.
 
     Attributes:
         counts_per_rad: signed, (6,).
@@ -138,7 +138,7 @@ class Unit(UnitValues):
         return np.rint(exact).astype(np.int64)
 
     def positions(self, counts: npt.ArrayLike) -> Array:
-        """Return the joint positions in rad of encoder counts (..., 6).
+        """Return the joint positions, rad, for encoder counts (..., 6).
 
         Raises:
             InputError: another shape, or not numbers.
@@ -159,7 +159,7 @@ class Unit(UnitValues):
     def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:
         """Return the unit corrected by joint offsets (true positions minus those of the encoders), (6,) rad.
 
-        Zeros move by whole counts. Position limits never get wider.
+        Zeros shift by whole counts. Position limits never widen.
         """
         offsets = np.asarray(joint_offsets, dtype=float)
         if not offsets.any():
@@ -175,7 +175,7 @@ class Unit(UnitValues):
         )
 
     def beyond_limits(self, q: Array) -> str:
-        """Return the position limit that a configuration (6,), rad, violates, as a rule; or ""."""
+        """Return in words the position limit that a configuration q (6,) rad violates; "" if it violates none."""
         for joint, (value, low, high) in enumerate(zip(q, self.lower, self.upper, strict=True), start=1):
             if not low <= value <= high:
                 low, high = np.degrees((low, high))
@@ -183,11 +183,11 @@ class Unit(UnitValues):
         return ""
 
     def velocity(self, registers: npt.ArrayLike) -> Array:
-        """Return the joint velocities in rad/s of speed registers (6,)."""
+        """Return the joint velocities, rad/s, for speed registers (6,)."""
         return np.asarray(registers, dtype=float) / 256.0 * 1e3 / np.abs(self.counts_per_rad)
 
     def acceleration(self, registers: npt.ArrayLike) -> Array:
-        """Return the joint accelerations in rad/s^2 of acceleration registers (6,)."""
+        """Return the joint accelerations, rad/s^2, for acceleration registers (6,)."""
         return np.asarray(registers, dtype=float) / 256.0 * 1e6 / np.abs(self.counts_per_rad)
 
     def speed_register_cap(self) -> tuple[int, ...]:
@@ -259,7 +259,7 @@ def _read_unit(path: Path) -> Unit:
     root = Node.of_toml(path)
     keys = UnitKeys.read(root)
     if not np.all(np.abs(keys.direction) == 1):
-        raise root.error_at("encoder.direction", "must be six times 1 or -1")
+        raise root.error_at("encoder.direction", "must be six numbers, each 1 or -1")
     groups = tuple(map(tuple, keys.homing))
     if sorted(axis for group in groups for axis in group) != sorted(keys.axes):
         raise root.error_at("homing.sequence", "must name every axis once, in groups")
@@ -271,7 +271,7 @@ def _read_unit(path: Path) -> Unit:
     upper = frozen(np.minimum(encoder_upper, keys.sheet) - keys.margin)
     if not np.all(lower < upper):
         raise root.error_at(
-            "limits.lower_counts", "and upper_counts leave a joint without range; check direction"
+            "limits.lower_counts", "with upper_counts must not leave a joint without range; check direction"
         )
     registers = {name: getattr(keys, name) for name in UnitKeys.declared() if "REG" in name}
     return Unit(

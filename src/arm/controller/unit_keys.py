@@ -13,7 +13,7 @@ REST_TOLERANCE = 25  # counts, static error of real units after a move (0.023 to
 
 
 def _is_letters(value: object, count: int | None = None) -> bool:
-    """Whether a value is a list or text of axis letters."""
+    """Whether a value is a list or string of axis letters."""
     return (
         isinstance(value, list | str)
         and all(isinstance(a, str) and len(a) == 1 and "A" <= a <= "H" for a in value)
@@ -29,7 +29,7 @@ _REGISTER, _ADC, _CHANNEL = integer(0, 32767), integer(0, 4095), integer(0, 64)
 
 
 class UnitValues(Keys):
-    """Keys whose values `arm.controller.unit.Unit` has as they stand.
+    """Keys whose values `arm.controller.unit.Unit` takes unchanged.
 
     Attributes:
         name: ``crs93`` or ``crs97``, or the stem of a user's own file.
@@ -38,7 +38,7 @@ class UnitValues(Keys):
         velocity_cap: velocity limits of the data sheet, (6,) rad/s.
         rest_tolerance: largest position error of an axis at rest, counts.
         speed_registers, acceleration_registers: the unit's defaults, (6,) int.
-        idle_release_s: IDLEREL, s.
+        idle_release_s: idle time after which the controller releases the arm (IDLEREL), s.
         soft_home: configuration after homing, (6,) rad.
     """
 
@@ -58,7 +58,7 @@ class UnitValues(Keys):
 
 
 class GripperValues(Keys):
-    """Keys whose values `arm.controller.unit.GripperAxis` has as they stand; positions are ADC counts."""
+    """Keys whose values `arm.controller.unit.GripperAxis` takes unchanged; positions are ADC counts."""
 
     axis: str = key("gripper.axis", text("G", "H"))
     open_adc: int = key("gripper.open_adc", _ADC)

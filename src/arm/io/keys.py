@@ -1,7 +1,7 @@
 """Keys of a file, declared once: fields of a dataclass made by `key`.
 
-The file is read by them; `cell.files.key_texts` makes the comments of a new file and the
-rows of docs/formats.md from them, too.
+`Keys.read` reads a file by them. `cell.files.key_texts` makes the comments of a new file and the rows of
+docs/formats.md from them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Key:
     Attributes:
         name: dotted for a key of a table.
         rule: what its value must be.
-        default: value for a missing key, as the file would have it; None; or `REQUIRED`.
+        default: value for a missing key, written as in the file; None; or `REQUIRED`.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Keys:
 
     @classmethod
     def read(cls, node: Node) -> Self:
-        """Read a table; errors as of `read_values`."""
+        """Read a table; raises the errors of `read_values`."""
         return cls(**read_values(cls.declared(), node))
 
     def values_of(self, kind: type[Keys]) -> dict[str, Any]:
@@ -67,8 +67,8 @@ def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
     """Read a table by its declared keys.
 
     Raises:
-        FileInputError: a value breaks its rule, a key is missing, or a key is unknown. The message names unknown keys
-            in each of these cases.
+        FileInputError: a value breaks its rule, a key is missing, or a key is unknown. Every message also
+            names the unknown keys.
     """
     unknown = list(_unknown(node, [one.name for one in declared.values()]))
     hints = [f"{one.key} is not a known key" + (f": {help}" if "?" in help else "") for one, help in unknown]
@@ -80,7 +80,7 @@ def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
 
 
 def _unknown(node: Node, known: Sequence[str], prefix: str = "") -> Iterator[tuple[Node, str]]:
-    """Yield the keys of a table that are not known, each with what would help."""
+    """Yield the unknown keys of a table, each with advice."""
     beside = sorted(
         {name.removeprefix(prefix).partition(".")[0] for name in known if name.startswith(prefix)}
     )

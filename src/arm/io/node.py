@@ -40,7 +40,7 @@ class Node:
         file: the file.
         key: such as ``tool.length_mm`` or ``poses[3].joints_rad``; "" for the whole file.
         value: the parsed value.
-        help: what may help where a rule is broken or a key is missing.
+        help: advice for messages about broken rules and missing keys.
     """
 
     file: Path
@@ -67,12 +67,12 @@ class Node:
         return cls(path, "", read_json(path))
 
     def error(self, rule: str, help: str = "") -> FileInputError:
-        """Return the error to raise if the value breaks `rule`; a long value is not shown, a long text shortened."""
+        """Return the error to raise if the value breaks `rule`; a long value is left out, a long string shortened."""
         hidden = not self.key or (not isinstance(self.value, str) and len(repr(self.value)) > MOST_VALUE)
         return FileInputError(self.file, self.key, None if hidden else self.value, rule, help or self.help)
 
     def error_at(self, name: str, rule: str, help: str = "") -> FileInputError:
-        """Return the error to raise if the value of a key, dotted for a key of a table, breaks `rule`."""
+        """Return the error to raise if the value of a key (dotted in a table) breaks `rule`."""
         node = self._find(name)
         return (node or self._child(name, None)).error(rule, help)
 
@@ -90,12 +90,12 @@ class Node:
         return node
 
     def get(self, name: str, rule: Rule[T], default: Any = REQUIRED) -> T:
-        """Return the checked value of a key, dotted for a key of a table.
+        """Return the checked value of a key (dotted in a table).
 
         Args:
             name: the key.
             rule: what the value must be.
-            default: value for a missing key, as the file would have it, or None; `REQUIRED` refuses.
+            default: value for a missing key, written as in the file, or None; `REQUIRED`: a missing key is an error.
 
         Raises:
             FileInputError: the value breaks the rule, or is missing.
@@ -118,24 +118,24 @@ class Node:
         return rule.read(self)
 
     def items(self) -> list[Node]:
-        """Return the values of a list."""
+        """Return the values of a list; raises FileInputError if this is not one."""
         if not isinstance(self.value, list):
             raise self.error("must be a list")
         return [Node(self.file, f"{self.key}[{i}]", v, self.help) for i, v in enumerate(self.value)]
 
     def at(self, place: Iterable[int]) -> Node:
-        """Return a value in nested lists."""
+        """Return the value at index `place` of nested lists."""
         node = self
         for i in place:
             node = node.items()[i]
         return node
 
     def _child(self, name: str, value: Any) -> Node:
-        shown = name if name.isprintable() else ascii(name)[1:-1]  # a name from the file may be anything
+        shown = name if name.isprintable() else ascii(name)[1:-1]  # a file's names may have any characters
         return Node(self.file, f"{self.key}.{shown}" if self.key else shown, value, self.help)
 
     def _find(self, name: str) -> Node | None:
-        """Return the value of a key, dotted for a key of a table; None if it is missing."""
+        """Return the value of a key (dotted in a table); None if it is missing."""
         if not isinstance(self.value, dict):
             raise self.error("must be a table")
         if name in self.value:

@@ -34,7 +34,7 @@ _UNREADABLE = {
 
 
 def rule_of(words: str, good: Callable[[Any], object], into: Callable[[Any], T]) -> Rule[T]:
-    """Return the rule for values of which `good` is true; `into` converts them."""
+    """Return a rule that accepts values for which `good` is true; `into` converts them."""
 
     def read(node: Node) -> T:
         if not good(node.value):
@@ -116,7 +116,7 @@ def triple(unit: str, low: float, high: float) -> Rule[tuple[float, float, float
 
 
 def _array(value: object) -> Array:
-    """Return the numbers, NaN for null; an empty array if there is anything else, such as texts."""
+    """Return the numbers, NaN for null; an empty array if any value is neither."""
     try:
         raw = np.array(value, dtype=object)
         return np.array([_float(v) for v in raw.ravel()]).reshape(raw.shape)
@@ -177,8 +177,8 @@ def flag() -> Rule[bool]:
 
 
 def text(*choices: str) -> Rule[str]:
-    """A text, one of `choices` if any are given."""
-    words = f"one of {', '.join(choices)}" if choices else "a text"
+    """A string, one of `choices` if any are given."""
+    words = f"one of {', '.join(choices)}" if choices else "a string"
 
     def read(node: Node) -> str:
         if isinstance(node.value, str) and (node.value in choices or not choices):
@@ -190,28 +190,28 @@ def text(*choices: str) -> Rule[str]:
 
 
 def line(*choices: str) -> Rule[str]:
-    """A text of one line, one of `choices` if any are given."""
+    """A string of one line, one of `choices` if any are given."""
     any_text = text(*choices)
 
     def read(node: Node) -> str:
         for at, character in enumerate(any_text.read(node)):
             if (what := _UNREADABLE.get(unicodedata.category(character))) is not None:
-                raise node.error(f"must be a text of one line; character {at} is {what}")
+                raise node.error(f"must be a string of one line; character {at} is {what}")
         return str(node.value)
 
     return Rule(any_text.words, read)
 
 
 def path(exists: bool = True) -> Rule[Path]:
-    """The name of a file, relative to the file that names it; `exists`: it must be there."""
+    """The path of a file, relative to the file that names it; `exists`: the file must exist."""
 
     def read(node: Node) -> Path:
         found = node.file.parent / text().read(node)
         if exists and not found.is_file():
-            raise node.error(f"names a file that is not there: {found}")
+            raise node.error(f"names a file that does not exist: {found}")
         return found
 
-    return Rule("a text", read)
+    return Rule("a string", read)
 
 
 def table() -> Rule[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Location of the project's data files, limited reading, atomic writing, canonical JSON and hashes.
+"""The project's data files, size-limited reading, atomic writing, canonical JSON and hashes.
 
 Only regular files are read, and each kind of file has a size limit (`MOST_BYTES`), because a pipe, a terminal or
 ``/dev/zero`` would block the program or fill the memory.
@@ -93,7 +93,7 @@ def read_bytes(path: Path, kind: str) -> bytes:
     """
     with open_file(path, kind) as stream:
         try:
-            data = stream.read(MOST_BYTES[kind] + 1)  # files in /proc have a stated size of 0
+            data = stream.read(MOST_BYTES[kind] + 1)  # files in /proc report a size of 0
         except OSError as error:
             raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
     if len(data) > MOST_BYTES[kind]:
@@ -174,14 +174,14 @@ def require_64_bits(path: Path, key: str, value: Any) -> None:
     """Require that a value is not an integer of more than 64 bits, which `json` and `tomllib` accept.
 
     Raises:
-        FileInputError: it is one.
+        FileInputError: it is such an integer.
     """
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise FileInputError(path, key, value, "must be a whole number of 64 bits")
+        raise FileInputError(path, key, value, "must be a whole number of at most 64 bits")
 
 
 def leaves(value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield every value in nested tables and lists that is neither, with its key, in the file's order."""
+    """Yield the leaves of nested tables and lists with their keys, in the file's order."""
     left = [("", value)]
     while left:
         key, now = left.pop()

@@ -1,8 +1,8 @@
 """Hidden temporary files and folders beside their targets, and removal of those that a killed program left.
 
 The program that writes one holds its lock (flock). The kernel releases the lock when the program ends in any way,
-including ``kill -9`` and power cuts, so one of ours without a lock is abandoned. This works across containers and
-reboots, unlike process numbers.
+including ``kill -9`` and power cuts, so a temporary file without a lock is abandoned. This works across
+containers and reboots, unlike process IDs.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class _Temporary(ABC):
             if os.fstat(self._handle).st_nlink and self.path.exists():
                 return
             os.close(self._handle)
-        raise OSError(11, f"a temporary file beside {target} is removed again and again")
+        raise OSError(11, f"a temporary file beside {target} keeps being removed")
 
     def close(self) -> None:
         """Release the lock."""
@@ -82,7 +82,7 @@ class TemporaryFile(_Temporary):
             os.fsync(stream.fileno())
 
     def become(self, mode: int) -> None:
-        """Set the mode and replace the target by this file."""
+        """Set the mode and replace the target with this file."""
         os.chmod(self.path, mode)
         os.replace(self.path, self._target)
 
@@ -123,7 +123,7 @@ def mode_of_new(mode: int = 0o666) -> int:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove unfinished files and folders of programs of this project that no longer run."""
+    """Remove unfinished files and folders of a465 programs that no longer run."""
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if _OURS.fullmatch(entry.name) and not entry.is_symlink():

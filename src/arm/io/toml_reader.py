@@ -1,4 +1,4 @@
-"""TOML files as Python values, limited so that no file takes long or fills the memory."""
+"""TOML files as Python values, with limits that keep any file fast and small in memory."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     return values
 
 
-# Texts and comments. An unclosed text ends with its line, which keeps the search linear in the file's length.
+# Strings and comments. An unclosed string ends with its line, which keeps the search linear in the file's length.
 _TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*+"?|\'[^\'\n]*+\'?|#[^\n]*+')
 _PARTS = re.compile(
     rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS}}}",
@@ -43,7 +43,7 @@ _PARTS = re.compile(
 
 
 def _require_short_keys(path: Path, text: str) -> None:
-    """Require that dotted keys have at most `MOST_PARTS` parts, because `tomllib` needs memory with their square.
+    """Require dotted keys of at most `MOST_PARTS` parts, because the memory of `tomllib` grows with their square.
 
     Raises:
         FileInputError: a key has more; the message names the line.

@@ -10,7 +10,7 @@ from arm.se3 import Array
 
 
 def toml_lines(values: Mapping[str, Any]) -> list[str]:
-    """Return one line per key; values are texts, numbers, flags, dates, or lists of these."""
+    """Return one line per key; values are strings, numbers, booleans, dates, or lists of these."""
     return [f"{key} = {toml_value(value)}" for key, value in values.items()]
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 _SHORT = 8  # most terms of a sum that is computed by a loop
-_NO_PIVOT = 1e-15  # of the largest: a smaller pivot has no significant digits
+_NO_PIVOT = 1e-15  # relative to the largest pivot; a smaller one has no significant digits
 
 
 def mul(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:

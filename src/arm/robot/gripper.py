@@ -21,7 +21,7 @@ from arm.robot.model import Robot, load_a465
 
 SHIPPED_URDF = "urdf/a465/a465.urdf"
 LEAST_BODY = 1e-3  # m; a shorter round body is left out
-SAME = 1e-9  # m, difference of equal dimensions
+SAME = 1e-9  # m, dimensions that differ by less count as equal
 HAND = ("gripper", "palm", "finger_l", "finger_r")  # links of the gripper; all others are the arm's
 Size = tuple[float, float, float]
 
@@ -37,7 +37,7 @@ class Gripper:
         finger: size of one finger: across the closing direction, along it, and along the tool axis.
         palm: size of the box that carries the fingers, in the same directions.
         body_radius: radius of the round body between flange and palm.
-        close_to: target opening when gripping; the jaws stop on the cube before.
+        close_to: target opening when gripping; the jaws stop on the cube first.
         urdf: URDF of the arm with another kind of gripper, or None. It defines fingers and palm.
 
     Raises:
@@ -84,11 +84,11 @@ class Gripper:
         return self.length - self.finger[2] - self.palm[2]
 
     def width(self, fraction_closed: float) -> float:
-        """Return the opening for 0 (open) to 1 (shut), m; linear in the stroke."""
+        """Return the opening, m, for 0 (open) to 1 (shut); linear in the stroke."""
         return self.opening - fraction_closed * (self.opening - self.shut)
 
     def fraction_closed(self, width: float) -> float:
-        """Invert `width`."""
+        """Return 0 (open) to 1 (shut) for an opening, m."""
         return (self.opening - width) / (self.opening - self.shut)
 
     def robot(self, width: float) -> Robot:
@@ -139,7 +139,7 @@ def _origin(parent: Element, xyz: Sequence[float]) -> None:
 
 
 def _shape(link: Element, kind: str, xyz: Sequence[float], **measures: float | Sequence[float]) -> None:
-    """Replace the collision bodies of a link by one at `xyz`."""
+    """Replace the collision bodies of a link with one at `xyz`."""
     for old in link.findall("collision"):
         link.remove(old)
     collision = ElementTree.SubElement(link, "collision")

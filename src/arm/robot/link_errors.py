@@ -35,7 +35,7 @@ class LinkErrors:
 
     @property
     def any(self) -> bool:
-        """Whether a correction is to be applied."""
+        """Whether any correction that is applied is not zero."""
         return any(bool(np.any(values[:-1])) for values in (self.d, self.a, self.alpha))
 
     def to_json(self) -> list[list[float]]:

@@ -1,4 +1,4 @@
-"""Corners of meshes from STL (binary and ASCII) and OBJ files. Only hulls are used, so faces do not matter."""
+"""Vertices of meshes from STL (binary and ASCII) and OBJ files. Only hulls are used, so faces do not matter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _HEADER, _TRIANGLE = 84, 50  # bytes of a binary STL: before its triangles, and 
 
 
 def read_mesh_points(path: Path) -> Array:
-    """Return the distinct corners (n, 3) of all faces, in the file's unit.
+    """Return the distinct vertices (n, 3) of all faces, in the file's unit.
 
     A file whose size matches its header is a binary STL; other files must be text.
 
@@ -24,9 +24,9 @@ def read_mesh_points(path: Path) -> Array:
     data = read_bytes(path, "mesh")
     points = _binary(data) if _is_binary(data) else _text(path, data)
     if not len(points):
-        raise FileInputError(path, "", None, "has no corner; it must be an STL or OBJ file with faces")
+        raise FileInputError(path, "", None, "has no vertices; it must be an STL or OBJ file with faces")
     if not np.isfinite(points).all():
-        raise FileInputError(path, "", None, "has a corner that is not a finite number")
+        raise FileInputError(path, "", None, "has a vertex that is not three finite numbers")
     return frozen(np.unique(points, axis=0))
 
 
@@ -36,7 +36,7 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _binary(data: bytes) -> Array:
-    """Read triangles: normal, three corners, two arbitrary bytes."""
+    """Read triangles: normal, three vertices, two attribute bytes."""
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles = np.frombuffer(data, dtype=layout, offset=_HEADER)
     return triangles["corners"].reshape(-1, 3).astype(float)

@@ -142,8 +142,8 @@ def load_robot(
         text: text to use instead of the content of `urdf`, which then only appears in messages.
 
     Raises:
-        FileInputError: a given SRDF does not exist; the file is not a URDF, or is xacro; a body has another shape than
-            box, cylinder, sphere, capsule or mesh (Pinocchio drops others silently, so the number of bodies is
+        FileInputError: a given SRDF does not exist; the file is not a URDF, or is xacro; a body is not a box, cylinder,
+            sphere, capsule or mesh (Pinocchio drops others silently, so the number of bodies is
             compared); or a mesh is missing, flat, or too small or large for an arm.
         InputError: an unknown frame or joint, or `urdf` is not a path.
     """
@@ -206,7 +206,7 @@ def load_robot(
     )
     identity = {"urdf": text, "srdf": srdf_text, "tool": tool.tolist(), "locked": locked}
     hulls = {b.name: shape_to_json(b.shape) for b in bodies if isinstance(b.shape, Convex)}
-    if hulls:  # from other files than the URDF
+    if hulls:  # meshes are in files of their own
         identity["hulls"] = hulls
     return Robot(
         model=model,
@@ -228,7 +228,7 @@ def by_link(bodies: Iterable[LinkBody]) -> dict[str, list[str]]:
 
 
 def _names(links: Sequence[str]) -> list[str]:
-    """Name bodies after their links, with a number from the second on that differs from other links' names."""
+    """Name bodies after their links, from the second on with a number, and never like another link."""
     names: list[str] = []
     for i, link in enumerate(links):
         before = links[:i].count(link)

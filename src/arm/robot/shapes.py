@@ -14,7 +14,7 @@ from arm.numerics.products import mul
 from arm.se3 import Array, frozen, orthonormalised
 
 LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # m, sizes of a body that is read from a file
-_LEAST, _MOST = 1e-6, 1e4  # m, sizes of any body; beyond, distances lose their digits
+_LEAST, _MOST = 1e-6, 1e4  # m, sizes of any body; beyond these, distances lose precision
 
 
 class _Round:
@@ -154,7 +154,7 @@ class Body:
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name and isinstance(self.kind, str)):
             raise InputError(
-                f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be texts, the name not empty",
+                f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be strings, the name not empty",
                 name=shown(self.name),
             )
         if not isinstance(self.shape, _SHAPES):
@@ -163,7 +163,7 @@ class Body:
                 name=self.name,
             )
         object.__setattr__(self, "T_base_body", rigid(f"body {self.name!r}: T_base_body", self.T_base_body))
-        if self.padding != 0.0:  # the usual one needs no check
+        if self.padding != 0.0:  # 0, the usual value, needs no check
             checked = number(f"body {self.name!r}: padding", self.padding, 0.0, MOST_LENGTH, "m")
             object.__setattr__(self, "padding", checked)
 
@@ -289,5 +289,5 @@ def body_from_json(value: Any) -> Body:
     except (KeyError, TypeError, ValueError, A465Error) as error:
         raise InputError(f"body {str(value)[:60]}: {type(error).__name__} {error}", value=value) from error
     if not isinstance(name, str) or not isinstance(kind, str):
-        raise InputError(f"body {str(name)[:60]}: name and kind must be texts", value=value)
+        raise InputError(f"body {str(name)[:60]}: name and kind must be strings", value=value)
     return Body(name, shape, pose, kind, padding)

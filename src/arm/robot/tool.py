@@ -43,7 +43,7 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(
-            f"tool: the arm has a body named {twice[0]!r} already; names must differ", names=twice
+            f"tool: the arm already has a body named {twice[0]!r}; names must differ", names=twice
         )
     before = int(robot.model.parents[joint])
     carrying = [b.name for b in robot.bodies if b.joint == before]
@@ -137,7 +137,9 @@ def urdf_limits(
     if isinstance(acceleration, Mapping):
         missing = [name for name in names if name not in acceleration]
         if missing:
-            raise InputError(f"acceleration: joint {missing[0]!r} has none", names=missing)
+            raise InputError(
+                f"acceleration: joint {missing[0]!r} is missing; give one for every joint", names=missing
+            )
         acceleration = [acceleration[name] for name in names]
     lower = np.array(robot.model.lowerPositionLimit, dtype=float) + margin
     upper = np.array(robot.model.upperPositionLimit, dtype=float) - margin

@@ -57,7 +57,7 @@ def _folders(package_dirs: Iterable[str | Path]) -> list[Path]:
     if wrong or not listed:
         value = shown(wrong[0] if wrong else package_dirs)
         raise InputError(
-            f"package_dirs: {value}: must be a list of folders, each a text or a Path", value=value
+            f"package_dirs: {value}: must be a list of folders, each a string or a Path", value=value
         )
     return [Path(folder) for folder in folders]
 

@@ -89,7 +89,7 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
     for name in keys.board_files:
         path = root.file.parent / name
         if not path.is_file():
-            raise root.error_at("boards.files", f"names a file that is not there: {path}")
+            raise root.error_at("boards.files", f"names a file that does not exist: {path}")
         board = replace(read_board_csv(path, keys.marker_size, keys.made_within), pocket=pocket)
         taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
         if taken:

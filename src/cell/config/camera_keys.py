@@ -44,14 +44,14 @@ def _features(node: Node) -> dict[str, Any]:
     features = table().read(node)
     for name, value in features.items():
         if not isinstance(value, bool | int | float | str):
-            raise node.error(f"{name} must be a number, a text, true or false")
+            raise node.error(f"{name} must be a number, a string, true or false")
     return features
 
 
 class CameraKeys(Keys):
     """Keys of ``[look.basler]``."""
 
-    device: str | None = key("look.basler.device", Rule("a text", _selector), None)
+    device: str | None = key("look.basler.device", Rule("a string", _selector), None)
     exposure: float | None = key("look.basler.exposure_us", number("us", 1, 6e7), None)
     gain: float | None = key("look.basler.gain_db", number("dB", 0, 60), None)
     timeout: float = key("look.basler.timeout_s", number("s", 0.01, 120), BaslerSettings.timeout)

@@ -18,7 +18,7 @@ class CellValues(Keys):
     q_start: Array = key("q_start_deg", numbers(6, "deg", -360, 360))
     arm_padding: float = key("arm_padding_mm", number("mm", 0, 100), ARM_PADDING_MM)
     arm_compared: str = key(
-        "arm_compared", rule_of("a text", lambda v: isinstance(v, str), str.strip), default=""
+        "arm_compared", rule_of("a string", lambda v: isinstance(v, str), str.strip), default=""
     )
     grip_height: float = key("tool.grip_height_mm", number("mm", 0, 32))
     settle_s: float = key("tool.settle_s", number("s", 0, 30))

@@ -49,7 +49,7 @@ class TaskValues(Keys):
     look_after: str | int = key(
         "look_after",
         rule_of(
-            f"one of {', '.join(LOOKS)}, or a number of cubes from 1 on",
+            f"one of {', '.join(LOOKS)}, or a number of cubes, 1 or more",
             lambda v: v in LOOKS or is_whole(v, 1),
             same,
         ),

@@ -182,7 +182,7 @@ def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
             re.sub(r"^margin_deg = \S+", "margin_deg = 0", changed, flags=re.MULTILINE)
         )
         if lower == upper[0].replace("upper", "lower"):
-            with pytest.raises(FileInputError, match="leave a joint without range"):
+            with pytest.raises(FileInputError, match="must not leave a joint without range"):
                 load_unit(tmp_path / "mine.toml")
         else:
             load_unit(tmp_path / "mine.toml")
@@ -196,7 +196,7 @@ def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
         assert changed != text
         file.write_text(re.sub(r"^(soft_home_deg = \[)[^,]*", r"\g<1>0.0", changed, flags=re.MULTILINE))
         if refused:
-            with pytest.raises(FileInputError, match="leave a joint without range"):
+            with pytest.raises(FileInputError, match="must not leave a joint without range"):
                 load_unit(file)
         else:
             load_unit(file)

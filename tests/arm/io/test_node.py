@@ -91,7 +91,7 @@ def test_null_is_a_number_only_where_gaps_are_allowed(root):
         (lambda r: r["part"].read(integer(0, 5)), "must be a whole number from 0 to 5"),
         (lambda r: r["count"].read(integer(0, 2)), "count = 3: must be a whole number from 0 to 2"),
         (lambda r: r["name"].read(line("R", "S")), "must be one of R, S"),
-        (lambda r: r["count"].read(line()), "must be a text"),
+        (lambda r: r["count"].read(line()), "must be a string"),
         (lambda r: r["long"].read(numbers((2, 2))), "long[1][1]: must be from -1e+09 to 1e+09"),
         (lambda r: r["long_count"].read(number()), "long_count: must be from -1e+09 to 1e+09"),
         (lambda r: r["far"].read(numbers(None)), "far[1] = 1001000000.0: must be from -1e+09 to 1e+09"),
@@ -101,11 +101,11 @@ def test_null_is_a_number_only_where_gaps_are_allowed(root):
         (lambda r: r["items"].read(numbers(2)), "must be 2 finite numbers"),
         (
             lambda r: r["half"].read(line()),
-            r"half = 'a\ud800': must be a text of one line; character 1 is half a surr",
+            r"half = 'a\ud800': must be a string of one line; character 1 is half a surr",
         ),
         (
             lambda r: r["line"].read(line()),
-            r"line = 'ab\nc': must be a text of one line; character 2 is a control",
+            r"line = 'ab\nc': must be a string of one line; character 2 is a control",
         ),
         (lambda r: r["ruled"].read(line()), "character 1 is a line end"),
         (lambda r: r["a\nb\ud800"], r"a\nb\ud800: is missing"),

@@ -85,7 +85,7 @@ def test_a_default_is_read_as_if_the_file_had_it(root: Node) -> None:
         ("triple", integers(3, 1, 2), "must be 3 whole numbers from 1 to 2"),
         ("count", flag(), "must be true or false"),
         ("name", text("crs97", "crs94"), r"must be one of crs97, crs94 \(did you mean"),
-        ("count", text(), "count = 3: must be a text"),
+        ("count", text(), "count = 3: must be a string"),
         ("triple", numbers(6, "deg"), "must be 6 finite numbers in deg"),
         ("triple", numbers(3, "mm", 2, 5), r"triple = \[1, 2, 3\]: must be 3 numbers in mm from 2 to 5"),
         ("name", numbers(5, "deg"), "must be 5 finite numbers"),
@@ -94,9 +94,9 @@ def test_a_default_is_read_as_if_the_file_had_it(root: Node) -> None:
         ("count", table(), "must be a table"),
         ("count.x", text(), "count = 3: must be a table"),
         ("count", tables(lambda node: node), "must be an array of tables"),
-        ("sub.x", text(), r"sub\.x = 1: must be a text"),
-        ("list", tables(lambda node: node.get("y", text())), r"list\[0\]\.y = 2: must be a text"),
-        ("name", path(), r"name = 'crs93': names a file that is not there: .*crs93"),
+        ("sub.x", text(), r"sub\.x = 1: must be a string"),
+        ("list", tables(lambda node: node.get("y", text())), r"list\[0\]\.y = 2: must be a string"),
+        ("name", path(), r"name = 'crs93': names a file that does not exist: .*crs93"),
     ],
 )
 def test_bad_values_are_told(root: Node, key: str, rule, message: str) -> None:  # type: ignore[no-untyped-def]

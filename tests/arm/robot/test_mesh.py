@@ -51,10 +51,10 @@ def test_the_same_corners_from_every_format(data: bytes, tmp_path: Path) -> None
         (b"", "is not a mesh; it must be an STL"),
         (b"solid nothing\nendsolid nothing\n", "is not a mesh"),
         (binary_stl()[:-7], "is not a mesh.*cut off|is not a mesh"),
-        (bytes(80) + (0).to_bytes(4, "little"), "has no corner"),
+        (bytes(80) + (0).to_bytes(4, "little"), "has no vertices"),
         (ascii_stl().replace(b"3.500000e+00", b"high"), "line 1[0-9].*must be three numbers"),
         (b"v 1 2\n", "line 1 = 'v 1 2': must be three numbers"),
-        (ascii_stl().replace(b"3.500000e+00", b"inf"), "not a finite number"),
+        (ascii_stl().replace(b"3.500000e+00", b"inf"), "a vertex that is not three finite numbers"),
         (b"\x89PNG\r\n\x1a\n\xff\xfe" * 20, "is not a mesh"),
     ],
 )

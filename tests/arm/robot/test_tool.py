@@ -36,7 +36,7 @@ def test_a_tool_moves_with_the_end_and_changes_the_digest(ur: Robot) -> None:
     assert {"tip", "l4"} in pairs
     assert {"tip", "l5"} not in pairs
     assert {"tip", "l6"} not in pairs
-    with pytest.raises(InputError, match="named 'l3' already"):
+    with pytest.raises(InputError, match="already has a body named 'l3'"):
         with_tool(ur, T, [Body("l3", Box((0.1, 0.1, 0.1)), T, "tool")])
 
 
@@ -64,7 +64,7 @@ def test_limits_come_from_the_urdf(ur: Robot) -> None:
     np.testing.assert_allclose(limits.velocity, 1.5)
     by_name = urdf_limits(ur, {f"q{k}": float(k) for k in range(1, 7)}, velocity=[1, 2, 3, 4, 5, 6])
     np.testing.assert_allclose(by_name.acceleration, by_name.velocity)
-    with pytest.raises(InputError, match="joint 'q2' has none"):
+    with pytest.raises(InputError, match="joint 'q2' is missing"):
         urdf_limits(ur, {"q1": 1.0})
     with pytest.raises(InputError, match=r"joint q1: velocity 1.5 and acceleration 0 must be positive"):
         urdf_limits(ur, 0.0)

@@ -75,7 +75,7 @@ def test_walls_of_every_shape(scenes: Path) -> None:
         ("radius_mm = 50", "", r"walls\[2\].radius_mm: is missing"),
         ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
         ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
-        ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that is not there"),
+        ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that does not exist"),
         ('"wedge.obj"', '"task2.toml"', r"walls\[4\].mesh = 'task2.toml': cannot be used: .*is not a mesh"),
         ('mesh_unit = "mm"', "", r"walls\[4\].mesh_unit: is missing; it must be one of mm, m"),
         ('mesh_unit = "mm"', 'mesh_unit = "m"', r"walls\[4\].mesh_unit = 'm': makes the mesh 80 x 60 x 90 m"),

@@ -132,7 +132,7 @@ def test_a_urdf_of_ones_own(scenes: Path) -> None:
         ("force_v = 6", "force_v = 15", r"tool.force_v = 15: must be a number in V from 0.75 to 11.25"),
         ("finger_mm = [24, 12, 40]", "finger_mm = [24, 12]", r"tool.finger_mm = .*3 numbers in mm"),
         ("palm_mm = [60, 90, 35]", "", r"tool.palm_mm: is missing"),
-        ("finger_mm = [24, 12, 40]", 'urdf = "none.urdf"', r"tool.urdf = .*names a file that is not there"),
+        ("finger_mm = [24, 12, 40]", 'urdf = "none.urdf"', r"tool.urdf = .*names a file that does not exist"),
     ],
 )
 def test_what_a_gripper_cannot_be_is_refused(scenes: Path, old: str, new: str, message: str) -> None:

@@ -126,14 +126,14 @@ def test_the_cell_file_says_which_camera_and_how(scenes: Path) -> None:
     [
         ('device = "colour:red"', r"look\.basler\.device = 'colour:red': must be name:NAME"),
         ('device = "cell"', r"look\.basler\.device = 'cell': must be a camera; write name:cell"),
-        ("device = 7", r"look\.basler\.device = 7: must be a text"),
+        ("device = 7", r"look\.basler\.device = 7: must be a string"),
         ("exposure_us = 0", r"look\.basler\.exposure_us = 0: must be a number in us from 1 to"),
         ("gain_db = -1", r"look\.basler\.gain_db = -1: must be a number in dB from 0 to 60"),
         ("timeout_s = 0", r"look\.basler\.timeout_s = 0: must be a number in s"),
         ("exposure_us = 3e6", r"look\.basler\.timeout_s: must be more than the exposure, 3 s"),
         ("heartbeat_s = 0", r"look\.basler\.heartbeat_s = 0"),
         ("exposure_ms = 3", r"look\.basler\.exposure_ms = 3: is not a known key \(did you mean look\.basler\.exp"),
-        ("features = { Width = [1] }", r"look\.basler\.features.*: Width must be a number, a text, true or false"),
+        ("features = { Width = [1] }", r"look\.basler\.features.*: Width must be a number, a string, true or false"),
         ("features = 3", r"look\.basler\.features = 3: must be a table"),
     ],
 )  # fmt: skip

@@ -54,7 +54,7 @@ def test_a_file_says_what_the_data_type_says(tmp_path: Path) -> None:
         ("fault = 3", "fault = 3: must be an array of tables"),
         ("[[fault]]\nkind = 'powr_off'", "fault[0].kind = 'powr_off': must be one of power_off, "),
         ("[[fault]]", "fault[0].kind: is missing; it must be one of"),
-        ("[[fault]]\nkind = 'stuck_axis'", "fault[0].axis: is missing; it must be a text"),
+        ("[[fault]]\nkind = 'stuck_axis'", "fault[0].axis: is missing; it must be a string"),
         ("[[fault]]\nkind = 'stuck_axis'\naxis = 'AB'", "fault[0].axis = 'AB': must be A to H"),
         ("[[fault]]\nkind = 'power_off'\naxis = 'A'", "fault[0].axis = 'A': is not a known key"),
         ("[[fault]]\nkind = 'power_off'\nfor_ms = -1", "fault[0].for_ms = -1: must be from 0 to 1e+09"),
