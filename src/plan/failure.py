@@ -1,4 +1,4 @@
-"""Why a task cannot be planned, as data: the step that fails, and the reason against every candidate."""
+"""Why a task cannot be planned, as data: the step that fails, and why each candidate was rejected."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LINE_BLOCKED = "line blocked"
 NO_WAY_ACROSS = "no way across"
 START_BLOCKED = "start blocked"
 AFTER_TIMING = "clearance after timing"
-_JSON_KEYS = {"required_mm": "asked_mm"}  # of `Rejected`, where they differ
+_JSON_KEYS = {"required_mm": "asked_mm"}  # JSON keys that differ from the attributes of `Rejected`
 
 
 @renamed_arguments(asked_mm="required_mm")

@@ -29,7 +29,7 @@ class Scene:
         bodies: fixed bodies: table, walls, posts, stands, plates.
         cubes: the cubes at their present poses.
         allowed: pairs of names that touch at rest (a cube and the plate with its pocket, a cube and the table).
-            Transits check these pairs nevertheless; lines to and from a station except only `Station.touches`.
+            Transits still check these pairs; lines to and from a station exempt only `Station.touches`.
     """
 
     robot_open: Robot

@@ -257,7 +257,7 @@ def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[
     names = [repr(m.name) for m in motion.moves]
     places = [
         f"{names[0]} does not begin at rest",
-        *(f"{before} and {after} do not meet at one velocity" for before, after in pairwise(names)),
+        *(f"{before} and {after} do not meet at the same velocity" for before, after in pairwise(names)),
         f"{names[-1]} does not end at rest",
     ]
     for place, before, after in zip(places, left, entered, strict=True):

@@ -70,5 +70,5 @@ def test_free_directions_may_be_one_text() -> None:
     for free in ("rx rz", "rz,rx", "rx, rz", ("rx", "rz")):
         assert Target("a", np.eye(4), free=free).free == ("rx", "rz")
     assert Target("a", np.eye(4)).free == ()
-    with pytest.raises(InputError, match="must be of x, y, z, rx, ry, rz"):
+    with pytest.raises(InputError, match="must be one of x, y, z, rx, ry, rz"):
         Target("a", np.eye(4), free="rx rq")

@@ -187,7 +187,9 @@ def test_moves_that_meet_at_speed_hold(plan: Plan, scene: Scene) -> None:
 
 def test_moves_that_meet_with_a_jump_of_velocity_are_found(plan: Plan, scene: Scene) -> None:
     """The second half alone keeps every limit, but the arm would have to be faster at once."""
-    with pytest.raises(ImpossibleError, match="'first half' and 'second half' do not meet at one") as found:
+    with pytest.raises(
+        ImpossibleError, match="'first half' and 'second half' do not meet at the same"
+    ) as found:
         replay(_halved(plan, second=lambda m: _faster(m, 94)), scene, UNIT, LIMITS)
     assert found.value.data["excess"] > 0.0
     merged = _changed(plan, "transit", _hurried)

@@ -55,7 +55,7 @@ def families(request: Request, failure: Failure, groups: Groups) -> Iterator[Fam
     Args:
         request: the request that failed.
         failure: the reason.
-        groups: names of boards to the names of the bodies that move with them.
+        groups: for each board, the names of the bodies that move with it.
     """
     yield from _options(request, failure)
     yield from _obstacle(request, failure, groups)
@@ -105,7 +105,7 @@ def _less_clearance(options: PlanOptions, failure: Failure) -> Iterator[Family]:
 
 
 def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
-    """Yield motions and the removal of the body in the way."""
+    """Yield displacements and the removal of the obstructing body."""
     scene, name = request.scene, failure.body
     if name is None:
         return
@@ -126,7 +126,7 @@ def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Fa
 
 
 def _boards(request: Request, failure: Failure, groups: Groups) -> Iterator[Family]:
-    """Yield motions and rotations of the boards with the places that fail."""
+    """Yield displacements and rotations of the boards with the places that fail."""
     for board, names in groups.items():
         on = _on(request, names, failure.stations)
         if not on:
@@ -134,7 +134,7 @@ def _boards(request: Request, failure: Failure, groups: Groups) -> Iterator[Fami
         at = np.mean([s.T_base_tool[0][:3, 3] for s in on], axis=0)
         out = _level(at)
         side = np.array([-out[1], out[0], 0.0])
-        # a place out of reach has to come nearer by this distance at least
+        # a place out of reach must come at least this much nearer
         beyond = min((w.outside_mm for w in failure.ways if w.outside_mm is not None), default=0.0)
         steps = STEPS + int(np.ceil(beyond / 1e3 / STEP))
         yield _moves(3, board, names, -out, "towards the base", steps)
@@ -157,7 +157,7 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
     normal = -station.T_base_tool[0][:3, 2]
     rotations = [("about the vertical, seen from above", _UP, names)]
     if arccos(abs(normal[2])) > _TILTED:
-        # on its stand, which stays in place
+        # the board rotates on its stand, which stays in place
         stands = {b.name for b in request.scene.bodies if b.kind == "stand"}
         rotations.append(("about its own normal, seen from its front", normal, names - stands))
     for words, axis, bodies in rotations:

@@ -30,7 +30,7 @@ class Request:
     """The inputs of `plan.pick_place.planner.plan_task`.
 
     Attributes:
-        scene, transfers, q_start, unit, limits, options, places: as there.
+        scene, transfers, q_start, unit, limits, options, places: arguments of that function.
         required: places that must be in reach too, even if no transfer uses them.
     """
 

@@ -1,8 +1,8 @@
 """Search for changes that make a task possible; the planner verifies each before it is offered.
 
 Candidates follow from the cause (`plan.advice.candidates`). Cheap checks discard those that cannot help: reachability
-of all places, samples of the lines at the place that failed, bodies that would overlap. The whole task is planned with
-the others until the budget of plans is spent. The budget is a count, so the same request gives the same advice.
+of all places, samples of the lines at the place that failed, bodies that would overlap. The planner tries the others on
+the whole task until the budget of plans is spent. The budget is a count, so the same request gives the same advice.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from plan.scene import Scene
 
 BUDGET, WANTED = 12, 3
 _TOUCHING = 5e-4  # m, accepted overlap of bodies that stand on each other
-_PLANS_A_RANK = 4  # most plans for the changes of one rank
+_PLANS_A_RANK = 4  # largest number of plans for the changes of one rank
 
 
 @dataclass(frozen=True)
@@ -73,13 +73,13 @@ def advise(
     tell: Callable[[str], None] | None = None,
     wanted: int = WANTED,
 ) -> tuple[Advice, ...]:
-    """Return changes that make the task possible, the least work for the user first; none if the budget finds none.
+    """Return changes that make the task possible, the least work for the user first; () if the budget ends before.
 
     Args:
         request: the request that failed.
         error: the error of `plan.pick_place.planner.plan_task`.
         budget: largest number of plans.
-        groups: names to the bodies that move together; default: `plan.advice.changes.groups_of`.
+        groups: for each board, the names of the bodies that move with it; default: `plan.advice.changes.groups_of`.
         fits: returns whether a changed request is acceptable, such as where boards may stand; or None.
         tell: called before each plan with the text of the change; or None.
         wanted: number of changes after which the search ends.
@@ -118,7 +118,7 @@ class _Trial:
         self.blind = failure.kind in (NO_WAY_ACROSS, AFTER_TIMING)
 
     def rank(self, some: Sequence[Family]) -> Advice | None:
-        """Return the smallest change of these families that plans, found with a few attempts."""
+        """Return the smallest change of these families that makes the task possible, within a few plans."""
         left = min(_PLANS_A_RANK, self.budget)
         firsts = [(self.next_good(family, 0), family) for family in some]
         for first, family in sorted(((i, f) for i, f in firsts if i is not None), key=lambda x: x[0]):
@@ -168,7 +168,7 @@ class _Trial:
         )
 
     def family(self, family: Family, first: int, most: int) -> Advice | None:
-        """Return the smallest change that plans, from index `first` on, with at most `most` plans."""
+        """Return the smallest change from index `first` on that makes the task possible, within `most` plans."""
         changes = family.changes
         if isinstance(changes[first], SkipCubes):
             return self.skipping(changes[first])
@@ -187,7 +187,7 @@ class _Trial:
         return None
 
     def by_halves(self, family: Family, first: int, most: int) -> Advice | None:
-        """Bisect for the smallest change that plans, from the first anchor that does; larger changes help more."""
+        """Bisect below the first anchor that makes the task possible; larger changes always help more."""
         best: Advice | None = None
         fails, plans = first - 1, len(family.changes)
         trials = [i for i in family.anchors if i >= first] or [len(family.changes) - 1]
@@ -266,7 +266,7 @@ def _start_free(request: Request) -> bool:
 
 
 def _line_open(request: Request, choices: Sequence[GraspCandidate], station: str) -> bool:
-    """Return whether some grasp of a place has its clearance at the samples of its line and at the outer end."""
+    """Return whether some grasp of a place keeps its clearance at samples of its line and at the outer end."""
     worlds, options = worlds_at(request.scene, request.transfers, station), request.options
 
     def keeps(choice: GraspCandidate) -> bool:

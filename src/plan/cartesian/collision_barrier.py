@@ -1,6 +1,6 @@
 """Collision barriers for lines: constraints that keep pairs of bodies apart, from witness points.
 
-An option (`LineOptions.barrier`) that neither planner sets: they certify lines instead.
+This is an option (`LineOptions.barrier`) that the planners do not use: they certify lines instead.
 
 Let n be the unit vector from the second body's witness point to the first's, and J_1, J_2 the Jacobians of the witness
 points as points of their bodies. The distance d changes by n . (J_1 - J_2) dq (F. Kanehiro et al., "A local collision
@@ -9,7 +9,7 @@ avoidance method for non-strictly convex polyhedra", RSS 2008). So
     -n . (J_1 - J_2) dq <= d - clearance
 
 keeps the clearance to first order. Witness points of flat faces jump, so steps are repeated until the true distance
-keeps it too.
+keeps the clearance too.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def collision_barrier(world: World, clearance: float, near: float) -> Callable[[
     Args:
         world: the arm and all bodies.
         clearance: m.
-        near: m, above `clearance`. Pairs further apart give no row, so a step must be shorter than the difference.
+        near: m, above `clearance`. Pairs further apart give no row, so steps must be shorter than `near - clearance`.
 
     Returns:
         A function from q (n,) to the rows of pairs nearer than `near`, the closest first, with names such as

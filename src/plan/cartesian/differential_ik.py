@@ -39,7 +39,7 @@ _CONVERGED = 1e-10  # m and rad
 _MAX_STEPS = 40
 _TRUST = 0.1  # rad (m for a prismatic joint), largest step with barriers
 _BARRIER_SLACK = 1e-9  # m, by which a way-point may violate a barrier
-_BARRIER_AIM = 1e-7  # m, distance of a step from a barrier, for the barrier's curvature
+_BARRIER_AIM = 1e-7  # m, margin of a step to a barrier, because barriers are curved
 # daqp is exact up to its tolerance on bounds; osqp needs tight tolerances
 _SETTINGS: dict[str, dict[str, float | int]] = {
     "daqp": {"primal_tol": 1e-9},
@@ -75,8 +75,8 @@ class LineOptions:
     """Options for following a line.
 
     Attributes:
-        step, step_angle: largest distance of way-points, m and rad; halved until the spline through the way-points is
-            within the tolerances.
+        step, step_angle: largest distance between way-points, m and rad; halved until the spline through them is within
+            the tolerances.
         tolerance, angle_tolerance: of the tool, at way-points and between them, m and rad.
         slowest: tool speed that the joints must allow everywhere on the line, m/s.
         solver: one of `SOLVERS`.
@@ -107,7 +107,7 @@ def _twist(T: Array, goal: Array, free_axis: str | None) -> Array:
     if free_axis is not None:
         axis = AXES.index(free_axis)
         twist[3:] = np.cross(np.eye(3)[axis], apart[:, axis])
-    elif apart[0, 0] + apart[1, 1] + apart[2, 2] > 2.98:  # below 0.15 rad the sine is near enough
+    elif apart[0, 0] + apart[1, 1] + apart[2, 2] > 2.98:  # below 0.15 rad the sine approximates the angle
         twist[3] = 0.5 * (apart[2, 1] - apart[1, 2])
         twist[4] = 0.5 * (apart[0, 2] - apart[2, 0])
         twist[5] = 0.5 * (apart[1, 0] - apart[0, 1])

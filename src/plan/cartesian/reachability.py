@@ -31,14 +31,14 @@ _SAMPLE_STEP = (
 
 @dataclass(frozen=True)
 class GraspCandidate:
-    """A yaw and a branch to serve a hole with, and the result along the line.
+    """One yaw and branch for a hole, and the result along its line.
 
     Attributes:
         hole: its name.
         yaw: index into the hole's poses.
         branch: see `plan.kinematics.ik.BRANCH_NAMES`.
         q_line: (m, 6) rad at even distances from the hole to the offset point, continuous.
-        margin: least distance of a joint to its limits, rad; negative beyond a limit.
+        margin: smallest distance of a joint from its limits, rad; negative beyond a limit.
         joint: that joint.
         outside: largest distance of the line beyond the reach of the links, m; 0 within reach.
         racing: name of a joint that would exceed its velocity limit even at the slowest tool speed, or "".
@@ -76,12 +76,12 @@ class GraspCandidate:
             return f"joint {self.joint} goes {np.degrees(-self.margin):.1f} deg beyond its limit"
         if self.racing:
             return f"joint {self.racing} cannot move fast enough near a singular configuration"
-        return f"joint {self.joint} keeps {np.degrees(self.margin):.1f} deg to its limit"
+        return f"joint {self.joint} stays {np.degrees(self.margin):.1f} deg from its limit"
 
 
 @dataclass(frozen=True)
 class HoleReach:
-    """All candidates for one hole: those that serve it, by falling margin, then the nearest misses."""
+    """All candidates for one hole: those that serve it, by decreasing margin, then the nearest misses."""
 
     hole: str
     choices: tuple[GraspCandidate, ...]
@@ -97,7 +97,7 @@ class HoleReach:
         return self.choices[0]
 
     def feasible(self) -> tuple[GraspCandidate, ...]:
-        """Return the candidates that serve the hole, by falling margin."""
+        """Return the candidates that serve the hole, by decreasing margin."""
         return tuple(c for c in self.choices if c.ok)
 
 
@@ -198,13 +198,13 @@ def reach(
 def reach_stations(
     robot: Robot, planned: Limits, stations: Iterable[Station], options: PlanOptions
 ) -> ReachTable:
-    """Return the `reach` of stations under the limits and options that motion is planned with."""
+    """Return the `reach` of stations under the limits and options of motion planning."""
     grasps = {station.name: station.T_base_tool for station in stations}
     return reach(robot, planned, grasps, options.offset, options.slowest)
 
 
 def _rank(choice: GraspCandidate) -> tuple[float, ...]:
-    """Return a sort key: candidates that serve, by falling margin; misses within reach; misses beyond, by distance."""
+    """Return a sort key: candidates that serve, by decreasing margin; misses within reach; others, by distance."""
     return (
         float(not choice.ok),
         choice.outside,
@@ -215,7 +215,7 @@ def _rank(choice: GraspCandidate) -> tuple[float, ...]:
 
 
 class _Steps:
-    """Continuous joint positions along every line, and the candidates made of them."""
+    """Continuous joint positions along every line, and the candidates made from them."""
 
     def __init__(self, robot: Robot, limits: Limits, raw: RawBranches, samples: int, fastest: Array) -> None:
         self.names, self.limits, self.fastest = robot.joint_names, limits, fastest

@@ -61,7 +61,8 @@ from plan.collision.bezier import Curve, curve_of_counts
 from plan.collision.subdivision import CurveIntervals, CurveSubdivision
 from plan.collision.world import DISTANCE_ERROR, Indices, World
 
-# Tight mode stops when the bound is within the larger of m and a fraction of the smallest distance computed so far.
+# Tight mode stops when the bound is within TIGHT_ABSOLUTE (m) of the smallest distance computed so far, or within
+# TIGHT_RELATIVE times that distance, whichever is larger.
 TIGHT_ABSOLUTE = 5e-4
 TIGHT_RELATIVE = 0.05
 RESOLUTION = 2e-5  # m; a piece with less motion than this is not cut any further
@@ -79,7 +80,7 @@ class ClearanceCertificate:
         time: time of `seen` on the motion, s.
         proved: whether `clearance` is at least the required clearance.
         evaluations: number of configurations evaluated.
-        bounds: proved lower bound for every cubic (segment), m; where bodies are far it need not be tight.
+        bounds: proved lower bound for every cubic (segment), m; it need not be tight where bodies are far apart.
     """
 
     clearance: float

@@ -1,4 +1,4 @@
-"""Links of an arm that overlap in every configuration, as they do without an SRDF that disables their collisions."""
+"""Links of an arm that overlap in every configuration because no SRDF disables their collisions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from arm.robot.model import Robot
 from arm.se3 import Array
 from plan.collision.world import World
 
-_LOOKS = 20  # configurations within the joint limits; links that overlap in all of them always overlap
+_LOOKS = 20  # random configurations; links that overlap in all of them count as always overlapping
 _SHOWN = 6
 
 

@@ -277,7 +277,7 @@ class World:
             InputError: `clearance` is not a finite number.
         """
         test = self._too_near.get(clearance)
-        if test is None:  # always so for NaN, which is not equal to itself
+        if test is None:  # always None for NaN, which is not equal to itself
             given.finite("clearance", clearance, "m")
             test = self._too_near[clearance] = self._tester(clearance)
         return test

@@ -38,7 +38,9 @@ BRANCH_NAMES = tuple(
 flip: joint 5 is on the positive side of its straight position."""
 
 POSE_TOLERANCE = 1e-10  # m and rad, on the forward kinematics of a solution
-SINGULAR_SINE = 1e-6  # least sine of the angle between lines, or m of the wrist from axis 1, if not singular
+SINGULAR_SINE = (
+    1e-6  # singular below: sine of the angle between lines, or distance of the wrist from axis 1, m
+)
 _GEOMETRY_TOLERANCE = 0.01  # m and rad, largest deviation from the ideal geometry
 _NEWTON_STEPS = 8
 _CHUNK = 256  # poses at a time, which fit into the processor's cache

@@ -59,7 +59,7 @@ class Branches:
 
 @dataclass(frozen=True)
 class BranchReport:
-    """Why one branch reaches a pose or not.
+    """How one branch reaches a pose, or why it does not.
 
     Attributes:
         branch: its name.

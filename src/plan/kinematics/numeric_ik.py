@@ -177,7 +177,7 @@ def _free_names(free: str | Sequence[str] | None) -> tuple[str, ...]:
     names = (free,) if isinstance(free, str) else tuple(free or ())
     unknown = [name for name in names if name not in FREE]
     if unknown:
-        raise InputError(f"free = {unknown[0]!r}: must be of {', '.join(FREE)}", free=list(names))
+        raise InputError(f"free = {unknown[0]!r}: must be one of {', '.join(FREE)}", free=list(names))
     return tuple(name for name in FREE if name in names)
 
 

@@ -205,6 +205,7 @@ class MotionBuilder:
         return self.options.approach_speed * self.options.speed
 
     def tolerance(self, end: tuple[MotionPhase, ApproachLine] | None) -> LineTolerance | None:
+        """Tolerance of the tool on the line at an end of a motion; None for an end without a line."""
         return LineTolerance(self.robot, end[1].line) if end else None
 
 

@@ -1,6 +1,6 @@
 """Conversion of a trajectory to the integer cubics that the controller executes, one ``COORDSPLINET`` each.
 
-Every segment approximates the Hermite cubic with the planned positions and velocities at both ends. It is rounded such
+Every segment approximates the Hermite cubic with the planned positions and velocities at both ends. It is rounded so
 that limits hold exactly (`plan.trajectory.rounding`). Because coefficients are integers, the end of a chain of segments
 is known to the count.
 
@@ -31,8 +31,8 @@ from plan.trajectory.timing import Trajectory
 SHORTEST_MS = 40  # the line sends about 25 cubics a second (docs/sources.md, "Capacity of the line")
 _LONGEST = 16  # longest segment, in multiples of segment_ms, where rounding errors are too large
 _ROUNDING = 8.0  # counts/T^2, about the most that nearest rounding adds to an acceleration
-# Factors on the duration, on segment_ms, and on the least distance of knots, in the order of the attempts. The first
-# attempt changes nothing; it is for plans that leave room for rounding.
+# Factors on the duration, on segment_ms, and on the least distance between knots, in the order of the attempts. The
+# first attempt changes nothing; it is for plans that leave room for rounding.
 _TRIES = (
     (1.0, 1.0, 1.0),
     (1.0005, 2.0, 1.0),

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from arm.controller.unit import Counts, Limits, Unit
 from arm.se3 import Array
 
-VERTEX_S = 5e-3  # the vertex rule: the velocity jumps by at most this times the acceleration limit at a join
+VERTEX_S = 5e-3  # s; vertex rule: at a join the velocity jumps by at most this times the acceleration limit
 _SHARE = 0.48  # of that jump, for each of the two sides of a join
 _LEAST = 0.75  # counts per segment, least tolerance of a velocity; nearest rounding needs 0.5
 _SHIFTS = np.arange(-4, 5)  # counts, shifts of the position at a join

@@ -30,8 +30,8 @@ from plan.budget import QP_CHECKS, spend
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, straight_time
 
-_GOOD_ENOUGH = 1.002  # times the duration of the straight move, where optimisation ends
-_WORTH = 1e-3  # of the path's duration: the least gain of a step
+_GOOD_ENOUGH = 1.002  # optimisation ends at this multiple of the straight move's duration
+_WORTH = 1e-3  # least useful gain of a step, relative to the path's duration
 _INFLUENCE = 0.04  # m beyond the clearance: pairs further apart do not constrain a step
 _EXTRA = 1e-3  # m added to the clearance where distances are linearised
 _PENALTY = 1e3  # s per m of missing clearance
@@ -39,7 +39,7 @@ _SMALL = 1e-3  # weight of |y|^2, which keeps the quadratic program well conditi
 _SAMPLE_TRAVEL = 0.3  # rad summed over the joints, between the places of a step's constraints
 _CHECK_TRAVEL = 0.15  # rad summed over the joints, between the samples of its result
 _MOST_SAMPLES = 6  # samples in collision that become constraints at once
-_REGION, _LEAST_REGION = 1.0, 0.03  # s of travel, trust region
+_REGION, _LEAST_REGION = 1.0, 0.03  # s of travel, first and smallest trust region
 _MOST_CORNERS = 4
 
 
@@ -69,7 +69,7 @@ class TransitOptimiser:
         return path_time(path, self.limits, self.ends.enter, self.ends.leave)
 
     def shorten(self, path: Array, steps: int) -> Array:
-        """Optimise a path (m, n) in at most `steps` steps; the result is checked by samples and not yet certified."""
+        """Optimise a path (m, n) in at most `steps` steps; the result is checked at samples, not certified."""
         floor = _GOOD_ENOUGH * float(straight_time(path[-1] - path[0], self.limits))
         region, time = _REGION, self.time(path)
         model: _Model | None = None

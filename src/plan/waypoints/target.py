@@ -61,7 +61,7 @@ class Target:
         names = tuple(self.free.replace(",", " ").split()) if isinstance(self.free, str) else tuple(self.free)
         wrong = [name for name in names if name not in FREE]
         if wrong:
-            raise self.error("free", wrong[0], f"must be of {', '.join(FREE)}")
+            raise self.error("free", wrong[0], f"must be one of {', '.join(FREE)}")
         if self.by not in WAYS:
             raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
         for key in ("approach", "retract", "blend_radius", "dwell_s", "attach_within"):

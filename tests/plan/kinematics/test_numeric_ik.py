@@ -185,7 +185,7 @@ def test_half_a_turn_off_is_no_solution(tmp_path: Path) -> None:
 
 def test_wrong_questions_are_refused(robot: Robot, crs97: Unit) -> None:
     T = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
-    with pytest.raises(InputError, match="free = 'yaw': must be of x, y, z, rx, ry, rz"):
+    with pytest.raises(InputError, match="free = 'yaw': must be one of x, y, z, rx, ry, rz"):
         solve_ik(robot, T, crs97.lower, crs97.upper, free="yaw")
     with pytest.raises(InputError, match="lower, upper: must be 6 numbers each"):
         numeric_ik(robot, T, crs97.lower[:5], crs97.upper)

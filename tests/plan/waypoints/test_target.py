@@ -12,7 +12,7 @@ from plan.waypoints.target import Target
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"free": "yaw"}, "free = 'yaw': must be of x, y"),
+        ({"free": "yaw"}, "free = 'yaw': must be one of x, y"),
         ({"by": "air"}, "by = 'air': must be one of transit, line"),
         ({"approach": -0.1}, "approach = -0.1"),
         ({"T_base_tool": 2 * np.eye(4)}, "target 'a': T_base_tool"),
