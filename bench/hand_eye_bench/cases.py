@@ -10,7 +10,7 @@ import numpy as np
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, rotation, transform
 from calib.hand_eye.calibrate import calibrate_hand_eye
-from calib.hand_eye.next_poses import plan_poses
+from calib.hand_eye.next_poses import choose_calibration_poses
 from hand_eye_bench.judge import (
     Off,
     bound,
@@ -155,5 +155,5 @@ def postures(case: Case, truth: Truth, rng: np.random.Generator) -> Array:
         T @ transform(rotation(np.radians(rng.uniform(-0.5, 0.5, 3))), rng.uniform(-5e-3, 5e-3, 3))
         for T in (truth.T_base_camera, truth.T_gripper_target)
     ]
-    plan = plan_poses(pool, case.poses, NOMINAL, LENS, points, about[0], about[1])
+    plan = choose_calibration_poses(pool, case.poses, NOMINAL, LENS, points, about[0], about[1])
     return np.asarray(pool[rng.permutation(list(plan.places))])

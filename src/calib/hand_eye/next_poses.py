@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm.controller.unit import UNITS, load_unit
+from arm.former import former_names
 from arm.robot.dh import DhTable
 from arm.se3 import Array, frozen
 from calib.chain.fit import ChainFit, Problem, normal_equations
@@ -31,8 +32,8 @@ _POOL, _BATCH, _MOST_BATCHES = 1000, 4000, 25
 
 
 @dataclass(frozen=True, eq=False)
-class PosePlan:
-    """Poses worth taking.
+class CalibrationPoses:
+    """Poses worth taking, chosen before any image is taken.
 
     Attributes:
         places: indices in the pool, most informative first.
@@ -58,7 +59,7 @@ class NextPose:
     gain: float
 
 
-def plan_poses(
+def choose_calibration_poses(
     pool: Array,
     count: int,
     dh: DhTable,
@@ -68,7 +69,7 @@ def plan_poses(
     T_gripper_target: Array,
     taken: Array | None = None,
     pixel_sigma: float = CORNER_PX,
-) -> PosePlan:
+) -> CalibrationPoses:
     """Choose the `count` poses of a pool that determine T_base_camera best, with the joint offsets unknown too.
 
     Args:
@@ -96,7 +97,7 @@ def plan_poses(
     covariance = np.linalg.inv(known + informations[k:][list(chosen.places)].sum(axis=0))
     moves = worth.T @ covariance @ worth
     sigma, at_lever = (float(np.sqrt(np.trace(block))) for block in (moves[:3, :3], moves[3:, 3:]))
-    return PosePlan(chosen.places, sigma, at_lever / LEVER)
+    return CalibrationPoses(chosen.places, sigma, at_lever / LEVER)
 
 
 def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None = None) -> list[NextPose]:
@@ -175,3 +176,6 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
         if len(good) >= _POOL:
             break
     return good[:_POOL]
+
+
+former_names(__name__, __name__, plan_poses="choose_calibration_poses", PosePlan="CalibrationPoses")

@@ -14,7 +14,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.robot.dh import A465
 from arm.se3 import Array, frozen
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS
-from calib.hand_eye.next_poses import plan_poses
+from calib.hand_eye.next_poses import choose_calibration_poses
 from calib.recordings.arm import FEWEST_CORNERS
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
 from cell.collect.recipe_270 import POSES, recipe_poses
@@ -109,7 +109,7 @@ def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, cons
         left = not_taken(recipe, taken)[:missing]
         console.step(f"{len(left)} of the recipe's {len(recipe)} poses to take")
         return Choice(left, pool)
-    plan = plan_poses(
+    plan = choose_calibration_poses(
         pool,
         missing,
         A465,

@@ -5,7 +5,7 @@ import pytest
 
 from arm.se3 import rotation, transform
 from calib.hand_eye.calibrate import calibrate_hand_eye
-from calib.hand_eye.next_poses import LEVER, OBLIQUE, WIDER, next_poses, plan_poses
+from calib.hand_eye.next_poses import LEVER, OBLIQUE, WIDER, choose_calibration_poses, next_poses
 from recorded.arm_sets import (
     LENS,
     MOUNTS,
@@ -31,7 +31,7 @@ def test_a_plan_of_8_is_worth_more_than_16_at_random_and_keeps_its_word():
     rng = np.random.default_rng(3)
     truth, points = draw_truth(rng), TARGETS["charuco"]
     pool = wide(truth, points, 400, rng)
-    plan = plan_poses(pool, 8, NOMINAL, LENS, points, *about())
+    plan = choose_calibration_poses(pool, 8, NOMINAL, LENS, points, *about())
     assert len(set(plan.places)) == 8
     found = calibrate_hand_eye(recorded(truth, pool[list(plan.places)], "charuco", rng))
     shift, turn = found.camera_sigma
@@ -47,12 +47,12 @@ def test_a_plan_goes_on_from_poses_that_were_taken():
     rng = np.random.default_rng(4)
     points = TARGETS["marker"]
     pool = wide(nominal("perpendicular"), points, 200, rng)
-    alone = plan_poses(pool, 6, NOMINAL, LENS, points, *about())
-    more = plan_poses(pool, 6, NOMINAL, LENS, points, *about(), taken=pool[list(alone.places)])
-    again = plan_poses(pool, 12, NOMINAL, LENS, points, *about())
+    alone = choose_calibration_poses(pool, 6, NOMINAL, LENS, points, *about())
+    more = choose_calibration_poses(pool, 6, NOMINAL, LENS, points, *about(), taken=pool[list(alone.places)])
+    again = choose_calibration_poses(pool, 12, NOMINAL, LENS, points, *about())
     assert more.sigma < 0.8 * alone.sigma
     assert again.sigma / 1.2 <= more.sigma <= 1.2 * again.sigma
-    noisy = plan_poses(pool, 6, NOMINAL, LENS, points, *about(), pixel_sigma=0.6)
+    noisy = choose_calibration_poses(pool, 6, NOMINAL, LENS, points, *about(), pixel_sigma=0.6)
     assert noisy.sigma == pytest.approx(2.0 * alone.sigma, rel=0.1)
 
 
