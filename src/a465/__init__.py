@@ -16,6 +16,7 @@ millisecond:
 | `write_preview` | write a plan as an HTML page that moves (`cell.preview.page`) |
 | `calibrate_camera` | fit the intrinsics of a camera (`calib.camera.calibrate`) |
 | `calibrate_hand_eye` | fit extrinsics and the arm's own kinematics (`calib.hand_eye.calibrate`) |
+| `calibrate_pose_pairs`, `PosePairs` | fit the camera's pose to poses without images (`calib.robot_world.solve`) |
 | `Mars` | the driver of the controller (`driver.mars.mars`) |
 
 Everything else of `plan.api` (shapes, poses, options, errors) is found here, too. SI units and radians; `T_a_b` maps
@@ -30,6 +31,7 @@ from a465.shadowing import require_own_rooms
 if TYPE_CHECKING:
     from calib.camera.calibrate import calibrate_camera
     from calib.hand_eye.calibrate import calibrate_hand_eye
+    from calib.robot_world.solve import PosePairs, calibrate_pose_pairs
     from cell.preview.page import write_preview
     from driver.mars.mars import Mars
     from plan.api import *  # noqa: F403  (type checkers see what `__getattr__` finds)
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
         Scene,
         Target,
         World,
+        certify,
         load_a465,
         load_robot,
         load_unit,
@@ -46,16 +49,17 @@ if TYPE_CHECKING:
         plan_task,
         solve_ik,
     )
-    from plan.collision.certificate import certify_curve as certify
 
 __all__ = [
     "Body",
     "Mars",
+    "PosePairs",
     "Scene",
     "Target",
     "World",
     "calibrate_camera",
     "calibrate_hand_eye",
+    "calibrate_pose_pairs",
     "certify",
     "load_a465",
     "load_robot",
@@ -69,8 +73,10 @@ __all__ = [
 
 _PLACES = {
     "Mars": "driver.mars.mars",
+    "PosePairs": "calib.robot_world.solve",
     "calibrate_camera": "calib.camera.calibrate",
     "calibrate_hand_eye": "calib.hand_eye.calibrate",
+    "calibrate_pose_pairs": "calib.robot_world.solve",
     "load_unit": "arm.controller.unit",  # without the planner's libraries
     "write_preview": "cell.preview.page",
 }
@@ -87,10 +93,8 @@ def __getattr__(name: str) -> object:
     if name.startswith("_"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     require_own_rooms()
-    if name == "certify":
-        found: object = import_module(_API).certify_curve
-    elif name in _PLACES:
-        found = getattr(import_module(_PLACES[name]), name)
+    if name in _PLACES:
+        found: object = getattr(import_module(_PLACES[name]), name)
     elif name in (api := import_module(_API)).__all__:
         found = getattr(api, name)
     else:

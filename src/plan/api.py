@@ -58,6 +58,7 @@ __all__ = [
     "TransitBudget",
     "Unit",
     "World",
+    "certify",
     "certify_curve",
     "certify_move",
     "convex",
@@ -86,6 +87,8 @@ __all__ = [
     "with_tool",
 ]
 
+
+certify = certify_curve
 
 former_names(
     __name__,

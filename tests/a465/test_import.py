@@ -34,7 +34,7 @@ def test_names_of_the_planner_are_the_same_objects(name: str) -> None:
 
 
 def test_certify_is_the_proof_over_a_curve() -> None:
-    assert a465.certify is plan.api.certify_curve
+    assert a465.certify is plan.api.certify is plan.api.certify_curve
 
 
 def test_what_is_not_there_is_an_attribute_error() -> None:
