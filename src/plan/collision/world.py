@@ -1,8 +1,8 @@
 """The collision world: distances between an arm, the body it holds, and the bodies around it, computed by coal.
 
 Each pair of bodies that must not touch is a collision pair of a Pinocchio geometry model, so forward kinematics,
-broadphase and distances run in C++. Two bodies on the same joint, or two fixed bodies, have no relative motion and
-make no pair.
+broadphase and distances run in C++. Pairs of the arm's own bodies (self-collision) are among them, except those that
+the SRDF disables. Two bodies on the same joint, or two fixed bodies, have no relative motion and make no pair.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """Estimate a board's pose jointly from both markers and all frames, with a realistic covariance, or refuse it.
 
 Fusing all corners in one fit reaches the Cramer-Rao bound; a median of poses or of corners wastes 20-40 % of the
-information, and one marker alone flips its tilt (docs/sources.md, "Pose of a board").
+information, and one marker alone flips its tilt (docs/sources.md, "Pose of a board"). The
+covariance does not include the uncertainty of lens and extrinsics; allow for that in `motion.clearance_mm`
+(docs/real-cell.md).
 """
 
 from __future__ import annotations

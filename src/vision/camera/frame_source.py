@@ -41,10 +41,18 @@ class FrameSource(Protocol):
     """Anything that takes current images of the cell."""
 
     def grab(self, count: int) -> list[Image]:
-        """Take `count` images, all of one size, exposed after the call.
+        """Take `count` images, exposed after the call.
+
+        Args:
+            count: number of images.
+
+        Returns:
+            arrays of dtype uint8, grey (h, w) or BGR (h, w, 3), all of the size of the lens calibration: (h, w) is
+            (`Camera.size[1]`, `Camera.size[0]`).
 
         Raises:
-            InputError: they are not available.
+            CameraError: the camera is absent, late, stale or wrongly set; `data["reason"]` is one of docs/cameras.md.
+            InputError: the images are not available for another reason, such as files that differ in size.
         """
         ...
 
