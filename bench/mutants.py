@@ -1,7 +1,7 @@
 """Do the tests do their work? Mutants of the safety modules, and how many of them make a test fail.
 
 python bench/mutants.py --jobs 2                  # all that were not tried yet
-python bench/mutants.py --room plan --only subdivision # names that hold the word
+python bench/mutants.py --package plan --only subdivision   # names that hold the word
 python bench/mutants.py --check                   # only whether every mutant still stands where it stood
 python bench/mutants.py --draw 220                # draw the list bench/mutants_bench/drawn.json anew
 python bench/mutants.py --draw 100 --seed 2 --into drawn-2.json  # others: how much is seen by tests not made for it
@@ -99,7 +99,7 @@ GOAL = 0.92
 
 def draw(count: int, seed: int) -> list[Mutant]:
     """Mutants of all safety modules, as many from each as its number of lines asks for."""
-    modules = [f"{room}/{name}.py" for room, names in SAFETY.items() for name in names]
+    modules = [f"{package}/{name}.py" for package, names in SAFETY.items() for name in names]
     sources = {file: (ROOT / "src" / file).read_text() for file in modules}
     whole = sum(text.count("\n") ** 0.5 for text in sources.values())
     found: list[Mutant] = []
@@ -235,7 +235,7 @@ def _first_tries(mutants: Sequence[Mutant], known: dict[str, list[Row]]) -> str:
 
 
 def _score(mutants: Sequence[Mutant], known: dict[str, list[Row]]) -> Iterator[str]:
-    """The table of rooms, and what survived."""
+    """The table of packages, and what survived."""
     counts: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
     survivors = []
     for mutant in mutants:
@@ -243,11 +243,11 @@ def _score(mutants: Sequence[Mutant], known: dict[str, list[Row]]) -> Iterator[s
         result = "not tried" if row is None else row["result"]
         kind = "equivalent" if mutant.equivalent else RED if result in (RED, LATE) else result
         kind = SKIPPED if kind.startswith(SKIPPED) else kind
-        for place in (mutant.room, "all"):
+        for place in (mutant.package, "all"):
             counts[place][kind] += 1
         if kind == GREEN:
             survivors.append(mutant)
-    yield "| room | red | green | equivalent | not tried, or gone | red of the non-equivalent |"
+    yield "| package | red | green | equivalent | not tried, or gone | red of the non-equivalent |"
     yield "|---|---|---|---|---|---|"
     for place in (*sorted(set(counts) - {"all"}), "all"):
         c = counts[place]
@@ -283,7 +283,8 @@ def _conditions() -> str:
 def main() -> None:
     """Try mutants that were not tried, and print the scores."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--room", help="driver, plan ..")
+    parser.add_argument("--package", help="driver, plan ..")
+    parser.add_argument("--room", dest="package", help=argparse.SUPPRESS)  # its former name
     parser.add_argument("--only", help="mutants whose name or file contains this")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument(
@@ -322,7 +323,7 @@ def main() -> None:
     mutants = []
     for m in every:
         own = located(m.tests, tests) or tests_of(m.file, tests)
-        if (options.room in (None, m.room)) and (options.only or "") in f"{m.name} {m.file}":
+        if (options.package in (None, m.package)) and (options.only or "") in f"{m.name} {m.file}":
             mutants.append(Mutant(**{**vars(m.found(ROOT / "src")), "tests": own}))
     if options.check:
         places = [(m, m.place(ROOT / "src")[1]) for m in mutants]
@@ -343,7 +344,7 @@ def main() -> None:
         print(f"{len(due)} of {len(mutants)} to try", flush=True)
         run(due, options.jobs, options.budget_s)
     lines = [_conditions(), "", *_score(mutants, _known())]
-    if not (options.room or options.only or options.list):
+    if not (options.package or options.only or options.list):
         firsts = {"by hand": BY_HAND, **drawn_lists()}
         lines += ["", "when first tried:", ""]
         lines += [f"- {name}: {_first_tries(found, _known())}" for name, found in firsts.items()]

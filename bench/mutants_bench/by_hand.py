@@ -155,7 +155,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "homed-cube-in-jaws",
         "cell/session/homed.py",
-        "    if jaws_too and not why_no_grip(cell, width):\n",
+        "    if jaws_too and not grip_fault(cell, width):\n",
         "    if False:\n",
         "an arm that is kept homed lets go of what it holds",
         (

@@ -40,8 +40,8 @@ def reached(trial: Trial, test: str, file: str) -> Reached:
             return cached
     output = trial.root / "reach.json"
     output.unlink(missing_ok=True)
-    room = file.partition("/")[0]
-    files = [p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src" / room).rglob("*.py")]
+    package = file.partition("/")[0]
+    files = [p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src" / package).rglob("*.py")]
     outcome = trial.run([f"tests/{test}"], LONGEST_S, (files, output))
     written = json.loads(output.read_text()) if output.is_file() else {"seconds": {}, "tests": {}}
     found: Reached = {

@@ -36,7 +36,7 @@ class Mutant:
     listed: str = ""
 
     @property
-    def room(self) -> str:
+    def package(self) -> str:
         """``driver``, ``plan`` .."""
         return self.file.partition("/")[0]
 

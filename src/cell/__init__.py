@@ -1,3 +1,3 @@
-"""The only room that knows all the others: command line, tasks, simulated cell, preview, reports."""
+"""The only package that knows all the others: command line, tasks, simulated cell, preview, reports."""
 
 import arm.former  # noqa: F401  (former names are found)

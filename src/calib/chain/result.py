@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from arm.former import renamed_arguments
+from arm.former import former_names, renamed_arguments
 from arm.se3 import Array, Bools, Indices, frozen
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
@@ -44,7 +44,7 @@ class ChainLimits:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class CrossValidation:
     """Prediction error of held-out images.
 
     Attributes:
@@ -81,7 +81,7 @@ class ChainCalibration(Judged):
     problem: Problem
     fit: ChainFit
     trials: tuple[Trial, ...]
-    held_out: HeldOut
+    held_out: CrossValidation
     hypotheses: tuple[ChainErrorHypothesis, ...]
     iterations: int
     solve_s: float
@@ -206,7 +206,7 @@ def calibrate_chain(
         choice.problem,
         fit,
         choice.trials,
-        hold_out(choice),
+        cross_validate(choice),
         find_error_hypotheses(choice.problem, believed, readings),
         again.iterations,
         took,
@@ -264,7 +264,7 @@ def _exact_if_it_fits(problem: Problem, parts: Sequence[Part], limits: ChainLimi
     return exact if fit.chi2_dof < limit else problem
 
 
-def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
+def cross_validate(choice: Choice, folds: int = FOLDS) -> CrossValidation:
     """Cross-validate: predict each part of the stances from a fit to the others."""
     problem, fit = choice.problem, choice.fit
     squares, count, metres, lost = 0.0, 0, [], False
@@ -286,11 +286,14 @@ def hold_out(choice: Choice, folds: int = FOLDS) -> HeldOut:
             off = np.nanmean(r[predicted], axis=1) / focal * depth[predicted, None]
             metres.append(np.linalg.norm(off, axis=1))
     if not count:
-        return HeldOut(float("nan"), float("nan"))
+        return CrossValidation(float("nan"), float("nan"))
     rms = float("inf") if lost else float(np.sqrt(np.mean(np.concatenate(metres) ** 2)))
-    return HeldOut(float(np.sqrt(squares / count)), rms)
+    return CrossValidation(float(np.sqrt(squares / count)), rms)
 
 
 def _fold(s: Sightings, folds: int) -> Indices:
     _, place = np.unique(s.stances, return_inverse=True)
     return np.asarray(place % folds, dtype=np.intp)
+
+
+former_names(__name__, __name__, hold_out="cross_validate", HeldOut="CrossValidation")

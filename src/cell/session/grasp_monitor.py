@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from arm.errors import ExecutionStopped
+from arm.former import former_names
 from cell.config.cell import Cell
 
 GRIP_CHANGE = 0.05  # fraction of the stroke that the jaws may move on a held cube
-LOOKS = 2  # consecutive readings; a single one may have lost a digit on the line
+READINGS = 2  # consecutive readings; a single one may have lost a digit on the line
 
 
-def why_no_grip(cell: Cell, width: float) -> str:
-    """Return why jaws `width` m apart do not hold a cube of the cell; empty if they do."""
+def grip_fault(cell: Cell, width: float) -> str:
+    """Return what is wrong with jaws `width` m apart on a cube of the cell; empty if they hold it."""
     cube, tolerance = cell.cube_size, cell.grip_tolerance + cell.cube_tolerance
     if abs(width - cube) <= tolerance:
         return ""
@@ -37,17 +38,20 @@ class GraspMonitor:
     grip: float
     away: int = 0
 
-    def require(self, jaws: float, looks: int = LOOKS) -> None:
+    def require(self, jaws: float, readings: int = READINGS) -> None:
         """Check one reading of the jaws.
 
         Raises:
-            ExecutionStopped: the jaws moved in `looks` consecutive readings; with reason ``lost``.
+            ExecutionStopped: the jaws moved in `readings` consecutive readings; with reason ``lost``.
         """
         self.away = self.away + 1 if abs(jaws - self.grip) > GRIP_CHANGE else 0
-        if self.away >= looks:
+        if self.away >= readings:
             raise ExecutionStopped(
                 f"{self.cube} was lost: the jaws were {100 * self.grip:.0f} % closed on it and are "
                 f"{100 * jaws:.0f} % closed now; its position is unknown",
                 fraction_closed=jaws,
                 reason="lost",
             )
+
+
+former_names(__name__, __name__, why_no_grip="grip_fault", LOOKS="READINGS")

@@ -14,7 +14,7 @@ import numpy as np
 from arm.errors import ExecutionStopped, ImpossibleError
 from cell.config.cell import Cell
 from cell.console import Console
-from cell.session.grasp_monitor import why_no_grip
+from cell.session.grasp_monitor import grip_fault
 from driver.mars.mars import Mars
 
 _HERE = ("localhost", "127.0.0.1", "::1")
@@ -43,7 +43,7 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
     mars.initialise(home=False)
     counts = mars.settled_counts()
     width = cell.gripper.width(mars.jaws())
-    if jaws_too and not why_no_grip(cell, width):
+    if jaws_too and not grip_fault(cell, width):
         raise ImpossibleError(
             f"the jaws are {1e3 * width:.1f} mm apart, as on a cube, and would drop it where the arm stands: "
             "take it out by hand, or continue with execute --resume",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ExecutionStopped
+from arm.former import former_names
 from arm.se3 import Array, apply
 from cell.config.cell import Cell
 from cell.files.board_shift import board_shift
@@ -163,7 +164,7 @@ def _in_view(task: Task, observation: Observation, place: str) -> bool:
     return sight.shows(apply(T_base_on_table(task, place), corners))
 
 
-class LetGo:
+class ReleasedCubes:
     """Released cubes that no look has confirmed yet."""
 
     def __init__(self, task: Task) -> None:
@@ -200,3 +201,6 @@ def require_confirmed(rows: Iterable[CubeRow], report: dict[str, Any]) -> None:
     if wrong:
         listed = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
         raise ExecutionStopped(f"{len(wrong)} of {len(rows)} cubes not confirmed: {listed}", **report)
+
+
+former_names(__name__, __name__, LetGo="ReleasedCubes")

@@ -23,7 +23,7 @@ from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
 from cell.session.homed import initialise_arm
 from cell.session.observer import RunObserver
-from cell.task.confirm_placed import LetGo
+from cell.task.confirm_placed import ReleasedCubes
 from cell.task.look import look_and_save
 from driver.execution.control import Control
 from driver.execution.execute import StepResult, execute
@@ -87,7 +87,7 @@ class OpenRun:
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether to give advice after a refusal to plan
         self._looks = count(1)
-        self._let_go = LetGo(task)
+        self._released = ReleasedCubes(task)
 
     def introduce(self) -> None:
         """Report the task, the cell and the speed, and identify the controller."""
@@ -164,7 +164,7 @@ class OpenRun:
         self._step_name = step.name
         self.watcher.step(step)
         if self.held is not None and isinstance(step, GripperStep):
-            self.held.require(self.connection.mars.jaws(), looks=1)  # at rest one reading suffices
+            self.held.require(self.connection.mars.jaws(), readings=1)  # at rest one reading suffices
 
     def _on_progress(self, progress: Progress) -> None:
         self.watcher.progress(progress)

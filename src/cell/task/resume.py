@@ -23,7 +23,7 @@ from cell.scene.build import (
     hole_station,
     table_station,
 )
-from cell.session.grasp_monitor import why_no_grip
+from cell.session.grasp_monitor import grip_fault
 from cell.task.confirm_placed import NOT_CONFIRMED, seated
 from cell.task.plan_matches import planned_observation, under
 from cell.task.planning import options_of, plan_fingerprint
@@ -67,7 +67,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     observed = run.see("from where the arm stands", arm_in_view=True)
     observation = _known(observed, task, plan)
     width = cell.gripper.width(closed)
-    why_not = why_no_grip(cell, width)
+    why_not = grip_fault(cell, width)
     if not why_not:
         carried = carried_by(task, plan, counts, observed)
         run.console.step(f"{carried.transfer['cube']} is in the jaws; its target is {carried.transfer['to']}")

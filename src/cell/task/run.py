@@ -16,7 +16,7 @@ from cell.report.cubes import CubeRow, judge_release
 from cell.report.run_report import TO_START
 from cell.scene.build import T_base_cube_on_table, build_scene, cube_name
 from cell.session.budget import spending
-from cell.session.grasp_monitor import GraspMonitor, why_no_grip
+from cell.session.grasp_monitor import GraspMonitor, grip_fault
 from cell.session.speed import tool_words
 from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
@@ -122,7 +122,7 @@ class TaskRun(OpenRun):
             row.add_motion(cycle.fetch)
             why_not = "the jaws closed on nothing"
             if held is not None and held.stalled:
-                why_not = why_no_grip(self.task.cell, self.task.cell.gripper.width(held.fraction_closed))
+                why_not = grip_fault(self.task.cell, self.task.cell.gripper.width(held.fraction_closed))
             if held is None or why_not:
                 return self._missed(cycle, row, observation, why_not), True
             self.carry(cycle.carry, transfer, held.fraction_closed, row, observation)
@@ -164,7 +164,7 @@ class TaskRun(OpenRun):
         """
         with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, observation)):
             self._monitored(steps, transfer["cube"], grip)
-        self._let_go.add(row, observation, self.widths.get(transfer["cube"]))
+        self._released.add(row, observation, self.widths.get(transfer["cube"]))
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
             self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
@@ -220,7 +220,7 @@ class TaskRun(OpenRun):
         Raises:
             ExecutionStopped: the position of one is unknown.
         """
-        for row, found in self._let_go.judge(observation, self.pictures[-1].file):
+        for row, found in self._released.judge(observation, self.pictures[-1].file):
             self.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
             if found.lost:
                 self._stop(f"{row.source} to {row.target} {row.remarks[-1]}; correct or remove that cube")

@@ -11,7 +11,7 @@ from arm.robot.model import Robot
 from arm.se3 import Array
 from plan.collision.world import World
 
-_LOOKS = 20  # random configurations; links that overlap in all of them count as always overlapping
+_SAMPLES = 20  # random configurations; links that overlap in all of them count as always overlapping
 _SHOWN = 6
 
 
@@ -55,12 +55,12 @@ def self_collision_help(world: World, q: Array, clearance: float) -> str:
 
 @lru_cache(maxsize=8)
 def _everywhere(robot: Robot) -> frozenset[frozenset[str]]:
-    """Return pairs of the arm's bodies that overlap at every one of `_LOOKS` random configurations."""
+    """Return pairs of the arm's bodies that overlap at every one of `_SAMPLES` random configurations."""
     world = World(robot, [])
     low = np.maximum(np.asarray(robot.model.lowerPositionLimit), -np.pi)
     high = np.minimum(np.asarray(robot.model.upperPositionLimit), np.pi)
     every = np.arange(len(world.pairs))
     left = np.ones(len(every), dtype=bool)
-    for q in np.random.default_rng(0).uniform(low, high, (_LOOKS, len(low))):
+    for q in np.random.default_rng(0).uniform(low, high, (_SAMPLES, len(low))):
         left[left] = world.pair_distances(q, every[left]) <= 0.0
     return frozenset(frozenset(world.pair_names(i)) for i in np.flatnonzero(left).tolist())

@@ -28,7 +28,7 @@ from plan.transit.planner import TransitPlanner
 # Part of the margin that the proof of a way may lack: it is searched by samples.
 _SLACK = 0.5
 # Places on a straight way that are looked at before it is proved.
-_FIRST_LOOKS = (0.5, 0.25, 0.75, 0.375, 0.625, 0.125, 0.875)
+_FIRST_SAMPLES = (0.5, 0.25, 0.75, 0.375, 0.625, 0.125, 0.875)
 # Samples of RRT-Connect as long as other ways may do.
 _FEW_SAMPLES = 150
 # Steps of the first joint at which bodies that move with it alone are looked at, rad.
@@ -200,7 +200,7 @@ class EdgeChecks:
                 return Blocked(self._by(seen, others), seen, end=True)
         clearance = self.clearance(crossing, world)
         check: ClearanceCertificate | None = None
-        for u in _FIRST_LOOKS:
+        for u in _FIRST_SAMPLES:
             q = q_from + u * (q_to - q_from)
             if check is None and world.in_collision(q, clearance):
                 check = _seen(world, q, u)

@@ -39,7 +39,7 @@ from plan.waypoints.target import Target
 from plan.waypoints.times import ChainTime, way_bounds, way_estimates
 
 LINE_MARGIN = 1e-4  # m: lines are proved with this much more clearance than is asked, for what timing changes
-_LOOKS = (0.5, 0.25, 0.75)  # of a straight way before it is proved
+_SAMPLES = (0.5, 0.25, 0.75)  # of a straight way before it is proved
 _BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
 
 
@@ -365,7 +365,7 @@ def _miss(error: ImpossibleError) -> float:
 
 
 def _straight(world: World, a: Array, b: Array, clearance: float) -> ClearanceCertificate:
-    for u in _LOOKS:
+    for u in _SAMPLES:
         q = a + u * (b - a)
         if world.in_collision(q, clearance):
             seen = world.distance(q)

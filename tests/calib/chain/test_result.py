@@ -11,7 +11,7 @@ import calib.chain.result as chain_calibration
 from arm.se3 import Array, frozen
 from calib.chain.fit import Sightings, fit_chains
 from calib.chain.model_selection import Choice
-from calib.chain.result import FOLDS, ChainCalibration, hold_out
+from calib.chain.result import FOLDS, ChainCalibration, cross_validate
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.model.projection import Projection
@@ -58,7 +58,7 @@ def test_figures_are_of_the_images_that_are_believed_in_px_and_across_the_line_o
     rng = np.random.default_rng(0)
     by, weights = rng.normal(size=(n, 2)) * [2.0, 6.0], np.ones(n)
     weights[[3, 20]], by[[3, 20]] = 0.0, 500.0
-    held = hold_out(shifted(plain, by, weights))
+    held = cross_validate(shifted(plain, by, weights))
     used = weights > 0.0
     assert held.px == pytest.approx(np.sqrt(np.mean(by[used] ** 2) + 3.0**2), rel=1e-9)
     depth = predicted(plain)[used, :, 2].mean(axis=1)
@@ -75,10 +75,10 @@ def test_corners_that_were_not_seen_and_parts_without_images_do_not_count(
     choice = shifted(plain, np.tile([1.0, 2.0], (n, 1)), weights)
     (s,) = choice.problem.sightings
     s.pixels[0, 4:] = np.nan
-    held = hold_out(choice)
+    held = cross_validate(choice)
     assert held.px == pytest.approx(np.sqrt(2.5 + 3.0**2), rel=1e-9)
     assert 0.0 < held.metres < 1e-3
-    none = hold_out(replace(choice, fit=replace(choice.fit, weights=(np.zeros(n),))))
+    none = cross_validate(replace(choice, fit=replace(choice.fit, weights=(np.zeros(n),))))
     assert np.isnan([none.px, none.metres]).all(), "what was never predicted is not accurate"
     judged_none = with_verdict(replace(plain, held_out=none), lambda name, value: name)
     assert any("held-out targets are off by nan mm" in reason for reason in judged_none.reasons)
@@ -100,7 +100,7 @@ def test_an_image_that_is_predicted_where_the_camera_sees_nothing_is_not_predict
         return expected
 
     monkeypatch.setattr(Sightings, "projection", one_behind)
-    held = hold_out(choice)
+    held = cross_validate(choice)
     assert held.metres == np.inf
     assert held.px == pytest.approx(np.sqrt(2.5 + 3.0**2), rel=1e-9)
     refused = with_verdict(replace(plain, held_out=held), lambda name, value: name)
@@ -120,7 +120,7 @@ def test_a_model_that_lacks_the_links_does_not() -> None:
     poorer = replace(c.problem, free=free)
     fit = fit_chains(poorer, c.fit.weights)
     fitted = float(np.sqrt(np.mean(fit.residuals[0] ** 2)))
-    held = hold_out(Choice(poorer, fit, ()))
+    held = cross_validate(Choice(poorer, fit, ()))
     assert held.px > 2.0 * NOISE_PX
     assert held.px > 1.05 * fitted  # what is fitted always looks better than what is predicted
     assert held.metres > 3.0 * c.held_out.metres
@@ -140,7 +140,7 @@ def test_every_image_is_held_out_once_and_with_all_of_its_stance(
         return fit_chains(problem, weights, begin)
 
     monkeypatch.setattr(chain_calibration, "fit_chains", noted)
-    hold_out(Choice(problem, c.fit, ()))
+    cross_validate(Choice(problem, c.fit, ()))
     out = ~np.array(used)
     assert len(out) == FOLDS
     assert (out.sum(axis=0) == 1).all()

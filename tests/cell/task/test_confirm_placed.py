@@ -13,7 +13,7 @@ from arm.errors import ExecutionStopped
 from arm.io.storage import data_file
 from cell.files.world import read_world
 from cell.report.cubes import CubeRow
-from cell.task.confirm_placed import LetGo, Unconfirmed, confirm
+from cell.task.confirm_placed import ReleasedCubes, Unconfirmed, confirm
 from tasks.small import small_scenes
 from tasks.whole_run import WholeRun, run_whole
 from typed.command_line import replace_in
@@ -172,8 +172,8 @@ def test_a_cube_is_not_measured_in_photographs_that_show_its_source_as_it_was_be
     monkeypatch.setattr("cell.task.confirm_placed.confirm", confirm)
     task: Any = SimpleNamespace()
     before: Any = SimpleNamespace(moved_since=frozenset({"a/1"} if moved else {"a/2", "b/1"}))
-    let_go, row = LetGo(task), CubeRow("a/1", "b/2")
-    let_go.add(row, before, before_known)
-    assert list(let_go.judge(before, Path("look-2.png"))) == []
+    released, row = ReleasedCubes(task), CubeRow("a/1", "b/2")
+    released.add(row, before, before_known)
+    assert list(released.judge(before, Path("look-2.png"))) == []
     assert used == [before_known if moved else measured]
     assert row.placed
