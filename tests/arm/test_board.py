@@ -54,7 +54,7 @@ def test_marker_corners() -> None:
         ("1,2\n0,nan\n80,60\n100,140\n140,0", "finite"),
     ],
 )
-def test_every_mistake_is_told_with_its_line(tmp_path: Path, text: str, message: str) -> None:
+def test_every_mistake_is_reported_with_its_line(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "b.csv"
     path.write_text(text)
     with pytest.raises(FileInputError, match=message) as error:
@@ -62,7 +62,7 @@ def test_every_mistake_is_told_with_its_line(tmp_path: Path, text: str, message:
     assert str(path) in str(error.value)
 
 
-def test_a_binary_file_is_told(tmp_path: Path) -> None:
+def test_a_binary_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "b.csv"
     path.write_bytes(b"\xff\xfe1\x00,\x00")
     with pytest.raises(FileInputError, match="not UTF-8"):

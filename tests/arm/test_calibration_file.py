@@ -49,7 +49,7 @@ def test_a_file_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
     )
 
 
-def test_the_id_is_of_all_that_it_says() -> None:
+def test_the_id_depends_on_every_value() -> None:
     T, turned = FOUND.T_base_camera, FOUND.joint_offsets.copy()
     turned[4] += 1e-12
     others = [
@@ -91,7 +91,7 @@ def test_a_file_that_was_changed_by_hand_is_refused(tmp_path: Path, old: str, ne
 
 @pytest.mark.parametrize("which", range(3))
 @pytest.mark.parametrize("joint", range(6))
-def test_errors_of_one_kind_alone_are_written_too(tmp_path: Path, which: int, joint: int) -> None:
+def test_link_errors_of_a_single_kind_are_written(tmp_path: Path, which: int, joint: int) -> None:
     values = np.zeros((3, 6))
     values[which, joint] = -1e-4
     links = LinkErrors(*map(frozen, values))
@@ -110,9 +110,7 @@ def test_errors_of_one_kind_alone_are_written_too(tmp_path: Path, which: int, jo
         ("dh_alpha_error_rad", np.radians(2.0)),
     ],
 )
-def test_no_arm_is_further_off_than_a_file_may_say(
-    tmp_path: Path, key: str, largest: float, sign: float
-) -> None:
+def test_errors_beyond_the_largest_are_refused(tmp_path: Path, key: str, largest: float, sign: float) -> None:
     path = tmp_path / "c.toml"
     for part, allowed in ((0.999, True), (1.001, False)):
         off = np.zeros(6)

@@ -28,7 +28,7 @@ def test_what_is_left_out_is_counted_exactly(length: int) -> None:
     assert f" .. {length - text.count('x')} characters left out .. " in text
 
 
-def test_of_a_long_value_the_rule_and_the_help_are_still_read() -> None:
+def test_a_long_value_leaves_room_for_rule_and_help() -> None:
     error = FileInputError(
         Path("cell.toml"), "look.photographs", ["word"] * 10_000, "must be a number", "give 3"
     )

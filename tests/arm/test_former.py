@@ -37,7 +37,7 @@ def test_a_former_name_gives_the_same_objects_and_says_where_they_are(name: str)
     assert all(getattr(former, n) is getattr(now, n) for n in public)
 
 
-def test_what_never_was_is_not_found() -> None:
+def test_an_unknown_module_is_not_found() -> None:
     with pytest.raises(ModuleNotFoundError):
         importlib.import_module("plan.never_was")
 
@@ -63,7 +63,7 @@ def test_a_module_gives_the_names_that_it_had(module: str) -> None:
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_a_module_gives_no_other_name(module: str) -> None:
+def test_other_names_raise_attribute_error(module: str) -> None:
     with pytest.raises(AttributeError, match=f"{module}' has no attribute 'never_was'"):
         getattr(importlib.import_module(module), "never_was")  # noqa: B009  (mypy knows that it is not there)
 

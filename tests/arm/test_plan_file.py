@@ -125,7 +125,7 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][0].update(clearance=0.0124), "the smallest must be the move's"),
     ],
 )
-def test_damage_is_told_by_its_key(tmp_path: Path, change: Any, message: str) -> None:
+def test_damage_is_reported_by_key(tmp_path: Path, change: Any, message: str) -> None:
     path = tmp_path / "plan.json"
     path.write_text(_damaged(change))
     with pytest.raises(FileInputError, match=message) as error:
@@ -141,14 +141,14 @@ def test_segments_last_from_nothing_to_a_minute(tmp_path: Path, duration_ms: int
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", "\x00"])
-def test_what_is_not_a_plan_is_told(tmp_path: Path, text: str) -> None:
+def test_a_file_that_is_not_a_plan_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "plan.json"
     path.write_text(text)
     with pytest.raises(FileInputError):
         read_plan(path)
 
 
-def test_a_missing_file_and_a_folder_are_told(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "none.json", tmp_path):
         with pytest.raises(InputError, match="cannot be read"):
             read_plan(path)

@@ -50,7 +50,7 @@ def test_the_page_and_the_module_name_what_there_is() -> None:
         assert getattr(plan.api, name).__doc__, name
 
 
-def test_links_of_no_length_are_told_as_on_the_page(tmp_path: Path) -> None:
+def test_links_without_length_are_refused_as_on_the_page(tmp_path: Path) -> None:
     """An arm of seven axes, three pairs of which meet: neighbours alone are not enough, and the page's lines are."""
     path = tmp_path / "seven.urdf"
     path.write_text(urdf(SEVEN))

@@ -81,7 +81,7 @@ def test_where_it_is_spent_the_best_complete_way_is_taken_the_same_each_time(
     assert plan.to_json()["stopped"] == plan.stopped
 
 
-def test_where_nothing_is_complete_it_is_told_how_far_it_came(robot: Robot, crs97: Unit) -> None:
+def test_without_a_complete_plan_the_progress_is_reported(robot: Robot, crs97: Unit) -> None:
     with pytest.raises(
         ImpossibleError, match=r"the budget of 0.001 s of effort is spent: nothing complete"
     ) as caught:
@@ -110,7 +110,7 @@ def test_a_clock_only_refuses(robot: Robot, crs97: Unit, monkeypatch: pytest.Mon
     assert caught.value.data["budget"] == "clock"
 
 
-def test_ctrl_c_tells_how_far_it_came(robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_reports_the_progress(robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
     made = PoseSearch._made_way
 
     def interrupted(self: PoseSearch, state, number: int, index: int):  # type: ignore[no-untyped-def]

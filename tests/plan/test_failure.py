@@ -7,7 +7,7 @@ from plan.failure import (
 )
 
 
-def test_what_is_too_near_never_looks_near_enough() -> None:
+def test_a_rounded_distance_stays_below_the_required_one() -> None:
     assert nearness(("palm", "wall"), 0.00499, 0.005) == "palm comes within 4.99 mm of wall (required: 5 mm)"
     assert nearness(("palm", "wall"), 0.0042, 0.005) == "palm comes within 4.2 mm of wall (required: 5 mm)"
     assert nearness(("palm", "wall"), 0.005 - 1e-10, 0.005).startswith(

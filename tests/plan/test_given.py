@@ -82,7 +82,7 @@ def test_a_world_is_made_of_bodies_at_poses(robot: Robot) -> None:
             call()
 
 
-def test_contacts_that_are_no_pairs_are_refused(robot: Robot) -> None:
+def test_contacts_must_be_pairs(robot: Robot) -> None:
     T = robot.T_base_tool(HOME)
     with pytest.raises(
         InputError, match="target 'a': allowed_collisions: 'finger_l': must be pairs of two names"

@@ -31,7 +31,7 @@ def test_less_than_the_usual_clearance_is_asked_for_by_name() -> None:
     assert PlanOptions(clearance=0.0, least_clearance=0.0).clearance == 0.0
 
 
-def test_less_is_told_and_what_is_usual_is_not() -> None:
+def test_a_clearance_below_the_usual_minimum_gives_a_warning() -> None:
     assert clearance_words(PlanOptions(clearance=0.0015, least_clearance=0.001).to_json()) == (
         "planned with only 1.5 mm of clearance, as least_clearance allows; the usual minimum is 5 mm"
     )
@@ -40,7 +40,7 @@ def test_less_is_told_and_what_is_usual_is_not() -> None:
     assert clearance_words({}) == ""
 
 
-def test_where_5_mm_do_not_fit_2_do(robot: Robot, crs97: Unit) -> None:
+def test_a_smaller_clearance_fits_between_plates(robot: Robot, crs97: Unit) -> None:
     """A pose between two plates that leave the open fingers 3.5 mm on each side."""
     place = down(0.42, 0.0, 0.1) @ transform(rot_z(np.pi))
     fingers = [b.at(b.T_base_body) for b in robot.bodies_at(np.zeros(6)) if b.name.startswith("finger")]

@@ -55,7 +55,7 @@ def test_a_budget_stops_at_the_best_complete_sequence(case: Task2, free: tuple[P
     assert plans[0].provenance == best.provenance
 
 
-def test_too_small_a_budget_is_told(case: Task2) -> None:
+def test_too_small_a_budget_is_reported(case: Task2) -> None:
     with pytest.raises(ImpossibleError, match=r"budget of 0.2 s of effort is spent: no sequence") as caught:
         planned(case, SearchBudget(0.2))
     assert caught.value.data["budget"] == "effort"
@@ -102,7 +102,7 @@ def test_ctrl_c_has_the_best_complete_plan_with_it(case: Task2, monkeypatch: pyt
     assert plan.notes["search"] == str(caught.value)
 
 
-def test_ctrl_c_before_that_says_so(case: Task2, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_before_a_complete_plan_reports_none(case: Task2, monkeypatch: pytest.MonkeyPatch) -> None:
     def pressed(*_: object) -> None:
         raise KeyboardInterrupt
 

@@ -122,7 +122,7 @@ def test_a_changed_move_is_found(
 ASKED = RequiredClearance(clearance=0.010, line_clearance=0.005, offset=0.100)
 
 
-def test_what_the_cell_asks_for_is_kept_or_told(plan: Plan, scene: Scene) -> None:
+def test_clearance_and_line_length_required_by_the_cell_are_checked(plan: Plan, scene: Scene) -> None:
     replay(plan, scene, UNIT, LIMITS, ASKED)
     for offset in (0.0996, 0.1004):  # a line may be left at speed, at the next whole millisecond
         replay(plan, scene, UNIT, LIMITS, replace(ASKED, offset=offset))
@@ -170,7 +170,7 @@ def test_a_body_that_is_there_now_is_found(plan: Plan, scene: Scene) -> None:
         replay(plan, replace(scene, bodies=(*scene.bodies, box)), UNIT, LIMITS)
 
 
-def test_lower_limits_are_kept_or_told(plan: Plan, scene: Scene) -> None:
+def test_excess_velocity_is_refused(plan: Plan, scene: Scene) -> None:
     lower = replace(LIMITS, velocity=LIMITS.velocity * 0.5)
     with pytest.raises(ImpossibleError, match="over its velocity"):
         replay(plan, scene, UNIT, lower)
@@ -244,7 +244,7 @@ def test_the_clearance_of_every_segment_is_proved_again(plan: Plan, scene: Scene
         replay(short, scene, UNIT, LIMITS)
 
 
-def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> None:
+def test_a_line_past_its_station_is_refused(plan: Plan, scene: Scene) -> None:
     """What is lifted off may touch what it stands on: it must not be pressed into it on the way."""
     down = next(m for m in plan.moves if m.role == "approach")
     knots = down.path.knots()
@@ -263,7 +263,7 @@ def test_a_line_that_goes_past_its_station_is_none(plan: Plan, scene: Scene) -> 
     _require_line(up, scene, UNIT, 0.1)
 
 
-def test_joint_limits_are_kept_or_told_at_both_ends(plan: Plan, scene: Scene) -> None:
+def test_joint_limits_are_checked_at_both_ends(plan: Plan, scene: Scene) -> None:
     """Each joint alone: a limit just inside of where the plan goes is broken, one just outside is kept."""
     extremes = [segment_extremes(move.path, UNIT) for move in plan.moves]
     low = np.min([e.lower.min(axis=0) for e in extremes], axis=0)
@@ -281,7 +281,7 @@ def test_joint_limits_are_kept_or_told_at_both_ends(plan: Plan, scene: Scene) ->
     replay(plan, scene, UNIT, replace(LIMITS, lower=frozen(low - 1e-4), upper=frozen(high + 1e-4)))
 
 
-def test_accelerations_are_kept_or_told(plan: Plan, scene: Scene) -> None:
+def test_excess_acceleration_is_refused(plan: Plan, scene: Scene) -> None:
     extremes = [segment_extremes(move.path, UNIT) for move in plan.moves]
     peak = np.max([e.acceleration.max(axis=0) for e in extremes], axis=0) / plan.speed**2
     for joint in range(6):
@@ -323,7 +323,7 @@ def test_jaws_that_close_on_nothing_are_found(plan: Plan, scene: Scene, case: Ta
         list(move_scenes(plan, replace(scene, cubes=(), allowed=frozenset()), UNIT))
 
 
-def test_a_line_that_turns_about_its_own_axis_is_none(plan: Plan, scene: Scene) -> None:
+def test_a_line_with_rotation_about_its_axis_is_refused(plan: Plan, scene: Scene) -> None:
     """The tool's frame stays on the line, but a cube between the jaws would turn in its pocket."""
     down = next(m for m in plan.moves if m.role == "approach")
     _require_line(down, scene, UNIT, 0.1)
@@ -359,7 +359,7 @@ def test_a_cube_that_was_set_down_stands_there_from_then_on(plan: Plan, scene: S
     assert any(name == transfer.cube for name in retract.closest)
 
 
-def test_a_line_that_leads_aside_and_back_is_none(plan: Plan, scene: Scene) -> None:
+def test_a_line_with_a_sideways_detour_is_refused(plan: Plan, scene: Scene) -> None:
     """It ends where it should; in its middle it is 0.2 mm aside, turned by less than a line may be."""
     down = next(m for m in plan.moves if m.role == "approach")
     segments, half = list(down.path.segments), len(down.path.segments) // 2

@@ -28,6 +28,6 @@ def test_wrong_lists(robot: Robot, crs97: Unit, targets: list[Target], says: str
         plan_poses(robot, [TABLE], targets, np.zeros(6), crs97.limits())
 
 
-def test_a_start_outside_limits_is_told(robot: Robot, crs97: Unit) -> None:
+def test_a_start_outside_limits_is_refused(robot: Robot, crs97: Unit) -> None:
     with pytest.raises(InputError, match=r"q_start: joint J2 = 171\.89 deg: must be from"):
         plan_poses(robot, [], [Target("a", down(0.4, 0.0, 0.3))], [0, 3, 0, 0, 0, 0], crs97.limits())

@@ -48,7 +48,7 @@ def test_sampling_meets_every_knot_and_is_continuous() -> None:
     assert grid[-1] == pytest.approx(path.end)
 
 
-def test_before_and_after_the_motion_the_arm_rests() -> None:
+def test_counts_are_clamped_to_both_ends_of_the_motion() -> None:
     path = _random_path(4)
     assert path.at([-1.0, path.duration_s + 1.0]) == pytest.approx(np.array([path.start, path.end]))
     still = CountPath((1, 2, 3, 4, 5, 6), ())

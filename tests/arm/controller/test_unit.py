@@ -91,7 +91,7 @@ def test_gripper_fractions() -> None:
     assert gripper.fraction_closed(gripper.adc(0.25)) == pytest.approx(0.25, abs=1e-3)
 
 
-def test_a_wrong_name_and_a_wrong_file_are_told(tmp_path: Path) -> None:
+def test_an_unknown_name_and_a_broken_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="crs93, crs97"):
         load_unit("crs95")
     text = data_file("urdf/a465/crs93.toml").read_text()
@@ -124,7 +124,7 @@ def test_a_wrong_name_and_a_wrong_file_are_told(tmp_path: Path) -> None:
         ("idle_release_s", "{}"),
     ],
 )
-def test_a_value_of_another_type_is_told_in_one_line(tmp_path: Path, key: str, wrong: str) -> None:
+def test_a_value_of_another_type_is_refused_in_one_line(tmp_path: Path, key: str, wrong: str) -> None:
     text = data_file("urdf/a465/crs93.toml").read_text()
     changed = re.sub(rf"^{key} = .*$", f"{key} = {wrong}", text, count=1, flags=re.MULTILINE)
     assert changed != text
@@ -210,7 +210,7 @@ def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
         (r"counts_per_turn = \[[^,]*", "counts_per_turn = [0.9", "counts_per_turn"),
     ],
 )
-def test_a_key_that_is_none_and_counts_that_no_encoder_has_are_told(
+def test_unknown_keys_and_impossible_counts_are_refused(
     tmp_path: Path, old: str, new: str, told: str
 ) -> None:
     text = data_file("urdf/a465/crs93.toml").read_text()

@@ -99,7 +99,7 @@ def test_a_default_is_read_as_if_the_file_had_it(root: Node) -> None:
         ("name", path(), r"name = 'crs93': names a file that does not exist: .*crs93"),
     ],
 )
-def test_bad_values_are_told(root: Node, key: str, rule, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_bad_values_are_refused(root: Node, key: str, rule, message: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(FileInputError, match=message) as error:
         root.get(key, rule)
     assert "t.toml" in str(error.value)
@@ -107,7 +107,7 @@ def test_bad_values_are_told(root: Node, key: str, rule, message: str) -> None: 
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), "1", None, True])
-def test_what_is_no_number_is_refused_in_any_range(tmp_path: Path, value: object) -> None:
+def test_only_numbers_are_accepted_in_any_range(tmp_path: Path, value: object) -> None:
     for rule in (number(), number("", 0, 1), number("", 0)):
         with pytest.raises(FileInputError, match="must be a"):
             Node(tmp_path, "x", value).read(rule)

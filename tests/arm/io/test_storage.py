@@ -42,7 +42,7 @@ def test_folders_are_made(tmp_path: Path) -> None:
     assert (tmp_path / "a" / "b" / "c.txt").read_bytes() == b"x"
 
 
-def test_a_file_in_place_of_the_folder_is_told(tmp_path: Path) -> None:
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     write_atomic(tmp_path / "a", "x")
     with pytest.raises(InputError, match="cannot be written"):
         write_atomic(tmp_path / "a" / "b", "x")
@@ -55,13 +55,13 @@ def test_canonical_json_has_one_text_for_one_value() -> None:
         canonical_json({"a": float("nan")})
 
 
-def test_data_files_are_found_and_a_missing_one_is_told() -> None:
+def test_data_files_are_found_and_a_missing_one_is_refused() -> None:
     assert data_file("urdf/a465/a465.urdf").is_file()
     with pytest.raises(InputError, match="reinstall"):
         data_file("urdf/none.urdf")
 
 
-def test_what_is_read_is_not_written_over_by_any_name(tmp_path: Path) -> None:
+def test_an_input_is_not_overwritten_under_any_name(tmp_path: Path) -> None:
     read, other = tmp_path / "plan.json", tmp_path / "page.html"
     read.write_text("{}")
     (tmp_path / "link").symlink_to(read)
@@ -76,7 +76,7 @@ def test_what_is_read_is_not_written_over_by_any_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])
-def test_what_is_no_file_name_is_told(name: str) -> None:
+def test_an_invalid_file_name_is_refused(name: str) -> None:
     with pytest.raises(FileInputError, match="is not a file name"):
         read_text(Path(name))
 
@@ -104,13 +104,13 @@ def test_a_link_stays_a_link_and_a_mode_stays_what_it_was(tmp_path: Path) -> Non
         ('{"a": ' + "9" * 5000 + "}", "has a number of more than"),
     ],
 )
-def test_json_that_cannot_be_written_again_is_refused(tmp_path: Path, text: str, told: str) -> None:
+def test_json_with_unwritable_numbers_is_refused(tmp_path: Path, text: str, told: str) -> None:
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(FileInputError, match=rf"a\.json: {told}"):
         require_finite(tmp_path / "a.json", read_json(tmp_path / "a.json"))
 
 
-def test_what_is_finite_is_let_through(tmp_path: Path) -> None:
+def test_finite_values_are_accepted(tmp_path: Path) -> None:
     require_finite(tmp_path, {"a": [1, 2.5, None, "NaN", True, {"b": 1e100}]})
 
 
@@ -142,7 +142,9 @@ def test_only_regular_files_are_read_and_nothing_is_waited_for(
 
 
 @pytest.mark.parametrize("kind", sorted(MOST_BYTES))
-def test_each_kind_of_file_has_a_limit(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_kind_of_file_has_a_size_limit(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(MOST_BYTES, kind, 1000)
     (tmp_path / "a").write_bytes(b" " * 1000)
     assert len(read_bytes(tmp_path / "a", kind)) == 1000

@@ -31,7 +31,7 @@ def _hidden(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", ["file", "folder"])
-def test_a_killed_writers_is_removed_and_a_living_ones_is_kept(tmp_path: Path, kind: str) -> None:
+def test_a_killed_writers_file_is_removed_and_a_running_writers_kept(tmp_path: Path, kind: str) -> None:
     command = [sys.executable, "-c", WRITER, kind, str(tmp_path / "a.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
         try:
@@ -47,7 +47,7 @@ def test_a_killed_writers_is_removed_and_a_living_ones_is_kept(tmp_path: Path, k
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.json", "other.json"]
 
 
-def test_only_names_as_ours_are_removed(tmp_path: Path) -> None:
+def test_only_files_with_our_name_pattern_are_removed(tmp_path: Path) -> None:
     kept = [
         ".a.json.x3kd92ka",
         "a.json.a465-0123456789ab",
@@ -79,7 +79,7 @@ def test_two_of_one_program_do_not_remove_each_other(tmp_path: Path) -> None:
     assert _hidden(tmp_path) == []
 
 
-def test_what_was_not_made_whole_is_not_left(tmp_path: Path) -> None:
+def test_unfinished_files_are_removed(tmp_path: Path) -> None:
     with TemporaryFile(tmp_path / "a") as a, TemporaryFolder(tmp_path / "b") as b:
         a.write(b"half")
         (b.path / "inside").touch()
@@ -87,7 +87,7 @@ def test_what_was_not_made_whole_is_not_left(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_that_is_removed_between_its_making_and_its_lock_is_made_again(
+def test_a_file_removed_before_it_is_locked_is_created_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another program may look just then."""

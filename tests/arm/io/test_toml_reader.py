@@ -8,7 +8,7 @@ from arm.errors import FileInputError
 from arm.io.toml_reader import read_toml
 
 
-def test_numbers_that_no_float_holds_are_no_numbers(tmp_path: Path) -> None:
+def test_integers_beyond_the_range_of_floats_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.toml"
     for digits, told in (
         ("9" * 400, r"t\.toml: a = 9"),
@@ -22,7 +22,7 @@ def test_numbers_that_no_float_holds_are_no_numbers(tmp_path: Path) -> None:
         read_toml(path)
 
 
-def test_what_is_not_toml_is_told_with_its_line(tmp_path: Path) -> None:
+def test_invalid_toml_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "t.toml"
     path.write_text("a = 1\nb = = 2\n")
     with pytest.raises(FileInputError, match="line 2"):
@@ -62,7 +62,7 @@ def test_a_key_of_many_parts_is_refused_before_it_fills_the_memory(
         "a = [" + "1.5, " * 1000 + "]",
     ],
 )
-def test_dots_elsewhere_are_no_key(tmp_path: Path, text: str) -> None:
+def test_dots_in_strings_and_comments_are_not_key_parts(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.toml").write_text(text)
     assert "a" in read_toml(tmp_path / "a.toml")
 

@@ -31,7 +31,7 @@ FOUND = ArmCalibration(
 )
 
 
-def test_what_is_told_of_it_comes_back_whatever_its_texts(tmp_path: Path) -> None:
+def test_information_with_any_characters_is_read_back(tmp_path: Path) -> None:
     told = {
         "target": 'a "plate" of 5\\8 inch,\n\tbent\x7f',
         "where": "Žižkov 🦾",

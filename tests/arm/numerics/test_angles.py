@@ -9,7 +9,7 @@ import numpy as np
 from arm.numerics.angles import arccos, arcsin, arctan2
 
 
-def test_they_are_the_c_librarys_number_by_number() -> None:
+def test_results_equal_those_of_the_c_library() -> None:
     rng = np.random.default_rng(3)
     y, x = rng.normal(size=(7, 5)), rng.normal(size=5)
     assert arctan2(y, x).tolist() == [[math.atan2(a, b) for a, b in zip(row, x, strict=True)] for row in y]
@@ -23,6 +23,6 @@ def test_a_number_gives_a_number_and_none_gives_none() -> None:
     assert arctan2(np.zeros((0, 3)), np.zeros(3)).shape == (0, 3)
 
 
-def test_what_is_beyond_one_by_rounding_counts_as_one() -> None:
+def test_arguments_just_above_1_are_clipped() -> None:
     assert float(arccos(1.0 + 1e-15)) == 0.0
     assert float(arcsin(np.array(-1.0 - 1e-15))) == -math.pi / 2

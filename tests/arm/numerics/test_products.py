@@ -72,7 +72,7 @@ def test_products_are_those_of_numpy(left: tuple[int, ...], right: tuple[int, ..
     assert np.allclose(found, a @ b, rtol=0.0, atol=1e-14)
 
 
-def test_what_does_not_fit_is_told() -> None:
+def test_arguments_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match=r"shape|dimension|mismatch"):
         mul(np.zeros((2, 3, 3)), np.zeros((2, 4, 3)))
 

@@ -37,7 +37,7 @@ def flange(q: Array, found: LinkErrors) -> Array:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_hand_is_where_the_numbers_say(seed: int) -> None:
+def test_the_tool_pose_follows_the_corrected_dh_table(seed: int) -> None:
     found = errors(seed)
     robot = with_link_errors(ROBOT, A465, found)
     rng = np.random.default_rng(seed)
@@ -51,7 +51,7 @@ def test_the_hand_is_where_the_numbers_say(seed: int) -> None:
 
 @pytest.mark.parametrize("which", range(3))
 @pytest.mark.parametrize("joint", range(5))
-def test_each_error_alone_moves_the_hand(which: int, joint: int) -> None:
+def test_each_link_error_alone_moves_the_tool(which: int, joint: int) -> None:
     values = np.zeros((3, 6))
     values[which, joint] = 1e-3
     found = LinkErrors(*map(frozen, values))

@@ -58,7 +58,7 @@ def test_the_same_corners_from_every_format(data: bytes, tmp_path: Path) -> None
         (b"\x89PNG\r\n\x1a\n\xff\xfe" * 20, "is not a mesh"),
     ],
 )
-def test_what_is_no_mesh_is_told(data: bytes, message: str, tmp_path: Path) -> None:
+def test_other_files_are_refused_as_meshes(data: bytes, message: str, tmp_path: Path) -> None:
     path = tmp_path / "broken.stl"
     path.write_bytes(data)
     with pytest.raises(FileInputError, match=message) as caught:
@@ -66,7 +66,7 @@ def test_what_is_no_mesh_is_told(data: bytes, message: str, tmp_path: Path) -> N
     assert str(path) in str(caught.value)
 
 
-def test_a_mesh_that_is_not_there_or_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_or_oversized_mesh_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(FileInputError, match="cannot be read"):
         read_mesh_points(tmp_path / "missing.stl")
     (tmp_path / "large.stl").write_bytes(ascii_stl())

@@ -89,7 +89,7 @@ def test_the_tool_length_is_never_implied() -> None:
         load_a465(0.108712, 0.06)
 
 
-def test_a_capsule_that_pinocchio_drops_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_capsule_dropped_by_pinocchio_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     text = data_file("urdf/a465/a465.urdf").read_text()
     broken = tmp_path / "capsule.urdf"
     broken.write_text(text.replace('<sphere radius="0.048"/>', '<capsule radius="0.048" length="0.1"/>'))
@@ -122,7 +122,7 @@ def test_collision_meshes_become_their_hulls_and_capsules_are_capsules(mesh: str
         load_robot(urdf, "rod", np.eye(4))
 
 
-def test_unknown_names_are_told_with_the_choices() -> None:
+def test_unknown_names_are_refused_with_the_choices() -> None:
     path = data_file("urdf/a465/a465.urdf")
     with pytest.raises(InputError, match="J1, J2"):
         load_robot(path, "flange", np.eye(4), {"jaw": 0.0})
@@ -149,6 +149,6 @@ def test_an_arm_that_branches_is_refused() -> None:
 
 
 @pytest.mark.parametrize("urdf", [3, None, b"arm.urdf", ["arm.urdf"]])
-def test_what_is_no_path_is_refused(urdf: object) -> None:
+def test_urdf_must_be_a_path(urdf: object) -> None:
     with pytest.raises(InputError, match=r"urdf = .*: must be the path of a URDF file"):
         load_robot(urdf, "flange", np.eye(4))  # type: ignore[arg-type]

@@ -69,7 +69,7 @@ def test_faces_are_closed_and_seen_from_outside() -> None:
         (1e3 * np.array(CORNERS), "100 x 200 x 300 m; .* 0.0001 to 100 m"),
     ],
 )
-def test_what_is_no_body_is_refused(points, message: str) -> None:
+def test_points_that_span_no_body_are_refused(points, message: str) -> None:
     with pytest.raises(InputError, match=message):
         convex(points)
 

@@ -82,7 +82,7 @@ def test_defaults_that_an_srdf_turns_off_and_on(tmp_path: Path) -> None:
     assert pairs == {frozenset(("l7", f"l{k}")) for k in range(1, 7)} | {frozenset(("l0", "l1"))}
 
 
-def test_an_srdf_that_is_given_must_be_there(tmp_path: Path) -> None:
+def test_a_given_srdf_must_exist(tmp_path: Path) -> None:
     path = written(tmp_path)
     for wrong in (tmp_path / "other.srdf", str(tmp_path / "other.srdf"), path.with_suffix(".srdf")):
         with pytest.raises(FileInputError, match=r"\.srdf: cannot be read"):
@@ -125,7 +125,7 @@ def test_what_is_given_with_a_urdf_is_refused_by_name_value_and_rule(
 
 
 @pytest.mark.parametrize("T", [np.eye(3), np.full((4, 4), np.nan), None])
-def test_a_tool_that_is_no_pose_is_refused(tmp_path: Path, T: Any) -> None:
+def test_a_tool_frame_must_be_a_pose(tmp_path: Path, T: Any) -> None:
     robot = load_robot(written(tmp_path), LAST, np.eye(4))
     with pytest.raises(InputError, match="T_end_tool"):
         with_tool(robot, T)
@@ -209,7 +209,7 @@ def test_xacro_is_named_as_such(tmp_path: Path, text: str) -> None:
         load_robot(path, "flange", np.eye(4))
 
 
-def test_what_xacro_leaves_of_itself_is_a_urdf(tmp_path: Path) -> None:
+def test_xacro_output_is_read(tmp_path: Path) -> None:
     """A processed file still names the namespace."""
     path = tmp_path / "arm.urdf"
     text = urdf(SEVEN).replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
@@ -217,7 +217,7 @@ def test_what_xacro_leaves_of_itself_is_a_urdf(tmp_path: Path) -> None:
     assert len(load_robot(path, LAST, np.eye(4)).bodies) == 8
 
 
-def test_a_joint_of_the_name_of_a_link_is_told(tmp_path: Path) -> None:
+def test_a_joint_named_like_a_link_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SEVEN).replace('"q3"', '"l4"'))
     with pytest.raises(FileInputError, match=r"a joint and a link have the same name: .*l4"):

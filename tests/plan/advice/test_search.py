@@ -63,7 +63,7 @@ def test_a_slab_above_a_hole_is_named_with_every_way_that_it_blocks(seed: int) -
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_board_out_of_reach_is_told_how_far_and_where_it_would_do(seed: int) -> None:
+def test_a_board_out_of_reach_gets_its_distance_and_a_reachable_position(seed: int) -> None:
     asked = request(far(rng(seed), (0.15, 0.2)))
     error, failure = refused(asked)
     assert (failure.kind, failure.stations) == (OUT_OF_REACH, ("03-04/1",))

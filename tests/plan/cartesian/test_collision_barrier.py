@@ -94,7 +94,7 @@ def test_rows_of_bodies_that_touch_come_from_differences(robot: Robot, crs97: Un
     assert barrier.G[row] @ dq == pytest.approx(1.0, abs=1e-3)
 
 
-def test_no_normal_is_taken_of_bodies_that_touch_or_of_points_that_are_not_known(
+def test_touching_bodies_and_unknown_points_have_no_normal(
     robot: Robot, unit: Unit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng, q, called = np.random.default_rng(23), np.zeros(6), []
@@ -115,9 +115,7 @@ def test_no_normal_is_taken_of_bodies_that_touch_or_of_points_that_are_not_known
     assert np.all(barrier_module._gradient(world, lost, q, np.ones((6, 6))) == 7.0)
 
 
-def test_where_the_nearest_points_are_one_or_their_bodies_touch_differences_tell(
-    robot: Robot, unit: Unit
-) -> None:
+def test_touching_bodies_get_differences_instead_of_witness_points(robot: Robot, unit: Unit) -> None:
     """There is no direction between them then; the row is finite, and still the derivative."""
     world, q = with_post(robot), 0.5 * (unit.lower + unit.upper)
     J = pin.computeJointJacobians(robot.model, robot.model.createData(), q).reshape(6, -1)

@@ -105,7 +105,7 @@ def test_a_joint_that_cannot_keep_up_is_named(robot: Robot, crs97: Unit, side: f
     follow_line(robot, q, GRASP, T_end, slow, LineOptions(slowest=0.002))
 
 
-def test_leaving_the_workspace_is_told(robot: Robot, crs97: Unit) -> None:
+def test_leaving_the_workspace_is_reported(robot: Robot, crs97: Unit) -> None:
     T = transform(rotation((0.0, np.pi / 2, 0.0)), (0.7, 0.0, 0.3052))
     q = start_at(robot, crs97, T)
     wide = Limits(crs97.lower - 1, crs97.upper + 1, np.full(6, 50.0), crs97.limits().acceleration)

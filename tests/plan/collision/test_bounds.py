@@ -69,7 +69,7 @@ def test_hulls_and_balls_hold_their_body(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mesh"])
-def test_balls_are_no_larger_than_they_are_far_apart_and_no_more_than_that_takes(kind: str) -> None:
+def test_the_radius_of_covering_balls_is_bounded_by_their_pitch(kind: str) -> None:
     """Each holds a part that is at most as long as it is wide, while there are fewer than four."""
     rng = np.random.default_rng(3)
     for _ in range(60):
@@ -228,7 +228,7 @@ def planar(folder: Path, reach: float) -> World:
 
 
 @pytest.mark.parametrize("delta", [(0.2, 0.0), (0.0, 0.2), (0.15, 0.1), (-0.1, -0.2)])
-def test_what_planes_take_off_beyond_first_order_is_no_less_and_hardly_more_than_the_motion_needs(
+def test_the_remainder_of_separating_planes_is_sufficient_and_tight(
     tmp_path: Path, delta: tuple[float, float]
 ) -> None:
     """A stretched arm swings: to first order its tip goes sideways, to second order inward by all of the remainder."""

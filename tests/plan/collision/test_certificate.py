@@ -96,7 +96,7 @@ def test_grazing_moves_are_never_called_clear() -> None:
     assert 10 < sum(verdicts) <= 30
 
 
-def test_what_happens_between_the_knots_counts() -> None:
+def test_clearance_lost_between_knots_is_found() -> None:
     """Both ends, and their middle, are clear; the cubic swings down in between."""
     world = World(load_a465(TOOL_LENGTH, 0.06), [TABLE])
     q = np.radians([0.0, -40.0, -80.0, 0.0, -60.0, 0.0])

@@ -131,6 +131,6 @@ def test_the_gradient_of_a_distance_is_right_for_one_joint(tmp_path: Path) -> No
         assert found.gradient[closest] == pytest.approx([slope], abs=1e-3)
 
 
-def test_the_seven_joints_with_bodies_are_as_before(tmp_path: Path) -> None:
+def test_radii_of_a_seven_joint_arm_have_a_column_per_joint(tmp_path: Path) -> None:
     world = World(arm(tmp_path, SEVEN), [BLOCK])
     assert world.volumes.placed(np.atleast_2d(Q0)).radii[0].shape == (len(world.robot.bodies) - 1, 7)

@@ -32,7 +32,7 @@ def bare(folder: Path) -> Robot:
     return load_robot(path, "l7", transform(t=(0.0, 0.0, 0.1)))
 
 
-def test_what_overlaps_everywhere_and_neighbours_are_told_by_their_links(tmp_path: Path) -> None:
+def test_always_overlapping_and_neighbouring_links_are_listed(tmp_path: Path) -> None:
     robot = bare(tmp_path)
     found = self_collisions(World(robot, []), Q, 0.005)
     assert set(found) == {*NEXT, *OVER_ONE}
@@ -52,7 +52,7 @@ def test_what_overlaps_everywhere_and_neighbours_are_told_by_their_links(tmp_pat
     assert self_collision_help(World(ready, []), folded, 0.005) == ""
 
 
-def test_every_door_says_so(tmp_path: Path) -> None:
+def test_every_planner_advises_an_srdf(tmp_path: Path) -> None:
     robot = bare(tmp_path)
     limits = urdf_limits(robot, 5.0)
     target = Target("there", robot.T_base_tool(Q + 0.1))
@@ -64,7 +64,7 @@ def test_every_door_says_so(tmp_path: Path) -> None:
             refused()
 
 
-def test_an_arm_with_its_pairs_is_told_nothing_of_them(tmp_path: Path) -> None:
+def test_no_srdf_advice_if_the_pairs_are_disabled(tmp_path: Path) -> None:
     robot = arm(tmp_path, SEVEN, [("l0", "l2"), ("l2", "l4"), ("l4", "l6")])
     ball = Body("ball", Sphere(0.05), robot.T_base_tool(Q), "wall")
     with pytest.raises(ImpossibleError, match="start elsewhere, or ask for less clearance") as caught:

@@ -82,7 +82,7 @@ def test_the_limit_itself_is_allowed_and_what_is_just_beyond_is_not(robot: Robot
             check_configuration("q", q, robot, LIMITS)
 
 
-def test_a_sliding_joint_is_told_of_in_millimetres(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_prismatic_joint_is_reported_in_millimetres(tmp_path) -> None:  # type: ignore[no-untyped-def]
     rail = arm(tmp_path, RAIL)
     limits = Limits(np.full(5, -0.6), np.full(5, 0.6), np.ones(5), np.ones(5))
     with pytest.raises(InputError, match=r"joint q1 = 700\.00 mm: must be from -600\.00 to 600\.00 mm"):

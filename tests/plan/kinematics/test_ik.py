@@ -86,7 +86,7 @@ def again_of(first, pose):  # type: ignore[no-untyped-def]
     return first.q[start[pose] + rank]
 
 
-def test_how_far_from_singular_is_told(robot: Robot, unit: Unit) -> None:
+def test_the_distance_from_singularities_is_reported(robot: Robot, unit: Unit) -> None:
     q = np.random.default_rng(9).uniform(unit.lower, unit.upper, (200, 6))
     arm = product_of_exponentials(robot)
     raw = all_branches(robot, arm.tool_poses(q))
@@ -168,7 +168,7 @@ def test_a_limit_is_named_with_its_excess(robot: Robot, unit: Unit, side: str, j
     assert report.excess == pytest.approx(np.radians(7.0))
 
 
-def test_the_room_to_the_nearest_limit_is_told_where_a_pose_is_reached(robot: Robot, unit: Unit) -> None:
+def test_a_reached_pose_reports_its_margin_to_the_nearest_limit(robot: Robot, unit: Unit) -> None:
     q = (unit.lower + unit.upper) / 2 + [0.1, -0.4, -0.3, 0.2, -0.6, 0.1]
     lower, upper = q - [0.9, 0.8, 0.7, 0.6, 0.05, 0.4], q + [0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
     report = next(r for r in explain_pose(robot, robot.T_base_tool(q), lower, upper) if np.allclose(r.q, q))

@@ -15,7 +15,7 @@ from plans.small_search import OPTIONS, UNIT
 from tasks.task2 import Q_START, task2
 
 
-def test_as_many_ways_are_tried_as_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_paths_are_tried_if_there_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A place may have sixteen, and each may fail once it is timed; here all but those of the last few branches."""
     case = task2(cubes=1)
     planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), OPTIONS)

@@ -140,7 +140,7 @@ def test_motion_is_near_the_bound_without_obstacles(plan: Plan, direct: Plan, wa
     assert walled_plan.task["no_plan_is_faster_than_s"] == plan.task["no_plan_is_faster_than_s"]
 
 
-def test_a_wall_in_the_straight_way_is_gone_around(plan: Plan, walled_plan: Plan) -> None:
+def test_a_plan_avoids_a_wall(plan: Plan, walled_plan: Plan) -> None:
     assert walled_plan.duration_s < 1.1 * plan.duration_s
     assert walled_plan.to_json() != plan.to_json()
 

@@ -102,7 +102,7 @@ def test_straight_out_and_from_rest_to_rest(case: Task2, q_place: np.ndarray) ->
     assert move.clearance >= 0.0045
 
 
-def test_something_in_the_way_is_told(case: Task2, q_place: np.ndarray) -> None:
+def test_an_obstacle_is_named(case: Task2, q_place: np.ndarray) -> None:
     T = case.scene.robot_open.T_base_tool(q_place)
     beside = (T @ transform(t=(0.0, 0.07, -0.17)))[:3, 3]
     box = Body("box", Box((0.05, 0.05, 0.05)), transform(t=beside), "box")

@@ -158,7 +158,7 @@ def ways_of(stop: Stop) -> list[Array]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_proved_is_clear_by_sampling(name: str) -> None:
+def test_certified_motions_are_clear_at_samples(name: str) -> None:
     found, truth = searched(name)[1], Truth(*CASES[name])
     none: frozenset[str] = frozenset()
     left, done = [0, 1], []
@@ -243,7 +243,7 @@ def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
     assert any(changed)  # for one of the two, the order is another than without the cube in the way
 
 
-def test_what_joint_1_cannot_pass_is_said_and_not_searched_for() -> None:
+def test_an_obstacle_that_joint_1_cannot_pass_is_named_without_a_search() -> None:
     """A post beside the turret, as high as the shoulder's rim: its corner comes by, whatever the other joints do."""
     way = np.radians(28.0)
     wall = Body(

@@ -193,7 +193,7 @@ def test_exchanges_go_on_where_the_first_order_cannot_be(monkeypatch: pytest.Mon
     assert found_some > 20
 
 
-def test_nothing_possible_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_order_if_every_leg_is_impossible(monkeypatch: pytest.MonkeyPatch) -> None:
     freedom = Choices(3, 3)
     table = tables(np.random.default_rng(0), freedom, 2)
     table["end"][:] = np.inf

@@ -51,7 +51,7 @@ def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, 
 
 
 @pytest.mark.parametrize("joint", range(6))
-def test_what_exceeds_a_limit_is_timed_anew_below_it_and_the_rest_as_before(unit: Unit, joint: int) -> None:
+def test_only_limits_that_are_exceeded_are_lowered_for_the_next_timing(unit: Unit, joint: int) -> None:
     limits = unit.limits()
     trajectory = time_blended(np.array([np.zeros(6), np.full(6, -0.3)]), limits)
     for kind, over, below in (("velocity", 1.02, 1.001), ("acceleration", 1.2, 1.01)):
@@ -180,7 +180,7 @@ def test_marks_at_the_ends_need_no_join_and_none_fits_between_two_places(crs97: 
         to_marked_segments(trajectory, crs97, limits=limits, marks=(middle, middle + 1e-3 * (end - begin)))
 
 
-def test_what_cannot_be_segmented_is_refused(crs97: Unit) -> None:
+def test_impossible_conversions_to_segments_are_refused(crs97: Unit) -> None:
     trajectory = time_blended(np.array([np.zeros(6), np.full(6, -0.3)]), crs97.limits())
     with pytest.raises(InputError, match="at least 40"):
         to_segments(trajectory, crs97, 10)

@@ -115,6 +115,6 @@ def test_curves_keep_jerk_without_stops() -> None:
         assert path.duration_s < 1.02 * timed.duration
 
 
-def test_what_has_no_jerk_limit_is_refused() -> None:
+def test_a_jerk_limit_must_be_positive() -> None:
     with pytest.raises(InputError, match="jerk limit = 0: must be positive"):
         time_smooth(polyline(np.eye(6)[:2]), LIMITS, 0.0)

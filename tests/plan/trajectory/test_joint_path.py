@@ -57,7 +57,7 @@ def test_a_spline_passes_its_points() -> None:
     np.testing.assert_allclose(smooth_path(q, s)(s), q, atol=1e-14)
 
 
-def test_one_place_is_not_a_path() -> None:
+def test_a_single_point_is_not_a_path() -> None:
     with pytest.raises(InputError, match="two different way-points"):
         polyline(np.zeros((3, 6)))
 
@@ -135,7 +135,7 @@ def test_a_joined_polyline_without_lines_is_its_blends() -> None:
     assert np.isinf(result.caps).all()
 
 
-def test_what_cannot_be_joined_is_refused() -> None:
+def test_parts_that_cannot_be_chained_are_refused() -> None:
     limits = load_unit("crs97").limits()
     before, q, after = _legs(9, 1)[0]
     with pytest.raises(InputError, match=r"line before: ends .* must meet"):

@@ -51,7 +51,7 @@ def test_bends_keep_every_limit(unit: Unit) -> None:
         check_limits(path, unit, limits)
 
 
-def test_without_any_room_for_rounding_limits_still_hold(unit: Unit) -> None:
+def test_limits_hold_without_room_for_rounding(unit: Unit) -> None:
     limits, rng = unit.limits().scaled(0.5), np.random.default_rng(3)
     for _ in range(10):
         q = rng.uniform(limits.lower, limits.upper, (3, 6))

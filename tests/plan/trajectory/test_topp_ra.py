@@ -185,6 +185,6 @@ def test_zero_inertia_and_cusps_are_passed() -> None:
         assert (use > 0.95).mean() > 0.8
 
 
-def test_no_path_no_time() -> None:
+def test_a_path_without_length_is_refused() -> None:
     with pytest.raises(InputError, match="no joint moves"):
         time_curve(smooth_path(np.zeros((5, 6)), np.arange(5)), load_unit("crs97").limits())

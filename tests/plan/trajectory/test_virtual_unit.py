@@ -9,7 +9,7 @@ from arm.robot.model import Robot
 from plan.trajectory.virtual_unit import virtual_unit
 
 
-def test_its_counts_are_millionths_and_its_limits_the_arms(robot: Robot, crs97: Unit) -> None:
+def test_counts_are_1_urad_and_limits_are_those_of_the_arm(robot: Robot, crs97: Unit) -> None:
     limits = crs97.limits()
     unit = virtual_unit(robot, limits)
     q = np.random.default_rng(1).uniform(limits.lower, limits.upper, (50, 6))

@@ -73,7 +73,7 @@ def ways() -> tuple[tuple[Array | None, Array | None], ...]:
 
 
 @pytest.mark.slow
-def test_what_is_made_faster_is_faster_and_proved() -> None:
+def test_optimised_paths_are_faster_and_certified() -> None:
     gains = []
     for (world, q_from, q_to, ends), (rough, better) in zip(queries(), ways(), strict=True):
         assert (rough is None) == (better is None)

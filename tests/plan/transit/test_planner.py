@@ -40,14 +40,14 @@ def closest(world: World, waypoints: Array) -> float:
     return min(world.distance(q).value for a, b in itertools.pairwise(waypoints) for q in a + u * (b - a))
 
 
-def test_a_clear_way_is_straight() -> None:
+def test_a_free_transit_is_straight() -> None:
     way = plan_transit(world_with(), RIGHT, LEFT, LIMITS, 0.011, seed=0)
     assert np.array_equal(way, [RIGHT, LEFT])
 
 
 @pytest.mark.parametrize("obstacle", [LOW_WALL, PILLAR], ids=lambda b: b.name)
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_what_is_in_the_way_is_gone_around(obstacle: Body, seed: int) -> None:
+def test_a_transit_avoids_obstacles(obstacle: Body, seed: int) -> None:
     world = world_with(obstacle)
     assert closest(world, np.stack([RIGHT, LEFT])) < 0.0
     way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, seed)
@@ -68,7 +68,7 @@ def test_the_way_over_a_low_wall_costs_little() -> None:
     assert np.median(times) < 1.3 * float(straight_time(LEFT - RIGHT, LIMITS))
 
 
-def test_shortening_only_improves() -> None:
+def test_optimisation_never_makes_a_path_slower() -> None:
     world = world_with(LOW_WALL)
     rough = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3, TransitBudget(steps=0))
     better = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 3)
@@ -95,7 +95,7 @@ def test_a_blocked_end_is_named() -> None:
     assert caught.value.data["end"] == "from"
 
 
-def test_no_way_says_what_is_in_it() -> None:
+def test_a_failed_transit_names_the_obstructing_pair() -> None:
     """Sheets before and behind the arm leave no room to turn past them."""
     walls = [
         Body("partition", Box((3.0, 0.02, 3.0)), transform(t=(1.62, 0.0, 1.5)), "wall"),

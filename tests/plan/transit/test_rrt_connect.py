@@ -26,7 +26,7 @@ LEFT = RIGHT * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
 LOW_WALL = Body("wall", Box((0.3, 0.02, 0.3)), transform(t=(0.45, 0.0, 0.15)), "wall")
 
 
-def test_rrt_finds_a_way_alone() -> None:
+def test_rrt_connect_alone_finds_a_path() -> None:
     world = world_with(LOW_WALL)
     way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0, TransitBudget(corner_edges=0))
     assert np.array_equal(way[0], RIGHT)
