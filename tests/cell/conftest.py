@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -225,10 +227,20 @@ def make_case(cubes: int = 4) -> PreviewCase:
 
 @pytest.fixture(scope="session")
 def planned_scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped scenes with a look and a plan of the second task; none may change them."""
-    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("bound") / "scenes"))
-    a465("look", folder / "task2.toml", "-o", folder / "look.json")
-    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
+    """The shipped scenes with a look and a plan of the second task; no test may change them.
+
+    The processes of a parallel run share them: the first that asks makes them, the others wait.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder = shared / "planned" / "scenes"
+    with (shared / "planned.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "plan.json").exists():
+            shutil.rmtree(folder, ignore_errors=True)  # what was begun by a process that ended
+            shutil.copytree(data_file("scenes"), folder)
+            a465("look", folder / "task2.toml", "-o", folder / "look.json")
+            a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
     return folder
 
 

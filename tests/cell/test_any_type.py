@@ -41,7 +41,6 @@ from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 from recorded.nao import as_json, nao_recording
 from recorded.sets import recorded_set
 from typed.any_type import JSON, TOML, keys_of, with_value, without
-from typed.command_line import a465
 from typed.whole_files import whole_camera, whole_cell, whole_world
 from vision.camera.model import read_camera
 from vision.markers.recorded import read_detections
@@ -67,11 +66,9 @@ TOMLS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(planned_scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped scenes with every key, a unit, a target, a look and a plan; no test may change them."""
-    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("whole") / "scenes"))
-    a465("look", folder / "task2.toml", "-o", folder / "look.json")
-    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
+    folder = Path(shutil.copytree(planned_scenes, tmp_path_factory.mktemp("whole") / "scenes"))
     shutil.copytree(folder, folder.parent / "plain")
     whole_cell(folder)
     whole_camera(folder)

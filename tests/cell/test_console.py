@@ -18,6 +18,7 @@ import cell.console
 from arm.io.storage import data_file
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.log.read import read_log
+from tasks.small import small_scenes
 
 BEGIN = "import sys; from cell.cli.start import main; sys.argv = ['a465', *sys.argv[1:]]; main()"
 
@@ -91,7 +92,8 @@ def _a465(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_command_whose_output_is_not_wanted_any_more_does_what_it_was_to_do(tmp_path: Path) -> None:
-    ended = _a465(f'look "{TASK}" -o look.json {UNREAD}', tmp_path)
+    task = small_scenes(tmp_path) / "task2.toml"
+    ended = _a465(f'look "{task}" -o look.json {UNREAD}', tmp_path)
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
     assert json.loads((tmp_path / "look.json").read_text())["scenes"]
@@ -125,7 +127,8 @@ def test_how_a_command_ended_is_told_by_its_code_though_nobody_reads(
 def test_a_closed_or_full_output_makes_no_traceback(
     tmp_path: Path, output: str, code: int, words: str
 ) -> None:
-    ended = _a465(f'look "{TASK}" {output}', tmp_path)
+    task = small_scenes(tmp_path) / "task2.toml"
+    ended = _a465(f'look "{task}" {output}', tmp_path)
     assert ended.returncode == code, ended.stderr
     assert "Traceback" not in ended.stderr
     assert words in ended.stderr

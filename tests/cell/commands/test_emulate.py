@@ -23,6 +23,7 @@ from cell.session.connection import WhichCell, simulated_cell
 from cell.sim.cell import CellEvent
 from driver.line.clock import Clock
 from tasks.small import small_scenes
+from typed.command_line import a465
 from wire.client import Client
 
 COMMAND = [sys.executable, "-c", "from cell.cli.start import main; main()", "emulate"]
@@ -134,10 +135,10 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path
 def test_a_cell_that_cannot_be_had_is_told_before_anything_is_served(arguments: list[str], told: str) -> None:
     task = str(data_file("scenes/task2.toml"))
     asked = [task if argument == "TASK" else argument for argument in arguments]
-    ended = subprocess.run([*COMMAND, *asked], capture_output=True, text=True, timeout=LONGEST_S)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert told in ended.stderr
-    assert len(ended.stderr.strip().splitlines()) == 1
+    said, error = a465("emulate", *asked, code=2)
+    assert said == ""
+    assert told in error
+    assert len(error.strip().splitlines()) == 1
 
 
 @pytest.mark.slow

@@ -10,26 +10,17 @@ from typing import Any
 
 import pytest
 
-from arm.io.storage import data_file, sha256
+from arm.io.storage import sha256
 from cell.files.task import read_task
 from typed.command_line import a465, refused, replace_in
 
 pytestmark = pytest.mark.xdist_group("refused_plans")
 
 
-@pytest.fixture(scope="module")
-def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped scenes with a plan of the second task, for all tests of this file; none may change them."""
-    folder = Path(shutil.copytree(data_file("scenes"), tmp_path_factory.mktemp("planned") / "scenes"))
-    a465("look", folder / "task2.toml", "-o", folder / "look.json")
-    a465("plan", folder / "task2.toml", "--look", folder / "look.json", "-o", folder / "plan.json")
-    return folder
-
-
 @pytest.fixture
-def scenes(planned: Path, tmp_path: Path) -> Path:
-    """A copy of them that a test may change."""
-    return Path(shutil.copytree(planned, tmp_path / "scenes"))
+def scenes(planned_scenes: Path, tmp_path: Path) -> Path:
+    """A copy of the planned scenes that a test may change."""
+    return Path(shutil.copytree(planned_scenes, tmp_path / "scenes"))
 
 
 @pytest.mark.slow

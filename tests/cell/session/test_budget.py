@@ -23,9 +23,10 @@ from typed.command_line import a465
 POSE = {"T_base_tool": transform(rot_x(np.pi), (0.42, 0.1, 0.3)).tolist(), "free": "rz"}
 
 
-def looked(folder: Path) -> tuple[Path, Path]:
-    """A task file and its look."""
-    scenes = small_scenes(folder)
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A task file and its look; no test may change them."""
+    scenes = small_scenes(tmp_path_factory.mktemp("looked"))
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     return scenes / "task2.toml", scenes / "look.json"
 
@@ -47,8 +48,8 @@ def test_budgets_that_are_none_are_refused(tmp_path: Path, option: str, value: s
     assert rule in told
 
 
-def test_a_budget_that_is_spent_writes_nothing(tmp_path: Path) -> None:
-    task, look = looked(tmp_path)
+def test_a_budget_that_is_spent_writes_nothing(tmp_path: Path, looked: tuple[Path, Path]) -> None:
+    task, look = looked
     poses = tmp_path / "poses.json"
     poses.write_text(json.dumps([POSE]))
     for command in (("plan", task, "--look", look), ("plan-poses", task.parent / "cell.toml", poses)):
@@ -65,9 +66,9 @@ def test_a_budget_that_is_spent_writes_nothing(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_with_a_complete_plan_writes_it_and_ends_with_4(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, looked: tuple[Path, Path]
 ) -> None:
-    task, look = looked(tmp_path)
+    task, look = looked
     stop_when_complete(monkeypatch, KeyboardInterrupt())
     _, told = a465("plan", task, "--look", look, "-o", tmp_path / "p.json", code=4)
     plan = read_plan(tmp_path / "p.json")
@@ -79,9 +80,9 @@ def test_ctrl_c_with_a_complete_plan_writes_it_and_ends_with_4(
 
 
 def test_ctrl_c_before_that_writes_nothing_and_ends_with_3(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, looked: tuple[Path, Path]
 ) -> None:
-    task, look = looked(tmp_path)
+    task, look = looked
 
     def pressed(*_: object) -> None:
         raise KeyboardInterrupt

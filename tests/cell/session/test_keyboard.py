@@ -21,11 +21,9 @@ import pytest
 from rich.console import Console as Page
 
 from arm.errors import ImpossibleError, InputError
-from arm.io.storage import data_file
 from arm.plan_file import Move, Plan, read_plan
 from cell.cli.main import main
 from cell.commands.run import execute_plan
-from cell.commands.steps import look_step, plan_step
 from cell.console import Console, progress_bar
 from cell.files.task import read_task
 from cell.session.connection import WhichCell
@@ -106,13 +104,11 @@ def test_plus_never_goes_above_the_speed_that_was_asked_for() -> None:
 
 
 @pytest.fixture(scope="module")
-def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def planned(planned_scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with scenes, and a plan of them."""
     folder = tmp_path_factory.mktemp("planned")
-    shutil.copytree(data_file("scenes"), folder / "scenes")
-    task, console = folder / "scenes/task2.toml", Console(as_json=True)
-    look_step(task, None, None, folder / "look.json", None, console)
-    plan_step(task, folder / "look.json", folder / "plan.json", None, console, False)
+    shutil.copytree(planned_scenes, folder / "scenes")
+    shutil.copy(planned_scenes / "plan.json", folder / "plan.json")
     return folder
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,15 @@ size_mm = [60, 60, 20]
 
 
 @pytest.fixture
+def scenes(planned_scenes: Path, tmp_path: Path) -> Path:
+    """A copy of the shipped scenes with their look, which a test may change."""
+    return Path(shutil.copytree(planned_scenes, tmp_path / "scenes"))
+
+
+@pytest.fixture
 def blocked(scenes: Path) -> Path:
     """The scenes with a slab above hole 03-04/4, put there after the look, which it would hide the hole from."""
     cell = scenes / "cell.toml"
-    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
     cell.write_text(cell.read_text() + SLAB)
     return scenes
 
@@ -77,7 +83,6 @@ def test_without_advice_the_refusal_is_quick_and_still_explained(
 
 
 def test_a_start_in_the_table_names_the_keys_of_the_cell_file(scenes: Path) -> None:
-    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
     cell = scenes / "cell.toml"
     start = "q_start_deg = [-60, -85, -80, 0, -60, 0]"
     cell.write_text(cell.read_text().replace("q_start_deg = [-60, -40, -80, 0, -60, 0]", start))
@@ -103,7 +108,6 @@ def test_holes_out_of_reach_are_explained_by_reach_alone(
 
 
 def test_a_board_may_stand_in_the_zone_where_the_camera_sees_its_markers(scenes: Path) -> None:
-    look_step(scenes / "task2.toml", None, None, scenes / "look.json", None, Console(True))
     task = read_task(scenes / "task2.toml")
     seen = read_observation(scenes / "look.json", task.boards)
     request = request_of(task, seen, task.cell.q_start, 0.5, {}, {})

@@ -10,6 +10,7 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
+from arm.plan_file import Plan
 from cell.files.task import TablePlaces, Task, read_task
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
@@ -40,9 +41,17 @@ def task2() -> Task:
     return read_task(data_file("scenes/task2.toml"))
 
 
-def test_places_on_the_table_are_chosen_for_time_unless_they_are_given(task1: Task) -> None:
+@pytest.fixture(scope="module")
+def whole1(task1: Task) -> tuple[Plan, dict[str, str]]:
+    """The first task's plan, and where each cube goes in it."""
+    return planned(task1)
+
+
+def test_places_on_the_table_are_chosen_for_time_unless_they_are_given(
+    task1: Task, whole1: tuple[Plan, dict[str, str]]
+) -> None:
     given = replace(task1, order="given", assignment="given")
-    (free_plan, free), (given_plan, first) = planned(task1), planned(given)
+    (free_plan, free), (given_plan, first) = whole1, planned(given)
     in_reach = [s.name for s in reachable_places(task1, true_look(task1))]
     assert list(first.items()) == [(f"cube 01-02/{i + 1}", in_reach[i]) for i in range(4)]
     assert set(free) == set(first)
@@ -78,8 +87,8 @@ def test_holes_below_the_table_are_told(task2: Task) -> None:
     assert max(caught.value.data["below_mm"].values()) == pytest.approx(12.3)
 
 
-def test_what_was_moved_stays_where_it_is(task1: Task) -> None:
-    whole, goes = planned(task1)
+def test_what_was_moved_stays_where_it_is(task1: Task, whole1: tuple[Plan, dict[str, str]]) -> None:
+    whole, goes = whole1
     cube = whole.task["cubes"][0]["cube"]
     seen = true_look(task1).with_moves({cube: goes[cube]})
     rest, left = planned(task1, seen, {cube: goes[cube]})
@@ -114,10 +123,12 @@ def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
         _request(task2, replace(seen, boards=(source, doubtful)))
 
 
-def test_a_table_full_of_places_is_planned_in_reasonable_time(task1: Task) -> None:
+def test_a_table_full_of_places_is_planned_in_reasonable_time(
+    task1: Task, whole1: tuple[Plan, dict[str, str]]
+) -> None:
     x, y = np.meshgrid(0.2 + 0.062 * np.arange(10), -0.6 + 0.062 * np.arange(20))
     many = TablePlaces(tuple(zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)), 0.0)
-    few, _ = planned(task1)
+    few, _ = whole1
     begin = time.process_time()
     plan, goes = planned(replace(task1, places=many))
     assert time.process_time() - begin <= 30.0
