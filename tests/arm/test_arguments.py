@@ -128,19 +128,19 @@ def test_limits_are_one_finite_number_per_joint(key: str, wrong) -> None:  # typ
 
 @pytest.mark.parametrize("key", ["velocity", "acceleration"])
 @pytest.mark.parametrize("value", [0.0, -1.0])
-def test_a_joint_that_cannot_move_is_no_joint(key: str, value: float) -> None:
+def test_velocity_and_acceleration_limits_must_be_finite_and_positive(key: str, value: float) -> None:
     with pytest.raises(InputError, match=rf"limits: {key}\[1\] = {value:g}: must be finite and above 0"):
         limits(**{key: [1.0, value, 1.0]})
 
 
-def test_a_range_is_not_upside_down() -> None:
+def test_lower_limits_must_not_be_above_upper_limits() -> None:
     with pytest.raises(InputError, match=r"lower\[2\] = 2 is above upper\[2\] = 1"):
         limits(lower=[0.0, 0.0, 2.0])
     with pytest.raises(InputError, match="speed = 'a'"):
         limits().scaled("a")  # type: ignore[arg-type]
 
 
-def test_limits_keep_what_they_were_made_of() -> None:
+def test_limits_copy_their_arrays() -> None:
     mine = np.ones(3)
     made = limits(velocity=mine)
     mine[:] = -1.0

@@ -141,7 +141,7 @@ def test_errors_beyond_the_largest_are_refused(tmp_path: Path, key: str, largest
         "1e999",
     ],
 )
-def test_what_no_calibration_tells_is_refused_by_its_key(tmp_path: Path, value: str) -> None:
+def test_unwritable_information_is_refused_by_key(tmp_path: Path, value: str) -> None:
     path = tmp_path / "c.toml"
     write_arm_calibration(path, FOUND)
     replace_in(path, "poses = 24", f"poses = 24\nwhen = {value}")
@@ -152,7 +152,7 @@ def test_what_no_calibration_tells_is_refused_by_its_key(tmp_path: Path, value: 
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_a_calibrated_unit_has_its_joints_where_they_truly_are(name: str) -> None:
+def test_a_calibrated_unit_gives_true_joint_positions(name: str) -> None:
     unit = load_unit(name)
     calibrated = unit.calibrated(OFFSETS)
     rng = np.random.default_rng(0)

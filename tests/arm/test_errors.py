@@ -22,7 +22,7 @@ def test_a_message_that_fits_is_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("length", [501, 520, 999, 1000, 1008, 1009, 9_999, 10_490, 10_500, 123_456])
-def test_what_is_left_out_is_counted_exactly(length: int) -> None:
+def test_the_count_of_omitted_characters_is_exact(length: int) -> None:
     text = shortened("x" * length)
     assert len(text) <= 500
     assert f" .. {length - text.count('x')} characters left out .. " in text

@@ -36,7 +36,7 @@ def test_holes_are_computed_once() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_hole_is_where_the_board_has_it(seed: int) -> None:
+def test_hole_poses_follow_the_board_pose(seed: int) -> None:
     pose = _pose(seed)
     assert [(h.name, h.index) for h in pose.holes] == [(f"01-02/{i + 1}", i) for i in range(4)]
     for hole in pose.holes:

@@ -36,7 +36,9 @@ def test_a_look_after_every_second_cube(case: Task2, plan: Plan, direct: Plan) -
 
 
 @pytest.mark.parametrize("look", [pytest.param("each", marks=pytest.mark.slow), "never"])
-def test_what_is_given_is_kept_and_is_not_faster(look: str, case: Task2, plan: Plan, direct: Plan) -> None:
+def test_given_orders_and_destinations_are_kept_and_are_not_faster(
+    look: str, case: Task2, plan: Plan, direct: Plan
+) -> None:
     """Cubes turned round, so that neither the free order nor that of the names is meant by chance."""
     free = plan if look == "each" else direct
     places = [t.place for t in case.transfers]

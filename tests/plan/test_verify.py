@@ -97,7 +97,7 @@ def _halved(plan: Plan, between: tuple[Step, ...] = (), second: Callable[[Move],
     )
 
 
-def test_what_was_not_changed_holds(plan: Plan, scene: Scene) -> None:
+def test_an_unchanged_plan_is_accepted(plan: Plan, scene: Scene) -> None:
     assert len(replay(plan, scene, UNIT, LIMITS)) == len(list(plan.moves))
 
 
@@ -291,7 +291,7 @@ def test_excess_acceleration_is_refused(plan: Plan, scene: Scene) -> None:
             replay(plan, scene, UNIT, replace(LIMITS, acceleration=frozen(push)))
 
 
-def test_the_share_of_the_limits_is_what_the_motion_has_at_its_fastest(plan: Plan, scene: Scene) -> None:
+def test_peak_fractions_of_the_limits_match_samples(plan: Plan, scene: Scene) -> None:
     """Against differences of samples; the limits are those at the plan's speed."""
     scaled, step = LIMITS.scaled(plan.speed), 1e-3
     for move in replay(plan, scene, UNIT, LIMITS):

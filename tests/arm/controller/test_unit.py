@@ -188,7 +188,7 @@ def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
             load_unit(tmp_path / "mine.toml")
 
 
-def test_a_joint_of_a_single_place_has_no_room(tmp_path: Path) -> None:
+def test_a_joint_range_of_zero_is_refused(tmp_path: Path) -> None:
     """The data sheet's range is just twice the margin."""
     text, file = data_file("urdf/a465/crs93.toml").read_text(), tmp_path / "own.toml"
     for first, refused in (("1.0", True), ("1.001", False)):
@@ -225,7 +225,7 @@ def test_unknown_keys_and_impossible_counts_are_refused(
     "given", [(1, 2, 3), "abcdef", 5, (), (1.5,) * 6, (None,) * 6, ((1, 2),) * 6, (float("nan"),) * 6]
 )
 @pytest.mark.parametrize("name", ["speed", "acceleration"])
-def test_registers_that_are_no_integer_an_axis_are_refused(given: Any, name: str) -> None:
+def test_registers_must_be_one_integer_per_axis(given: Any, name: str) -> None:
     with pytest.raises(InputError, match=f"{name} registers = .*: must be 6 integers, one per axis of crs93"):
         load_unit("crs93").limits(**{f"{name}_registers": given})
 

@@ -120,7 +120,7 @@ def test_what_breaks_a_rule_is_named_with_file_and_key(root, read, said):
     assert message.encode()
 
 
-def test_files_that_are_no_json(tmp_path):
+def test_files_that_are_not_json_are_refused(tmp_path):
     (tmp_path / "bad.json").write_text("{")
     (tmp_path / "long.json").write_text('{"a": ' + "9" * 5000 + "}")  # more digits than Python reads
     for name in ("bad.json", "none.json", "long.json"):

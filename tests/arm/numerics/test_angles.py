@@ -18,7 +18,7 @@ def test_results_equal_those_of_the_c_library() -> None:
     assert arcsin(c).tolist() == [math.asin(v) for v in c]
 
 
-def test_a_number_gives_a_number_and_none_gives_none() -> None:
+def test_scalars_and_empty_arrays_keep_their_shape() -> None:
     assert float(arctan2(1.0, 0.0)) == math.pi / 2
     assert arctan2(np.zeros((0, 3)), np.zeros(3)).shape == (0, 3)
 

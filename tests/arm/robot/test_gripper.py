@@ -27,7 +27,7 @@ def test_the_shipped_gripper_is_the_shipped_description() -> None:
 
 
 @pytest.mark.parametrize("width", [0.01, 0.04, 0.12])
-def test_bodies_are_where_the_measures_say(width: float) -> None:
+def test_bodies_follow_the_gripper_dimensions(width: float) -> None:
     robot, shipped = LONG.robot(width), load_a465(0.134112, 0.06)
     assert robot.digest != shipped.digest
     q = np.radians([10.0, -40.0, -80.0, 20.0, -60.0, 30.0])
@@ -69,7 +69,7 @@ def test_widths_are_linear_in_the_stroke() -> None:
     assert Gripper().fraction_closed(0.006) == pytest.approx(0.9)
 
 
-def test_a_description_of_ones_own_says_what_the_gripper_is(tmp_path: Path) -> None:
+def test_a_users_urdf_defines_fingers_and_palm(tmp_path: Path) -> None:
     file = tmp_path / "mine.urdf"
     file.write_text(LONG.description())
     (tmp_path / "mine.srdf").write_text(read_text(data_file("urdf/a465/a465.srdf")))

@@ -66,7 +66,7 @@ def test_pairs_to_ignore_may_name_links_or_bodies(tmp_path: Path) -> None:
         with_disabled_collisions(bare, [("l0", "l9")])
 
 
-def test_names_of_further_bodies_are_of_no_other_link(tmp_path: Path) -> None:
+def test_names_of_further_bodies_differ_from_link_names(tmp_path: Path) -> None:
     text = several_bodies(urdf(SEVEN[:2]), 2).replace('"l2"', '"l1_1"')
     path = tmp_path / "arm.urdf"
     path.write_text(text)

@@ -49,7 +49,7 @@ def test_all_eight_holes_of_the_default_task_are_reached_with_the_margin_of_the_
     assert np.degrees(min(margins)) == pytest.approx(16.6, abs=0.05)
 
 
-def test_choices_are_what_they_say(robot: Robot, unit: Unit) -> None:
+def test_candidates_reach_their_holes_and_state_their_margins(robot: Robot, unit: Unit) -> None:
     grasps, arm = _task_2(), product_of_exponentials(robot)
     for hole in reach(robot, unit.limits(), grasps, OFFSET).holes:
         assert [c.ok for c in hole.choices] == sorted((c.ok for c in hole.choices), reverse=True)

@@ -70,7 +70,7 @@ def test_an_arm_without_bodies_touches_nothing(tmp_path: Path) -> None:
         assert "Infinity" not in json.dumps(plan.to_json())
 
 
-def test_what_such_an_arm_holds_does_touch(tmp_path: Path) -> None:
+def test_the_held_body_of_a_bare_arm_can_collide(tmp_path: Path) -> None:
     robot = bare(tmp_path)
     load = Body("load", Cylinder(0.03, 0.2), transform(), "cube")
     world = World(robot, [BLOCK], load, transform())

@@ -72,7 +72,7 @@ def test_no_srdf_advice_if_the_pairs_are_disabled(tmp_path: Path) -> None:
     assert "disable_collisions" not in str(caught.value)
 
 
-def test_neighbours_that_are_nearer_than_what_is_asked_are_such_pairs(tmp_path: Path) -> None:
+def test_neighbours_below_the_clearance_are_listed(tmp_path: Path) -> None:
     """They overlap nowhere: 3 mm lie between a turntable and its foot."""
     path = tmp_path / "table.urdf"
     box = '<collision><origin xyz="0 0 {}"/><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'

@@ -29,8 +29,6 @@ def _world(distances: list[float]) -> Any:
         ([0.1, 0.001], 0.005),  # never less than asked
     ],
 )
-def test_ends_that_lack_the_margin_give_half_of_what_they_have(
-    distances: list[float], searched: float
-) -> None:
+def test_the_margin_shrinks_to_half_of_what_the_ends_have(distances: list[float], searched: float) -> None:
     ends = [np.array([float(i)]) for i in range(len(distances))]
     assert searched_clearance(_world(distances), ends, 0.005) == pytest.approx(searched, abs=1e-12)

@@ -82,7 +82,7 @@ def test_the_reach_of_a_cubic_that_ends_where_it_began_is_not_zero() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 3, 8])
-def test_a_first_piece_travels_less_than_twice_what_it_is_to(count: int) -> None:
+def test_a_first_piece_travels_less_than_twice_its_nominal_travel(count: int) -> None:
     """Unless there would be too many: cubics that are longer are cut in equal parts."""
     for travel in (0.3, 0.79, 0.8, 0.81, 1.5):  # of a cubic, rad; a piece is to have 0.4
         row = np.linspace(0.0, travel, 4)[:, None] * np.array([0.5, 0.0, -0.5])

@@ -349,7 +349,7 @@ def test_the_distance_of_two_bodies_where_they_are_is_that_of_their_nearest_poin
                 assert np.linalg.norm(found.points[0] - found.points[1]) == pytest.approx(gap, abs=1e-5)
 
 
-def test_a_radius_is_what_the_farthest_point_of_a_body_has_from_the_axis() -> None:
+def test_a_radius_is_the_largest_distance_of_a_body_from_the_axis() -> None:
     """Not only no less: what it is larger by is taken off every proof."""
     robot, rng = load_a465(TOOL_LENGTH, 0.06), np.random.default_rng(10)
     world = World(robot, [TABLE])

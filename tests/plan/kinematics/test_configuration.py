@@ -38,7 +38,7 @@ def world(robot: Robot) -> World:
 
 
 @pytest.mark.parametrize("which", [*NO_CONFIGURATION, "beyond"])
-def test_every_door_refuses_a_place_where_the_arm_cannot_stand(
+def test_every_planner_refuses_an_invalid_configuration(
     which: str, case: Task2, world: World, robot: Robot
 ) -> None:
     q = BEYOND if which == "beyond" else NO_CONFIGURATION[which]

@@ -72,7 +72,7 @@ def _gap(interval: FreeInterval, angle: float, q: np.ndarray) -> float:
     return float(np.abs(near - q).max())
 
 
-def test_just_outside_what_is_named_breaks(robot: Robot, unit: Unit) -> None:
+def test_a_pose_just_beyond_a_stop_violates_the_named_limit(robot: Robot, unit: Unit) -> None:
     named = set()
     for T, axis, intervals in _cases(robot, unit, unit.lower, unit.upper, seed=33):
         for i in intervals:
@@ -131,7 +131,7 @@ def test_a_singular_angle_is_flagged(robot: Robot, unit: Unit) -> None:
             assert raw.sine[0].min() < 1e-3
 
 
-def test_a_grasp_from_above_and_no_pose_at_all(robot: Robot, crs97: Unit) -> None:
+def test_a_grasp_from_above_has_two_intervals_and_a_far_pose_none(robot: Robot, crs97: Unit) -> None:
     T = transform(rot_x(np.pi), (0.46, 0.11, 0.05))
     intervals = feasible_intervals(robot, T, crs97.lower, crs97.upper)
     # joint 6 turns 358 deg between its limits, and only it turns

@@ -174,7 +174,7 @@ def test_singular_solutions_are_flagged(robot: Robot, crs97: Unit) -> None:
     assert not numeric_ik(robot, regular, crs97.lower, crs97.upper).singular.any()
 
 
-def test_half_a_turn_off_is_no_solution(tmp_path: Path) -> None:
+def test_a_rotation_error_of_180_deg_is_not_a_solution(tmp_path: Path) -> None:
     """Where the rotation error is exactly half a turn its axis is lost; that must not pass for an answer."""
     robot = _arm(tmp_path, SCARA[2:3])
     T = product_of_exponentials(robot).tool_poses([0.1])

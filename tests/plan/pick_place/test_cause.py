@@ -46,7 +46,7 @@ def test_a_joint_that_goes_beyond_its_limit_is_named_with_degrees() -> None:
     assert not serves(near.excess_deg - 1e-3)
 
 
-def test_the_few_ways_that_are_left_are_listed_beside_those_that_do_not_reach() -> None:
+def test_blocked_and_unreachable_candidates_are_listed_together() -> None:
     limits = narrow(UNIT.limits(), [-180, -95, -105, -30, -95, -90], [180, 95, 105, 30, 0, 90])
     asked = request(task2([slab_above(rng(1))], cubes=1), limits)
     _, failure = refused(asked)

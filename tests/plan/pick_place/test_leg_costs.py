@@ -40,7 +40,7 @@ def test_what_had_no_budget_is_asked_again_and_what_could_not_be_proved_is_not(
     assert [noted.time(leg, by) for leg in legs] == [None, None, np.inf, 2.5]
 
 
-def test_a_forbidden_leg_costs_infinitely_much_and_the_others_what_they_did() -> None:
+def test_only_a_forbidden_leg_has_infinite_cost() -> None:
     noted = costs()
     before = noted.now().carry(0, 0, NOTHING_DONE)
     noted.forbid(TransitEdge(CARRY, (0, 0), (1, 0)), None)

@@ -117,9 +117,7 @@ SMALL = [
 
 @pytest.mark.parametrize("context", ["plain", "home", "crowded"])
 @pytest.mark.parametrize(("freedom", "ways"), SMALL)
-def test_dynamic_programming_finds_what_trying_everything_finds(
-    freedom: Choices, ways: int, context: str
-) -> None:
+def test_dynamic_programming_equals_exhaustive_search(freedom: Choices, ways: int, context: str) -> None:
     for seed in range(2):
         table = tables(np.random.default_rng([seed, freedom.picks, freedom.places, ways]), freedom, ways)
         costs = {"plain": plain(table), "home": plain(table, 2), "crowded": crowded(table, seed)}[context]

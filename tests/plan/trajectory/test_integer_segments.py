@@ -208,6 +208,6 @@ def test_the_join_of_the_last_of_several_marks_is_not_before_it_and_of_the_other
                 assert 0.0 <= (past_s if is_late else -past_s) + 1e-8 < 1.01e-3
 
 
-def test_a_switch_of_the_acceleration_at_a_fixed_knot_needs_no_other() -> None:
+def test_a_switch_at_a_fixed_knot_adds_no_knot() -> None:
     timed: Any = SimpleNamespace(switches=lambda: np.array([1.0, 2.0]))
     assert _first_knots(timed, (0, 1000, 2000), 250, 40.0).tolist() == list(range(0, 2001, 250))

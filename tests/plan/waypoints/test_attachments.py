@@ -33,7 +33,7 @@ def test_what_is_carried_stands_where_it_was_brought(robot: Robot) -> None:
     assert len({worlds.start.key, held.key, brought.key}) == 3
 
 
-def test_a_body_is_taken_only_where_the_hand_is_at_it(robot: Robot, crs97: Unit) -> None:
+def test_a_body_is_attached_only_between_the_jaws(robot: Robot, crs97: Unit) -> None:
     box = Body("box", Box((0.03, 0.03, 0.03)), transform(t=(-0.2, 0.5, 0.015)), "cube")
     pick = Target(
         "pick",
