@@ -82,23 +82,25 @@ class Truth:
 
     def T_base_gripper(self, joints: Array) -> Array:
         """At readings (n, 6) rad; (n, 4, 4)."""
-        T = np.tile(np.eye(4), (len(joints), 1, 1))
-        links = (NOMINAL.d + self.d, NOMINAL.a + self.a, NOMINAL.alpha + self.alpha, NOMINAL.theta_offset)
-        for j, (d, a, alpha, theta) in enumerate(zip(*links, strict=True)):
-            q = joints[:, j] * self.gear[j] + self.offsets[j] + theta
-            c, s, ca, sa = np.cos(q), np.sin(q), np.cos(alpha), np.sin(alpha)
-            A = np.zeros((len(q), 4, 4))
-            A[:, 0] = np.stack([c, -s * ca, s * sa, a * c], axis=1)
-            A[:, 1] = np.stack([s, c * ca, -c * sa, a * s], axis=1)
-            A[:, 2] = (0.0, sa, ca, d)
-            A[:, 3, 3] = 1.0
-            T = T @ A
-        return T
+        q = joints * self.gear + self.offsets + NOMINAL.theta_offset
+        d, a, alpha = NOMINAL.d + self.d, NOMINAL.a + self.a, NOMINAL.alpha + self.alpha
+        c, s, ca, sa = np.cos(q), np.sin(q), np.cos(alpha), np.sin(alpha)
+        A = np.zeros((*q.shape, 4, 4))
+        A[..., 0, 0], A[..., 0, 1], A[..., 0, 2], A[..., 0, 3] = c, -s * ca, s * sa, a * c
+        A[..., 1, 0], A[..., 1, 1], A[..., 1, 2], A[..., 1, 3] = s, c * ca, -c * sa, a * s
+        A[..., 2, 1], A[..., 2, 2], A[..., 2, 3], A[..., 3, 3] = sa, ca, d, 1.0
+        T = A[:, 0]
+        for j in range(1, q.shape[1]):
+            T = T @ A[:, j]
+        return np.asarray(T)
 
     def pixels(self, joints: Array, points: Array) -> Array:
         """Where the points (m, 3) appear, (n, m, 2) px, NaN behind the camera."""
-        T = self.T_camera_target(joints)
-        return LENS.project(np.einsum("nij,mj->nmi", T[:, :3, :3], points) + T[:, None, :3, 3])
+        return _pixels(self.T_camera_target(joints), points)
+
+
+def _pixels(T_camera_target: Array, points: Array) -> Array:
+    return LENS.project(points @ np.swapaxes(T_camera_target[:, :3, :3], 1, 2) + T_camera_target[:, None, :3, 3])
 
 
 def draw_truth(rng: np.random.Generator, mount: str = "perpendicular", links: bool = False) -> Truth:
@@ -124,15 +126,16 @@ def nominal(mount: str) -> Truth:
 
 def seen(truth: Truth, joints: Array, points: Array) -> npt.NDArray[np.bool_]:
     """Which postures (n, 6) show the whole target, not too obliquely, above the table: (n,)."""
-    T = truth.T_camera_target(joints)
-    with np.errstate(invalid="ignore"):
-        pixels = truth.pixels(joints, points)
-        inside = ((pixels > MARGIN_PX) & (pixels < np.array(LENS.size) - 1 - MARGIN_PX)).all(axis=(1, 2))
+    hand = truth.T_base_gripper(joints)
+    T = inverse(truth.T_base_camera) @ hand @ truth.T_gripper_target
     towards = -T[:, :3, 3] / np.linalg.norm(T[:, :3, 3], axis=1)[:, None]
     facing = np.einsum("ni,ni->n", towards, T[:, :3, 2]) > np.cos(OBLIQUE)
-    hand = truth.T_base_gripper(joints)
     low = apply(truth.T_base_camera, T[:, :3, 3])[:, 2]
-    return np.asarray(inside & facing & (low > LOWEST) & (low < HIGHEST) & (hand[:, 2, 3] > LOWEST))
+    found = np.asarray(facing & (low > LOWEST) & (low < HIGHEST) & (hand[:, 2, 3] > LOWEST))
+    with np.errstate(invalid="ignore"):
+        pixels = _pixels(T[found], points)
+        found[found] = ((pixels > MARGIN_PX) & (pixels < np.array(LENS.size) - 1 - MARGIN_PX)).all(axis=(1, 2))
+    return found
 
 
 def wide(truth: Truth, points: Array, count: int, rng: np.random.Generator) -> Array:
