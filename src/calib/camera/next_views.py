@@ -73,10 +73,11 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
     middle = np.array([*target.size, 0.0]) / 2.0
     points = target.points()
     found = []
+    aims = (np.array(list(product(range(3), range(3)))) * 0.3 + 0.2) * np.array(camera.size)
+    rays = np.concatenate([camera.normalised(aims), np.ones((9, 1))], axis=1)
     places = product(range(3), range(3), (near, far), range(-1, TURNED))
     for column, row, z, turned in places:
-        pixel = (np.array([column, row]) * 0.3 + 0.2) * np.array(camera.size)
-        ray = np.append(camera.normalised(pixel), 1.0)
+        ray = rays[3 * column + row]
         if not np.isfinite(ray).all():
             continue
         angle = 2.0 * np.pi * turned / TURNED

@@ -28,12 +28,16 @@ def distortion_terms(coefficients: Array, points: Array) -> tuple[Array, Array]:
 
 def distort(coefficients: Array, points: Array) -> Array:
     """Map undistorted points (..., 2) on z = 1 to distorted ones."""
+    if not any(coefficients.tolist()):  # a pinhole, where a calibration starts
+        return np.array(points)
     radial, tangential = distortion_terms(coefficients, points)
     return np.asarray(points * radial[..., None] + tangential)
 
 
 def undistort(coefficients: Array, distorted: Array) -> Array:
     """Invert `distort` to 1e-13, by fixed-point iteration; NaN where it finds no inverse."""
+    if not any(coefficients.tolist()):
+        return np.array(distorted)
     points = distorted
     change = np.zeros_like(points)
     for _ in range(_INVERSE_STEPS):
