@@ -22,7 +22,8 @@ PIP := "$(PYTHON)" -m pip --python $(BIN)/python install --quiet
 
 # One process more than a small computer has processors: tests of ports and clocks wait. What Python compiles is kept in VENV,
 # whatever the environment says: each test process, and each command that tests start, would compile everything again.
-PYTEST = env -u PYTHONDONTWRITEBYTECODE PYTHONPYCACHEPREFIX="$$(cd "$(VENV)" && pwd)"/pycache $(BIN)/pytest
+# BLAS gets one thread: matrices are small, and the threads of all test processes would spin beside each other.
+PYTEST = env -u PYTHONDONTWRITEBYTECODE OPENBLAS_NUM_THREADS=1 PYTHONPYCACHEPREFIX="$$(cd "$(VENV)" && pwd)"/pycache $(BIN)/pytest
 IN_PARALLEL := -n 3 --dist loadgroup
 
 # $(call require_version,PYTHON): the oldest that pyproject.toml allows, told before pip looks for libraries in vain.

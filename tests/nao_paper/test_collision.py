@@ -1,6 +1,7 @@
 """Bodies of the NAO: what touches, what hides, and ways that are free."""
 
 import numpy as np
+import pytest
 from nao_paper_bench.collision import nao_bodies
 from nao_paper_bench.stance_pool import (
     collision_free_motion,
@@ -9,6 +10,8 @@ from nao_paper_bench.stance_pool import (
 
 from calib.nao.chain import SIDES
 from recorded.nao_scenes import frames, of_board
+
+pytestmark = pytest.mark.xdist_group("stances")  # one process finds the pool
 
 
 def test_panels_stay_clear_of_floor_torso_and_each_other(pool):

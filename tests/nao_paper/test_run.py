@@ -120,6 +120,7 @@ def test_half_a_turn_of_the_board_is_undone():
     assert np.isnan(turned_as_expected(pixels, expected + 400.0)).all()
 
 
+@pytest.mark.xdist_group("nao_run")
 def test_vertices_found_in_images_are_where_they_are_projected(plan):
     nao = NaoKinematics(PAPER, np.zeros(21))
     eye = RenderedVertices(np.random.default_rng(1), keep=[0])
@@ -132,6 +133,7 @@ def test_vertices_found_in_images_are_where_they_are_projected(plan):
     assert eye.kept[0].image.shape == (480, 640)
 
 
+@pytest.mark.xdist_group("nao_run")
 def test_measuring_in_haste_spoils_it(plan):
     nao = table_2_robot(PAPER, np.random.default_rng(0))
     off, time = {}, {}
@@ -159,6 +161,7 @@ def test_a_way_that_is_not_free_leads_over_rest():
         way_to(a, between)
 
 
+@pytest.mark.xdist_group("nao_run")
 def test_readings_of_a_run_are_whole_steps_and_shared_by_a_stance(plan):
     m = run_measurement(table_2_robot(PAPER, np.random.default_rng(0)), plan, np.random.default_rng(1))
     for images in m.images:

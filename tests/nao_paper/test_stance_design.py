@@ -12,6 +12,8 @@ from calib.chain.fit import fit_chains
 from calib.nao.chain import SIDES, gravity_torques, nao_sightings
 from recorded.nao_scenes import ALL, BOARD, CAMERA, ON_ITS_BACK, PAPER, SENSING, problem
 
+pytestmark = pytest.mark.xdist_group("stances")  # one process finds the pool
+
 
 def test_information_is_that_of_the_fit(pool):
     """Of the same stances, by the fit's own elimination of the readings' errors."""

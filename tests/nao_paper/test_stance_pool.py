@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from nao_paper_bench.stance_design import random_stances
 from nao_paper_bench.stance_pool import (
     MARGIN_PX,
@@ -15,6 +16,8 @@ from nao_paper_bench.stance_pool import (
 from arm.io.storage import data_file
 from calib.nao.chain import HEAD, LEG
 from recorded.nao_scenes import CAMERA, PAPER, SENSING, frames, of_board
+
+pytestmark = pytest.mark.xdist_group("stances")  # one process finds the pool
 
 
 def test_every_joint_is_inside_its_limits_and_the_hips_turn_together(pool):

@@ -16,6 +16,8 @@ from cell.report.lens_text import intrinsics_rows, left_out, lens_json, print_le
 from pictures.targets import CHARUCO, SIZE, photos, taken
 from typed.heard import Heard
 
+pytestmark = pytest.mark.xdist_group("lens_text")  # one process calibrates the lens
+
 
 @pytest.fixture(scope="module")
 def lens() -> CameraCalibration:

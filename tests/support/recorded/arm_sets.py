@@ -100,7 +100,9 @@ class Truth:
 
 
 def _pixels(T_camera_target: Array, points: Array) -> Array:
-    return LENS.project(points @ np.swapaxes(T_camera_target[:, :3, :3], 1, 2) + T_camera_target[:, None, :3, 3])
+    return LENS.project(
+        points @ np.swapaxes(T_camera_target[:, :3, :3], 1, 2) + T_camera_target[:, None, :3, 3]
+    )
 
 
 def draw_truth(rng: np.random.Generator, mount: str = "perpendicular", links: bool = False) -> Truth:
@@ -134,7 +136,9 @@ def seen(truth: Truth, joints: Array, points: Array) -> npt.NDArray[np.bool_]:
     found = np.asarray(facing & (low > LOWEST) & (low < HIGHEST) & (hand[:, 2, 3] > LOWEST))
     with np.errstate(invalid="ignore"):
         pixels = _pixels(T[found], points)
-        found[found] = ((pixels > MARGIN_PX) & (pixels < np.array(LENS.size) - 1 - MARGIN_PX)).all(axis=(1, 2))
+        found[found] = ((pixels > MARGIN_PX) & (pixels < np.array(LENS.size) - 1 - MARGIN_PX)).all(
+            axis=(1, 2)
+        )
     return found
 
 
