@@ -14,7 +14,8 @@ def with_rows(page: str) -> str:
     """The page with the rows of today: the table of the section "Cell file", and so on."""
     for file in FILES:
         table = re.compile(
-            rf"(^## {file.capitalize()} file\n.*?\n\| key \|[^\n]*\n\|[-|]*\n)(?:\|[^\n]*\n)*", re.M | re.S
+            rf"(^## {file.capitalize()} file\n(?:(?!## |\| key)[^\n]*\n)*\| key \|[^\n]*\n\|[-|]*\n)(?:\|[^\n]*\n)*",
+            re.M,
         )
         rows = "".join(f"{row}\n" for row in rows_of(file).values())
         page = table.sub(lambda found, rows=rows: found[1] + rows, page, count=1)

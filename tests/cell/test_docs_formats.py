@@ -30,6 +30,13 @@ def test_every_key_has_a_text_and_a_row_and_every_text_a_key(file: str) -> None:
     assert texts == {name.replace("[]", "") for name in declared} - {"views"}
     assert set(rows_of(file)) == set(declared) - {"views"}
     assert len(rows_of(file)) >= 6
+    section = (
+        (DOCS / "formats.md")
+        .read_text()
+        .partition(f"\n## {file.capitalize()} file\n")[2]
+        .partition("\n## ")[0]
+    )
+    assert [row for row in rows_of(file).values() if row not in section] == []
 
 
 def test_every_page_is_in_the_contents_once() -> None:
