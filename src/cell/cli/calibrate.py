@@ -27,7 +27,7 @@ _TARGET = "Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."
 _Report = Annotated[Path | None, Option(help="HTML report to write; default: beside the file of -o.")]
 _Output = Annotated[
     Path | None,
-    Option("-o", "--output", help="File to write if the result is accepted: TOML, of kinematic JSON."),
+    Option("-o", "--output", help="File to write if the result is accepted: TOML, or JSON for a NAO."),
 ]
 _LimitMm = Annotated[
     float | None, Option(help="Largest accepted prediction error of held-out images; default 1, for a NAO 2.")
@@ -131,7 +131,7 @@ def calibrate_hand_eye(
     folder: Annotated[Path | None, Option(help="Folder for plans and the wire log.")] = None,
     output: _Output = None,
     apply: Annotated[
-        bool, Option("--apply", help="Enter the file of -o as calibration in the cell file.")
+        bool, Option("--apply", help="Name the file of -o in the cell file, as its calibration.")
     ] = False,
     report: _Report = None,
     limit_mm: _LimitMm = None,

@@ -182,13 +182,14 @@ def plan_poses(
     place: Annotated[Path, Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
     poses: Annotated[Path, Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
     look: Annotated[
-        Path | None, Option(help="Detected boards to avoid too; default: only the table and the walls.")
+        Path | None,
+        Option(help="Detected boards, to be avoided like the table and the walls; default: none."),
     ] = None,
     output: shared.PlanOutput = Path("plan.json"),
     frame: Annotated[
-        str | None, Option(help="Frame of poses without a key: flange (as in ctu_crs) or tool.")
+        str | None, Option(help="Frame of poses that do not name one: flange (as in ctu_crs) or tool.")
     ] = None,
-    angles: Annotated[str | None, Option(help="Unit of joint angles without a key: rad or deg.")] = None,
+    angles: Annotated[str | None, Option(help="Unit of angles that do not name one: rad or deg.")] = None,
     lengths: Annotated[str, Option(help="Unit of the poses' positions: m or mm.")] = "m",
     speed: shared.Speed = None,
     back: Annotated[bool, Option("--back", help="Return to q_start at the end.")] = False,
@@ -220,7 +221,9 @@ def check(
         Path, Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE")
     ],
     task: Annotated[Path | None, Argument(help="Task file of the plan.", metavar="TASK")] = None,
-    q: Annotated[str | None, Option(help="J1 to J6 in deg, separated by commas.", metavar="Q")] = None,
+    q: Annotated[
+        str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
+    ] = None,
     as_json: shared.Json = False,
 ) -> None:
     refuse_swapped("check", file, task)

@@ -42,8 +42,8 @@ Advice = Annotated[bool, Option(help="After a refusal, search for a change that 
 Budget = Annotated[
     float | None,
     Option(
-        help="Search effort in nominal seconds; then the best complete plan so far is used. Effort is counted, not "
-        "timed, so the plan is repeatable.",
+        help="Search effort in nominal seconds; when it is spent, the best complete plan so far is used. Effort is "
+        "counted, not timed, so the plan is repeatable.",
         metavar="S",
     ),
 ]
@@ -59,7 +59,7 @@ Unseen = Annotated[
     bool,
     Option(
         "--unseen",
-        help="With --port: execute plans that nobody has previewed without asking for the unit's name.",
+        help="With --port: do not ask for the unit's name before executing plans that nobody has previewed.",
     ),
 ]
 Homed = Annotated[

@@ -43,7 +43,7 @@ def emulate(
     task: Annotated[Path | None, Option(help="Task file of the simulated cell.")] = None,
     world: shared.WorldFile = None,
     photographs: Annotated[
-        Path | None, Option(help="Folder for images of that cell, taken while the arm stands still.")
+        Path | None, Option(help="Folder for images of the simulated cell, taken while the arm stands still.")
     ] = None,
     hand: Annotated[
         Path | None, Option(help="Target in the gripper, such as scenes/targets/hand.toml.")
@@ -107,7 +107,7 @@ def export(
         Path | None, Option("-o", "--output", help="File to write; for urdf a new folder.")
     ] = None,
     planned: Annotated[
-        bool, Option("--planned", help="For the trajectory of a log: export it as sent, not as measured.")
+        bool, Option("--planned", help="For the trajectory of a log: as sent, not as measured.")
     ] = False,
     unit: Annotated[
         str | None, Option(help="For a log: crs93 or crs97; default: the unit named in the log.")
