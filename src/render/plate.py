@@ -11,25 +11,39 @@ import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, SECOND_MARKER, Board
 from arm.se3 import Array, Bools, Indices, apply, frozen, inverse, transform
-from render.light import FINGER_HOLE, KIND_GREY, MARKER_BLACK, MARKER_WHITE, Light
+from render.light import FINGER_HOLE, KIND_GREY, Light
 from render.rays import Bundle, Floats, PixelRays, bundle_in
 from render.solids import Cast, cast_box
+from render.surface import TOP_FACE, Print
 from vision.markers.dictionaries import marker_modules
 
 FINGER_HOLE_RADIUS = 0.008  # m
 FLOOR_LIGHT = 0.45  # fraction of the light that reaches a pocket's floor
-TOP_FACE = 2  # region of the plate's top, see `cast_box`
 BLACK, WHITE, WALLS, FLOOR, HOLE = 6, 7, 8, 12, 13  # further regions; four walls
 
 
 class PlateSolid:
     """A board's plate at a pose, lit.
 
+    Args:
+        board: its holes, pocket and marker size are those of the plate.
+        T_base_board: pose.
+        dictionary: of the markers.
+        light: of the cell.
+        prints: how its two markers were printed and glued.
+
     Raises:
         InputError: the board's ids are not in the dictionary.
     """
 
-    def __init__(self, board: Board, T_base_board: Array, dictionary: str, light: Light) -> None:
+    def __init__(
+        self,
+        board: Board,
+        T_base_board: Array,
+        dictionary: str,
+        light: Light,
+        prints: tuple[Print, Print] = (Print(), Print()),
+    ) -> None:
         self._T_solid_board = transform(t=(-PLATE_CENTRE[0], -PLATE_CENTRE[1], PLATE_SIZE[2] / 2.0))
         self.T_base_solid = frozen(T_base_board @ inverse(self._T_solid_board))
         self.half_extent = np.array(PLATE_SIZE) / 2.0
@@ -38,8 +52,8 @@ class PlateSolid:
         self._lamp = T_base_board[:3, :3].T @ light.towards(self.T_base_solid[:3, 3])
         centres = [np.zeros(3), np.array([*SECOND_MARKER, 0.0])]
         self._markers = [
-            (apply(self._T_solid_board, centre), marker_modules(dictionary, marker_id))
-            for centre, marker_id in zip(centres, board.marker_ids, strict=True)
+            (apply(self._T_solid_board, centre), marker_modules(dictionary, marker_id), how)
+            for centre, marker_id, how in zip(centres, board.marker_ids, prints, strict=True)
         ]
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
@@ -52,24 +66,39 @@ class PlateSolid:
         top = np.flatnonzero((cast.region == TOP_FACE) & np.isfinite(cast.depth))
         x = np.float32(bundle.origin[0]) + cast.depth[top] * bundle.dx[top]
         y = np.float32(bundle.origin[1]) + cast.depth[top] * bundle.dy[top]
-        for centre, modules in self._markers:
-            self._print_marker(cast, top, x - np.float32(centre[0]), y - np.float32(centre[1]), modules)
+        for centre, modules, how in self._markers:
+            self._print_marker(cast, top, x - np.float32(centre[0]), y - np.float32(centre[1]), modules, how)
         for hole in apply(self._T_solid_board, self._board.holes):
             self._cut_pocket(cast, top, x - np.float32(hole[0]), y - np.float32(hole[1]), bundle)
         shape = rays.x.shape
         return Cast(cast.depth.reshape(shape), cast.grey.reshape(shape), cast.region.reshape(shape))
 
-    def _print_marker(self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: Bools) -> None:
+    def _print_marker(
+        self, cast: Cast, top: Indices, x: Floats, y: Floats, modules: Bools, how: Print
+    ) -> None:
         """Print a marker where the rays `top` hit the plate's top, at (x, y) m from the marker's centre."""
         size, count = self._board.marker_size, len(modules)
         border = size / 2.0 + size / count
-        near = np.flatnonzero((np.abs(x) <= border) & (np.abs(y) <= border))
-        column = np.floor((x[near] / size + 0.5) * count).astype(np.intp) + 1
-        row = np.floor((0.5 - y[near] / size) * count).astype(np.intp) + 1
+        near = np.flatnonzero((np.abs(x) <= border + how.margin) & (np.abs(y) <= border + how.margin))
+        px, py = how.designed(x[near], y[near])
+        if how.margin:
+            on = (np.abs(px) <= border) & (np.abs(py) <= border)
+            near, px, py = near[on], px[on], py[on]
         white = np.pad(modules, 1, constant_values=True)
-        is_white = white[np.clip(row, 0, count + 1), np.clip(column, 0, count + 1)]
+
+        def designed_white(x: Floats, y: Floats) -> Bools:
+            if how.border:  # the frame is wider: its points belong to the edge of the design
+                half = np.float32(size / 2.0)
+                on = np.maximum(np.abs(x), np.abs(y)) < half + np.float32(how.border)
+                most = np.nextafter(half, np.float32(0.0))
+                x, y = (np.where(on, np.clip(v, -most, most), v) for v in (x, y))
+            column = np.floor((x / size + 0.5) * count).astype(np.intp) + 1
+            row = np.floor((0.5 - y / size) * count).astype(np.intp) + 1
+            return np.asarray(white[np.clip(row, 0, count + 1), np.clip(column, 0, count + 1)])
+
+        is_white = how.white_at(designed_white, px, py)
         lit = self._light.lambert(self._lamp[2])
-        cast.grey[top[near]] = np.where(is_white, MARKER_WHITE, MARKER_BLACK) * lit
+        cast.grey[top[near]] = np.where(is_white, how.white, how.black) * lit
         cast.region[top[near]] = np.where(is_white, WHITE, BLACK)
 
     def _cut_pocket(self, cast: Cast, top: Indices, x: Floats, y: Floats, rays: Bundle) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter
 
 from arm.se3 import Array, Indices
 from vision.camera.model import Camera
@@ -18,6 +19,7 @@ from vision.camera.model import Camera
 Floats = npt.NDArray[np.float32]
 
 GRID_PX = 16  # undistortion is smooth: cubic splines with this pitch are accurate to 1e-5 px
+CELLS = 2.0  # of that grid over which a displacement of the image changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +45,36 @@ class SubpixelRays:
         )
 
 
-def pixel_rays(camera: Camera) -> PixelRays:
-    """Return the rays of all pixels: undistorted on a grid, splines between (0.1 s, not 1.4 s, for a full image)."""
+def pixel_rays(camera: Camera, displaced: Array | None = None) -> PixelRays:
+    """Return the rays of all pixels: undistorted on a grid, splines between (0.1 s, not 1.4 s, for a full image).
+
+    Args:
+        camera: whose pixels.
+        displaced: px by which each point of the image has moved, see `smooth_displacement`.
+    """
     width, height = camera.size
-    columns, rows = (np.arange(-GRID_PX, n + 2.0 * GRID_PX, GRID_PX) for n in (width, height))
-    points = camera.normalised(np.stack(np.meshgrid(columns, rows), axis=-1))
+    columns, rows = _grid(width), _grid(height)
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
+    points = camera.normalised(pixels if displaced is None else pixels - displaced)
     along_columns = CubicSpline(columns, points, axis=1)(np.arange(width))
     full = CubicSpline(rows, along_columns.astype(np.float64), axis=0)(np.arange(height))
     return PixelRays(*(np.ascontiguousarray(full[..., i], dtype=np.float32) for i in range(2)))
+
+
+def _grid(pixels: int) -> Array:
+    return np.arange(-GRID_PX, pixels + 2.0 * GRID_PX, GRID_PX)
+
+
+def smooth_displacement(size: tuple[int, int], rng: np.random.Generator, sigma_px: float) -> Array:
+    """Draw a displacement of every point of an image of `size`, along x and y, on the grid of `pixel_rays`.
+
+    Its standard deviation is `sigma_px` everywhere. Points further apart than about 60 px move independently.
+    """
+    shape = (len(_grid(size[1])), len(_grid(size[0])), 2)
+    cells, edge = CELLS, 4 * int(np.ceil(CELLS))
+    padded = rng.standard_normal((shape[0] + 2 * edge, shape[1] + 2 * edge, 2))
+    smooth = gaussian_filter(padded, (cells, cells, 0.0))[edge:-edge, edge:-edge]
+    return np.asarray(sigma_px * 2.0 * np.sqrt(np.pi) * cells * smooth)
 
 
 def subpixel_rays(rays: PixelRays, row: Indices, column: Indices) -> SubpixelRays:

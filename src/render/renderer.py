@@ -23,6 +23,7 @@ from render.plate import PlateSolid
 from render.rays import Floats, PixelRays, pixel_rays
 from render.shadow import Shadow
 from render.solids import BodySolid, Solid
+from render.surface import Print
 from vision.camera.model import Camera, Image
 
 
@@ -32,6 +33,39 @@ class PlacedBoard:
 
     board: Board
     T_base_board: Array
+    prints: tuple[Print, Print] = (Print(), Print())
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How the sensor turns light into grey levels; the default leaves them unchanged.
+
+    Attributes:
+        gain: factor on all grey levels.
+        gamma: grey = 255 (light / 255)^gamma.
+        gradient: change of brightness from the middle of the image to its right and its lower edge, as a fraction.
+    """
+
+    gain: float = 1.0
+    gamma: float = 1.0
+    gradient: tuple[float, float] = (0.0, 0.0)
+
+
+def exposed(image: Floats, exposure: Exposure) -> Floats:
+    """Grey levels of a rendered image (h, w) after an exposure; what is above 255 saturates in `with_noise`."""
+    height, width = image.shape
+    if any(exposure.gradient):
+        across, down = (
+            np.float32(g) * np.linspace(-1.0, 1.0, n, dtype=np.float32)
+            for g, n in zip(exposure.gradient, (width, height), strict=True)
+        )
+        image = image * (np.float32(1.0) + across[None, :] + down[:, None])
+    if exposure.gain != 1.0:
+        image = image * np.float32(exposure.gain)
+    if exposure.gamma != 1.0:
+        scaled = np.maximum(image, np.float32(0.0)) * np.float32(1.0 / 255.0)
+        image = np.asarray(cv2.pow(scaled, exposure.gamma), dtype=np.float32) * np.float32(255.0)
+    return image
 
 
 def render(
@@ -43,6 +77,7 @@ def render(
     light: Light | None = None,
     samples: int = 16,
     others: Sequence[Solid] = (),
+    displaced: Array | None = None,
 ) -> Floats:
     """Render a noise-free image, (h, w) grey levels from 0 to 255.
 
@@ -55,6 +90,7 @@ def render(
         light: the light in the cell; default: `Light()`.
         samples: rays per pixel at edges, a power of two.
         others: further solids, such as a calibration target.
+        displaced: px by which points of the image have moved, see `render.rays.smooth_displacement`.
 
     Raises:
         InputError: a marker is not in the dictionary, or `samples` is not a power of two.
@@ -62,9 +98,9 @@ def render(
     light = light or Light()
     plates = {plate_name(b.board.name) for b in boards}
     solids: list[Solid] = [BodySolid(b, light) for b in bodies if b.name not in plates]
-    solids += [PlateSolid(b.board, b.T_base_board, dictionary, light) for b in boards]
+    solids += [PlateSolid(b.board, b.T_base_board, dictionary, light, b.prints) for b in boards]
     solids += others
-    T_base_camera, rays = camera.T_base_camera, pixel_rays(camera)
+    T_base_camera, rays = camera.T_base_camera, pixel_rays(camera, displaced)
     visible = in_view(solids, T_base_camera, rays)
     hits = first_hits(visible, T_base_camera, rays)
     shadow = Shadow(solids, light, T_base_camera, rays, hits.depth) if light.shadow > 0.0 else None

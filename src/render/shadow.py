@@ -17,6 +17,7 @@ from render.first_hit import first_hits, in_view
 from render.light import Light
 from render.rays import Floats, PixelRays
 from render.solids import Solid
+from render.surface import sampled
 
 CELL = 2.5e-3  # m, pitch of the depth map at the points in view
 DEPTH_NOISE = 1.5e-3  # m, smaller differences of depth cast no shadow
@@ -69,21 +70,11 @@ class Shadow:
         x, y, z = (R[i, 0] * px + R[i, 1] * py + (R[i, 2] * finite + t[i]) for i in range(3))
         columns = (x / z - np.float32(self._low[0])) / np.float32(self._cell)
         rows = (y / z - np.float32(self._low[1])) / np.float32(self._cell)
-        mean, square = (_sampled(f, columns, rows) for f in (self._mean, self._square))
+        mean, square = (sampled(f, columns, rows) for f in (self._mean, self._square))
         behind = z - np.float32(self._reference) - mean - np.float32(DEPTH_NOISE)
         variance = np.maximum(square - mean * mean, np.float32(DEPTH_NOISE**2))
         hidden = np.where(behind > 0.0, behind * behind / (variance + behind * behind), np.float32(0.0))
         return np.where(np.isfinite(depth), hidden, np.float32(0.0))
-
-
-def _sampled(field: Floats, columns: Floats, rows: Floats) -> Floats:
-    """Interpolate a map. OpenCV allows at most 32767 positions a side, so long lists are passed as several rows."""
-    shape = columns.shape
-    if columns.ndim == 1:
-        padded = -len(columns) % 1024
-        columns, rows = (np.pad(f, (0, padded)).reshape(-1, 1024) for f in (columns, rows))
-    values = cv2.remap(field, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(values, dtype=np.float32).reshape(-1)[: int(np.prod(shape))].reshape(shape)
 
 
 def _some_points(T_base_camera: Array, rays: PixelRays, depth: Floats) -> Array:

@@ -9,10 +9,10 @@ from arm.se3 import Array, frozen, inverse, transform
 from render.light import Light
 from render.rays import Floats, PixelRays, bundle_in
 from render.solids import Cast
+from render.surface import Print
 from vision.markers.dictionaries import marker_modules
 from vision.targets.target import Target
 
-PAPER, INK = 235.0, 22.0
 MARGIN = 0.012  # m of white paper around the chessboard
 _BENT_STEPS = 6  # iterations for a bent plate; each reduces the error by a factor of about 20
 
@@ -26,6 +26,7 @@ class TargetSolid:
         light: the light in the cell.
         bend: bulge of its middle towards the viewer relative to the chessboard's left and right edges, m.
         true_marker: edge of the markers as printed, m; default: that of `target`.
+        how: how it was printed; where it is glued is part of `T_base_target`.
     """
 
     def __init__(
@@ -35,9 +36,11 @@ class TargetSolid:
         light: Light,
         bend: float = 0.0,
         true_marker: float | None = None,
+        how: Print | None = None,
     ) -> None:
         width, height = target.size
-        self._half = np.array([width / 2.0 + MARGIN, height / 2.0 + MARGIN])
+        self._how = how or Print()
+        self._half = self._how.scale * np.array([width / 2.0 + MARGIN, height / 2.0 + MARGIN])
         self.T_base_solid = frozen(T_base_target @ transform(t=(width / 2.0, height / 2.0, 0.0)))
         self.half_extent = np.array([*self._half, abs(bend) + 1e-4])
         self._target = target
@@ -45,7 +48,7 @@ class TargetSolid:
         self._marker = target.marker if true_marker is None else true_marker
         normal = -self.T_base_solid[:3, 2]
         lit = light.lambert(np.abs(normal @ light.towards(self.T_base_solid[:3, 3])))
-        self._levels = (np.float32(INK * lit), np.float32(PAPER * lit))
+        self._levels = (np.float32(self._how.black * lit), np.float32(self._how.white * lit))
         # all markers with their black borders, (markers, m, m), True for white
         count = 0 if target.kind == "checkerboard" else len(target.marker_squares())
         self._modules = np.array([marker_modules(target.dictionary, i) for i in range(count)])
@@ -68,13 +71,21 @@ class TargetSolid:
         met &= o[2] < 0.0  # the back is not rendered
         region = np.full(x.shape, 2, dtype=np.uint8)
         hit = np.flatnonzero(met)
-        region[hit] = self._print(x[hit], y[hit])
+        region[hit] = self._print(*self._how.designed(x[hit], y[hit]))
         grey = np.where(region == 0, *self._levels).astype(np.float32)
         depth = np.where(met, depth, np.float32(np.inf)).astype(np.float32)
         shape = rays.x.shape
         return Cast(depth.reshape(shape), grey.reshape(shape), region.reshape(shape))
 
     def _print(self, x: Floats, y: Floats) -> npt.NDArray[np.uint8]:
+        """Return the region of the print, its ink spread, at (x, y) m of the design from the chessboard's centre."""
+        region = self._design(x, y)
+        if self._how.spread:
+            white = self._how.white_at(lambda x, y: self._design(x, y) > 0, x, y)
+            region = np.where(white, region, 0).astype(np.uint8)
+        return region
+
+    def _design(self, x: Floats, y: Floats) -> npt.NDArray[np.uint8]:
         """Return the region of the print at (x, y) m from the chessboard's centre."""
         target = self._target
         column_at = x / np.float32(target.square) + np.float32(target.columns / 2.0)

@@ -15,7 +15,7 @@ from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.se3 import apply, rotation, transform
 from pictures.rendered import TABLE, board_with_cubes, grey_at
 from render.light import Light
-from render.renderer import render, with_noise
+from render.renderer import Exposure, exposed, render, with_noise
 from vision.camera.model import Camera, read_camera
 
 
@@ -141,3 +141,20 @@ def test_a_full_picture_costs_little_time_and_memory(camera: Camera) -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 400e6
+
+
+def test_an_exposure_scales_bends_and_tilts_grey_levels() -> None:
+    image = np.linspace(0.0, 255.0, 30 * 41, dtype=np.float32).reshape(30, 41)
+    assert exposed(image, Exposure()) is image
+    bright = with_noise(exposed(image, Exposure(gain=1.5)), np.random.default_rng(0), 0.0)
+    assert np.array_equal(bright, np.clip(np.rint(1.5 * image), 0, 255))
+    assert exposed(image, Exposure(gamma=0.45)) == pytest.approx(255.0 * (image / 255.0) ** 0.45, abs=1e-2)
+    tilted = exposed(np.full((31, 41), 100.0, dtype=np.float32), Exposure(gradient=(0.1, -0.2)))
+    assert [tilted[15, 0], tilted[15, 40], tilted[0, 20], tilted[30, 20]] == pytest.approx([90, 110, 120, 80])
+
+
+def test_what_is_overexposed_saturates_without_noise() -> None:
+    bright = with_noise(
+        exposed(np.full((99, 99), 235.0, np.float32), Exposure(gain=1.3)), np.random.default_rng(0)
+    )
+    assert bright.min() == 255

@@ -11,8 +11,8 @@ import numpy as np
 from arm.errors import InputError
 from cell.console import Console
 from cell.files.task import read_task
-from cell.session.connection import camera_at_start
-from cell.sim.target_photos import photograph_target, random_poses
+from cell.session.connection import camera_at_start, target_camera
+from cell.sim.target_photos import random_poses
 from cell.task.look import write_png
 from vision.camera.frame_source import Image
 from vision.targets.target import Target, read_target
@@ -53,8 +53,9 @@ def render_step(
     if seed < 0:
         raise InputError(f"--seed {seed}: must be 0 or more", seed=seed)
     target = Target() if target_file == "charuco" else read_target(Path(target_file))
-    camera, rng, wanted = task.cell.camera, np.random.default_rng(seed), count or TARGET_IMAGES
-    images = (photograph_target(camera, target, T, rng) for T in random_poses(camera, target, rng, wanted))
+    rng, wanted = np.random.default_rng(seed), count or TARGET_IMAGES
+    camera = target_camera(task, world, rng)
+    images = (camera.photograph(target, T) for T in random_poses(camera.camera, target, rng, wanted))
     return _write(images, wanted, output / "target", f" of {target.label()}", console)
 
 

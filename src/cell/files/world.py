@@ -16,6 +16,8 @@ from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, rot_z, rotation, transform
+from cell.files.world_errors import ArmKeys, BuildKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
+from render.surface import Print
 from vision.camera.model import Camera, read_camera
 
 RELEASES = ("seated", "high", "half", "rim", "aside", "pushed")
@@ -23,11 +25,21 @@ RELEASES = ("seated", "high", "half", "rim", "aside", "pushed")
 
 @dataclass(frozen=True)
 class TrueBoard:
-    """A board, its true pose, and the holes (0 to 3) that hold a cube."""
+    """A board, its true pose, and the holes (0 to 3) that hold a cube.
+
+    Attributes:
+        board: as its file says; in `cell.sim.cell.SimulatedCell`, as it was made.
+        T_base_board: true pose.
+        cubes: holes (0 to 3) that hold a cube.
+        stand: footprint of what it stands on, m; None: that of the cell file.
+        prints: how its markers were printed and glued.
+    """
 
     board: Board
     T_base_board: Array
     cubes: tuple[int, ...]
+    stand: tuple[float, float] | None = None
+    prints: tuple[Print, Print] = (Print(), Print())
 
 
 def _of_joints(unit: str, largest: float) -> Rule[Array]:
@@ -42,7 +54,7 @@ class WorldValues(Keys):
     joint_offsets: Array = key("joint_offsets_deg", _of_joints("deg", 5), [0] * 6)
 
 
-class World(WorldValues):
+class World(WorldValues, BuildKeys):
     """Ground truth of the simulated cell.
 
     Attributes:
@@ -52,6 +64,7 @@ class World(WorldValues):
         camera: true camera if it differs from the cell's, else None.
         releases: how the first cubes that are released over a hole come to rest, each one of `RELEASES`; later cubes
             are seated.
+        image, table, prints, made, arm: errors of the cell, see `cell.files.world_errors`.
     """
 
     file: Path
@@ -59,6 +72,11 @@ class World(WorldValues):
     links: LinkErrors
     camera: Camera | None
     releases: tuple[str, ...] = ()
+    image: ImageKeys
+    table: TableKeys
+    prints: PrintKeys
+    made: MadeKeys
+    arm: ArmKeys
 
 
 def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float) -> Array:
@@ -84,10 +102,11 @@ class TrueBoardKeys(Keys):
     yaw: float = key("yaw_deg", number("deg", -360, 360))
     tilt: float = key("tilt_deg", number("deg", 0, 60))
     lean_azimuth: float = key("lean_azimuth_deg", number("deg", -360, 360), 0)
+    stand: Array | None = key("stand_mm", numbers(2, "mm", 10, 1000), None)
     cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
 
 
-class WorldKeys(WorldValues):
+class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, BuildKeys, WorldValues):
     """Keys of a world file."""
 
     camera: Path | None = key("camera", path(), None)
@@ -124,6 +143,7 @@ def read_world(path: Path, marker_size: float) -> World:
             read_board_csv(board.file, marker_size),
             board_placement(board.centre, board.yaw, board.tilt, board.lean_azimuth),
             tuple(hole - 1 for hole in board.cubes),
+            None if board.stand is None else (float(board.stand[0]), float(board.stand[1])),
         )
         for board in keys.boards
     )
@@ -131,7 +151,13 @@ def read_world(path: Path, marker_size: float) -> World:
         file=path,
         boards=boards,
         **keys.values_of(WorldValues),
+        **keys.values_of(BuildKeys),
         links=LinkErrors(keys.d, keys.a, keys.alpha),
         camera=None if keys.camera is None else read_camera(keys.camera),
         releases=tuple(keys.releases),
+        image=ImageKeys(**keys.values_of(ImageKeys)),
+        table=TableKeys(**keys.values_of(TableKeys)),
+        prints=PrintKeys(**keys.values_of(PrintKeys)),
+        made=MadeKeys(**keys.values_of(MadeKeys)),
+        arm=ArmKeys(**keys.values_of(ArmKeys)),
     )

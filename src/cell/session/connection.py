@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
@@ -25,7 +26,9 @@ from vision.camera.basler_devices import read_selector
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
-    from cell.sim.cell import SimulatedCamera, SimulatedCell
+    from cell.sim.camera import SimulatedCamera
+    from cell.sim.cell import SimulatedCell
+    from cell.sim.target_photos import TargetCamera
     from driver.emulator import Emulator
 
 
@@ -220,8 +223,9 @@ def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
 
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
-    """Give a simulated cell the time of its emulated unit; return the camera that sees the unit's arm."""
+    """Give a simulated cell the time and motion of its emulated unit; return the camera that sees the unit's arm."""
     simulated.now_ms = emulator.now_ms
+    simulated.follow(emulator.last_motion)
     return _camera(simulated, emulator.counts)
 
 
@@ -235,8 +239,24 @@ def camera_at_start(task: Task, world: Path | None) -> SimulatedCamera:
     return _camera(simulated_cell(task, world), lambda: counts)
 
 
+def target_camera(task: Task, world: Path | None, rng: np.random.Generator) -> TargetCamera:
+    """The camera of the simulated cell, before which a person holds a target; ideal if there is no world file.
+
+    Raises:
+        InputError: the world file is wrong, or `world` does not exist.
+    """
+    from cell.files.world import read_world
+    from cell.sim.target_photos import TargetCamera
+
+    cell, file = task.cell, task.file.with_suffix(".world.toml")
+    if world is None and not file.exists():
+        return TargetCamera(cell.camera, None, rng)
+    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    return TargetCamera(cell.nominal_camera, truth, rng)
+
+
 def _camera(simulated: SimulatedCell, counts: Callable[[], npt.ArrayLike]) -> SimulatedCamera:
-    from cell.sim.cell import SimulatedCamera
+    from cell.sim.camera import SimulatedCamera
 
     camera = simulated.world.camera or simulated.cell.nominal_camera
     return SimulatedCamera(simulated, camera, counts, simulated.cell.dictionary)

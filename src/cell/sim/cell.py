@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, seat_depth
+from arm.former import former_names
 from arm.numerics.products import mul
 from arm.robot.dh import A465
 from arm.robot.link_errors import with_link_errors
@@ -24,11 +25,11 @@ from cell.config.cell import Cell
 from cell.files.hand_target import HandTarget
 from cell.files.world import TrueBoard, World
 from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
+from cell.sim.arm import Arrival, JointErrors
+from cell.sim.made import cube_sizes, made_board, target_print
 from cell.sim.release_faults import PUSH, T_hole_released
 from render.light import Light
-from render.renderer import PlacedBoard, render, with_noise
 from render.target import TargetSolid
-from vision.camera.model import Camera
 
 GRIP_OFFSET = 3e-3  # largest offset between jaws and cube in a grip, m
 GRIP_ANGLE = np.radians(3.0)  # largest angle between jaws and cube in a grip
@@ -45,12 +46,14 @@ class SimulatedCube:
         name: ``cube 1`` ...
         T_base_cube: pose of its centre; while held, where it was gripped.
         where: pocket, jaws, table or fallen.
+        size: true edge, m.
         T_tool_cube: pose in the tool frame while held.
     """
 
     name: str
     T_base_cube: Array
     where: str
+    size: float
     T_tool_cube: Array | None = None
 
 
@@ -98,28 +101,29 @@ class SimulatedCell:
         events: of cubes, in order.
         history: states, in order, to judge a run afterwards.
         now_ms: returns the emulated time; set by the owner of the controller.
+        arrival: returns how the arm came to where it is; see `follow`.
     """
 
     def __init__(self, cell: Cell, world: World) -> None:
         self.cell = cell
-        self.pocket = cell.boards[0].pocket  # one for all boards of a cell file
-        self.seat = seat_depth(cell.cube_size, self.pocket)
-        boards = tuple(replace(b, board=replace(b.board, pocket=self.pocket)) for b in world.boards)
+        pocket = cell.boards[0].pocket  # one for all boards of a cell file
+        boards = tuple(made_board(world, b, pocket) for b in world.boards)
         self.world = replace(world, boards=boards)
         self.in_hand: HandTarget | None = None
         self.events: list[CellEvent] = []
         self.now_ms: Callable[[], int] = lambda: 0
+        self.arrival: Callable[[], Arrival] = Arrival
+        self._joint_errors = JointErrors(world)
         self._lock = threading.RLock()
         self._robot = self.true_robot(cell.jaw_opening)
         self._opening = cell.jaw_opening
         self._faults = list(world.releases)
-        seated = T_hole_cube(cell.cube_size, self.seat)
         places = [(b, hole) for b in boards for hole in b.cubes]
         self._cubes = [
-            SimulatedCube(
-                f"cube {n}", frozen(mul(mul(b.T_base_board, b.board.T_board_hole(hole)), seated)), "pocket"
+            SimulatedCube(f"cube {n}", _seated(b, hole, size), "pocket", size)
+            for n, ((b, hole), size) in enumerate(
+                zip(places, cube_sizes(world, len(places), cell.cube_size), strict=True), start=1
             )
-            for n, (b, hole) in enumerate(places, start=1)
         ]
         self.history = [CellState(0, tuple(self._cubes), self._opening)]
 
@@ -138,13 +142,28 @@ class SimulatedCell:
         """Put a target into the gripper, with the mounting error of a person."""
         self.in_hand = hand.roughly_mounted(self.world.seed)
 
+    def follow(self, last_motion: Callable[[], tuple[int, tuple[int, ...]]]) -> None:
+        """Take arrivals from a unit; `last_motion` returns the ms of the arm's last motion and its signs in counts."""
+        senses = np.sign(self.cell.nominal_unit.counts_per_rad)
+
+        def arrival() -> Arrival:
+            time_ms, signs = last_motion()
+            return Arrival(
+                time_ms, tuple(int(sign * sense) for sign, sense in zip(signs, senses, strict=True))
+            )
+
+        self.arrival = arrival
+
     def true_robot(self, jaw_opening: float) -> Robot:
         """The true arm, jaws at an opening in m."""
         return with_link_errors(self.cell.nominal_robot(jaw_opening), A465, self.world.links)
 
     def positions(self, counts: npt.ArrayLike) -> Array:
         """True joint positions at encoder counts, (6,) rad."""
-        return self.cell.nominal_unit.positions(counts) + self.world.joint_offsets
+        read = self.cell.nominal_unit.positions(counts) + self.world.joint_offsets
+        errors = self._joint_errors
+        arrival = self.arrival() if errors.depends_on_arrival else Arrival()
+        return np.asarray(read + errors.at(read, arrival, self.now_ms()))
 
     def T_base_tool(self, counts: npt.ArrayLike) -> Array:
         """True pose of the tool at encoder counts."""
@@ -155,17 +174,19 @@ class SimulatedCell:
         if self.in_hand is None:
             return []
         T_base_flange = mul(self.T_base_tool(counts), inverse(self._robot.T_end_tool))
-        return [TargetSolid(self.in_hand.target, mul(T_base_flange, self.in_hand.T_flange_target), Light())]
+        T_base_target = mul(T_base_flange, self.in_hand.T_flange_target)
+        return [TargetSolid(self.in_hand.target, T_base_target, Light(), how=target_print(self.world))]
 
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
         """All visible bodies with the arm at `counts`."""
-        size = self.cell.cube_size
         found = list(self.cell.fixed)
         for b in self.world.boards:
             found.append(plate_body(b.board.name, b.T_base_board))
-            stand = stand_body(b.board.name, b.T_base_board, self.cell.stand_size, self.cell.table_z)
+            stand = stand_body(
+                b.board.name, b.T_base_board, b.stand or self.cell.stand_size, self.cell.table_z
+            )
             found += [stand] if stand else []
-        found += [cube_body(c.name, size, c.T_base_cube) for c in self.cubes(counts)]
+        found += [cube_body(c.name, c.size, c.T_base_cube) for c in self.cubes(counts)]
         return found + robot.bodies_at(self.positions(counts))
 
     def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
@@ -185,17 +206,18 @@ class SimulatedCell:
         return self._opening
 
     def _close(self, T_base_tool: Array, target: float) -> float:
-        on_cube = self.cell.fraction_closed(self.cell.cube_size)
-        if any(c.T_tool_cube is not None for c in self._cubes):
-            return min(target, on_cube)
-        if target < on_cube:
-            return target
+        for cube in self._cubes:
+            if cube.T_tool_cube is not None:
+                return min(target, self.cell.fraction_closed(cube.size))
         for index, cube in enumerate(self._cubes):
+            on_cube = self.cell.fraction_closed(cube.size)
+            if target < on_cube:
+                continue
             T_tool_cube = mul(inverse(T_base_tool), cube.T_base_cube)
             x, y, z = T_tool_cube[:3, 3]
-            if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > self.cell.cube_size:
+            if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > cube.size:
                 continue
-            depth = self.cell.cube_size / 2.0 - z  # of the tips below the cube's top
+            depth = cube.size / 2.0 - z  # of the tips below the cube's top
             offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
                 self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
@@ -208,62 +230,72 @@ class SimulatedCell:
                 detail += f"tips {1e3 * depth:.1f} mm below its top"
                 self._record("pushed", cube.name, cube.T_base_cube, detail)
                 return target
-        self._record("missed", "", None, "the jaws closed on nothing")
+        if target >= self.cell.fraction_closed(self.cell.cube_size):
+            self._record("missed", "", None, "the jaws closed on nothing")
         return target
 
     def _open(self, T_base_tool: Array, target: float) -> float:
         for index, cube in enumerate(self._cubes):
-            if cube.T_tool_cube is not None and target < self.cell.fraction_closed(self.cell.cube_size):
-                self._cubes[index] = self._released(cube.name, frozen(mul(T_base_tool, cube.T_tool_cube)))
+            if cube.T_tool_cube is not None and target < self.cell.fraction_closed(cube.size):
+                self._cubes[index] = self._released(cube, frozen(mul(T_base_tool, cube.T_tool_cube)))
         return target
 
-    def _released(self, name: str, T_base_cube: Array) -> SimulatedCube:
-        half = self.cell.cube_size / 2.0
+    def _released(self, cube: SimulatedCube, T_base_cube: Array) -> SimulatedCube:
+        name, half = cube.name, cube.size / 2.0
         for b in self.world.boards:
             for hole in range(len(b.board.holes)):
                 T_base_hole = mul(b.T_base_board, b.board.T_board_hole(hole))
                 T_hole_cube_now = mul(inverse(T_base_hole), T_base_cube)
                 x, y, z = T_hole_cube_now[:3, 3]
                 tilt = float(np.arccos(np.clip(T_hole_cube_now[2, 2], -1.0, 1.0)))
-                sides, capture = max(abs(x), abs(y)), (self.pocket[0] - self.cell.cube_size) / 2.0
+                sides, capture = max(abs(x), abs(y)), (b.board.pocket[0] - cube.size) / 2.0
                 if sides <= capture and tilt <= CAPTURE_TILT and abs(z - half) <= 2 * DROP:
                     quarter = np.round(np.arctan2(T_hole_cube_now[1, 0], T_hole_cube_now[0, 0]) / (np.pi / 2))
                     turned = transform(rot_z(quarter * np.pi / 2))
-                    seat = frozen(mul(mul(T_base_hole, T_hole_cube(self.cell.cube_size, self.seat)), turned))
+                    seat = frozen(mul(_seated(b, hole, cube.size), turned))
                     into = f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
                     fault = self._faults.pop(0) if self._faults else "seated"
                     if fault != "seated":
-                        return self._unseated(fault, name, T_base_cube, b, T_base_hole, into)
+                        return self._unseated(fault, cube, T_base_cube, b, T_base_hole, into)
                     self._record("placed", name, T_base_cube, into)
-                    return SimulatedCube(name, seat, "pocket")
+                    return SimulatedCube(name, seat, "pocket", cube.size)
         bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
         upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
         if upright and -1e-3 <= bottom <= DROP and not self._over_plate(T_base_cube):
             yaw = float(np.arctan2(T_base_cube[1, 0], T_base_cube[0, 0]))
             x, y = T_base_cube[:2, 3]
             self._record("set down", name, T_base_cube, f"on the table from {1e3 * bottom:.1f} mm")
-            return SimulatedCube(name, transform(rot_z(yaw), (x, y, self.cell.table_z + half)), "table")
+            return SimulatedCube(
+                name, transform(rot_z(yaw), (x, y, self.cell.table_z + half)), "table", cube.size
+            )
         self._record("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
-        return SimulatedCube(name, T_base_cube, "fallen")
+        return SimulatedCube(name, T_base_cube, "fallen", cube.size)
 
     def _unseated(
-        self, fault: str, name: str, T_base_cube: Array, board: TrueBoard, T_base_hole: Array, into: str
+        self,
+        fault: str,
+        cube: SimulatedCube,
+        T_base_cube: Array,
+        board: TrueBoard,
+        T_base_hole: Array,
+        into: str,
     ) -> SimulatedCube:
         """The cube after a release with a fault of the world file; a pushed board moves with its cubes."""
-        where = frozen(T_base_hole @ T_hole_released(fault, self.cell.cube_size, self.seat))
+        name, depth = cube.name, seat_depth(cube.size, board.board.pocket)
+        where = frozen(T_base_hole @ T_hole_released(fault, cube.size, depth))
         self._record("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)
-            for index, cube in enumerate(self._cubes):
-                T_board_cube = inverse(board.T_base_board) @ cube.T_base_cube
+            for index, other in enumerate(self._cubes):
+                T_board_cube = inverse(board.T_base_board) @ other.T_base_cube
                 on_board = np.abs(T_board_cube[:2, 3] - PLATE_CENTRE).max() < max(PLATE_SIZE) / 2.0
-                if cube.where == "pocket" and on_board:
-                    self._cubes[index] = replace(cube, T_base_cube=frozen(push @ cube.T_base_cube))
+                if other.where == "pocket" and on_board:
+                    self._cubes[index] = replace(other, T_base_cube=frozen(push @ other.T_base_cube))
             moved = replace(board, T_base_board=frozen(push @ board.T_base_board))
             boards = tuple(moved if b is board else b for b in self.world.boards)
             self.world = replace(self.world, boards=boards)
             where = frozen(push @ where)
-        return SimulatedCube(name, where, "pocket")
+        return SimulatedCube(name, where, "pocket", cube.size)
 
     def _over_plate(self, T_base_cube: Array) -> bool:
         half = np.array(PLATE_SIZE[:2]) / 2
@@ -272,6 +304,12 @@ class SimulatedCell:
 
     def _record(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
         self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
+
+
+def _seated(board: TrueBoard, hole: int, size: float) -> Array:
+    """Pose of a cube of edge `size` m that is seated in a hole."""
+    T_base_hole = mul(board.T_base_board, board.board.T_board_hole(hole))
+    return frozen(mul(T_base_hole, T_hole_cube(size, seat_depth(size, board.board.pocket))))
 
 
 def angle_to_square(R: Array) -> float:
@@ -283,32 +321,4 @@ def angle_to_square(R: Array) -> float:
     return float(np.arccos(np.clip((np.trace(mul(nearest.T, R)) - 1.0) / 2.0, -1.0, 1.0)))
 
 
-class SimulatedCamera:
-    """Render the simulated cell at the moment of each grab (`vision.camera.frame_source.FrameSource`).
-
-    A grab is one exposure: one rendering, `count` draws of noise.
-
-    Args:
-        simulated: the cell.
-        camera: the true camera.
-        counts: returns the present encoder counts of the arm.
-        dictionary: of the true markers.
-    """
-
-    def __init__(
-        self, simulated: SimulatedCell, camera: Camera, counts: Callable[[], npt.ArrayLike], dictionary: str
-    ) -> None:
-        self._simulated = simulated
-        self._camera = camera
-        self._counts = counts
-        self._dictionary = dictionary
-        self._rng = np.random.default_rng(simulated.world.seed)
-
-    def grab(self, count: int) -> list[npt.NDArray[np.uint8]]:
-        """`count` frames, (h, w) grey."""
-        simulated = self._simulated
-        boards = [PlacedBoard(b.board, b.T_base_board) for b in simulated.world.boards]
-        counts = self._counts()
-        bodies = simulated.bodies(counts, simulated.true_robot(simulated.jaw_opening))
-        clean = render(self._camera, bodies, boards, self._dictionary, others=simulated.targets(counts))
-        return [with_noise(clean, self._rng, simulated.world.noise_grey) for _ in range(count)]
+former_names(__name__, "cell.sim.camera", "SimulatedCamera")

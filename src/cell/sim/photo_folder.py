@@ -11,7 +11,8 @@ import cv2
 
 from arm.errors import ExecutionStopped, InputError
 from arm.io.temporary import TemporaryFile, mode_of_new
-from cell.sim.cell import SimulatedCamera, SimulatedCell
+from cell.sim.camera import SimulatedCamera
+from cell.sim.cell import SimulatedCell
 from driver.emulator import Emulator
 
 STILL_S = 1.0  # wall time at rest before a set is written, so that it is new for a look after a motion

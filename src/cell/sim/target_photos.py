@@ -9,6 +9,9 @@ import numpy as np
 
 from arm.errors import ImpossibleError
 from arm.se3 import Array, rot_z, rotation, transform
+from cell.files.world import World
+from cell.sim.camera import TrueCamera
+from cell.sim.made import target_print
 from render.light import Light
 from render.renderer import render, with_noise
 from render.target import TargetSolid
@@ -49,6 +52,36 @@ def photograph_target(
     )
     image = render(camera, [], [], psf_px=shot.psf_px, light=shot.light, others=[solid])
     return with_noise(image, rng, shot.noise_grey)
+
+
+class TargetCamera:
+    """The camera of a simulated cell, before which a person holds a target.
+
+    Args:
+        camera: nominal one of the cell.
+        world: ground truth of the cell, or None for an ideal camera.
+        rng: of the noise.
+
+    Attributes:
+        camera: the true one.
+    """
+
+    def __init__(self, camera: Camera, world: World | None, rng: np.random.Generator) -> None:
+        self.camera = camera if world is None or world.camera is None else world.camera
+        self._world, self._rng, self._true = (
+            world,
+            rng,
+            None if world is None else TrueCamera(self.camera, world),
+        )
+
+    def photograph(self, target: Target, T_camera_target: Array) -> Image:
+        """One image of a target at a pose, (h, w) uint8."""
+        if self._world is None or self._true is None:
+            return photograph_target(self.camera, target, T_camera_target, self._rng)
+        light, self._true.noise = Shot().light, self._rng
+        T_base_target = self.camera.T_base_camera @ T_camera_target
+        solid = TargetSolid(target, T_base_target, light, how=target_print(self._world))
+        return self._true.images(1, 0, [], [], "", [solid], light)[0]
 
 
 def target_pose(

@@ -167,6 +167,10 @@ class Emulator:
         self._catch_up()
         return self._seen[1]
 
+    def last_motion(self) -> tuple[int, tuple[int, ...]]:
+        """Return the emulated ms of the arm's last motion and the sign of each axis's, in counts; zeros before any."""
+        return self.machine.recorder.last_motion()
+
     def record(self) -> Record:
         """Return the position at every executed ms in which the arm moved, so far."""
         self._catch_up()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -110,3 +112,31 @@ def test_turns_of_a_cube_that_look_alike_count_as_none() -> None:
         small = rotation(0.1 * rng.normal(size=3))
         wanted = float(np.arccos((np.trace(small) - 1) / 2))
         assert angle_to_square(quarter @ small) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_errors_of_the_arm_move_its_tool_and_not_its_encoders(simulated: SimulatedCell) -> None:
+    """Joint errors of the world file act on true positions, by the unit's signs and at each arrival anew."""
+    backlash = replace(simulated.world.arm, backlash=np.full(6, 2e-3))
+    bad = SimulatedCell(simulated.cell, replace(simulated.world, arm=backlash))
+    motion = [100, (1, 1, 1, 1, 1, 1)]
+    bad.follow(lambda: (motion[0], motion[1]))
+    counts = tuple(int(c) for c in simulated.cell.unit.counts(simulated.cell.q_start))
+    senses = np.sign(simulated.cell.unit.counts_per_rad)
+    assert bad.positions(counts) - simulated.positions(counts) == pytest.approx(-1e-3 * senses)
+    motion[1] = (-1, -1, -1, -1, -1, -1)
+    assert bad.positions(counts) - simulated.positions(counts) == pytest.approx(1e-3 * senses)
+    assert not np.allclose(bad.T_base_tool(counts), simulated.T_base_tool(counts), atol=1e-4)
+
+
+def test_jaws_stop_at_the_true_size_of_a_cube(simulated: SimulatedCell) -> None:
+    large = SimulatedCell(
+        simulated.cell, replace(simulated.world, made=replace(simulated.world.made, cube=2e-4))
+    )
+    stops = [_jaws(cell, _over_cube(cell, 1), 0.9) for cell in (simulated, large)]
+    gripper = simulated.cell.unit.gripper
+    width = simulated.cell.gripper.width(gripper.fraction_closed(stops[1]))
+    assert large._cubes[1].size != 0.04
+    assert width == pytest.approx(large._cubes[1].size, abs=6e-5)
+    assert stops[0] != stops[1]
+    seat = large._cubes[1].T_base_cube[:3, 3] - simulated._cubes[1].T_base_cube[:3, 3]
+    assert np.linalg.norm(seat) > 1e-4  # a smaller cube sits deeper

@@ -12,7 +12,8 @@ from cell.collect.record import HandRecord
 from cell.config.cell_file import read_cell
 from cell.files.world import read_world
 from cell.session.connection import WhichCell
-from cell.sim.cell import SimulatedCamera, SimulatedCell
+from cell.sim.camera import SimulatedCamera
+from cell.sim.cell import SimulatedCell
 from vision.targets.target import TargetFinder
 
 FAST = WhichCell(speed=1.0, time_scale=100.0)

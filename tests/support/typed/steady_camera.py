@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cell.cli.start import main as a465
-from cell.sim.cell import SimulatedCamera
+from cell.sim.camera import SimulatedCamera
 
 
 class SteadyCamera(SimulatedCamera):
@@ -18,13 +18,15 @@ class SteadyCamera(SimulatedCamera):
 
     def grab(self, count: int) -> list[npt.NDArray[np.uint8]]:
         state = [*np.asarray(self._counts()), len(self._simulated.history)]
-        self._rng = np.random.default_rng([self._simulated.world.seed, *(int(n) % 2**32 for n in state)])
+        self._camera.noise = np.random.default_rng(
+            [self._simulated.world.seed, *(int(n) % 2**32 for n in state)]
+        )
         return super().grab(count)
 
 
 def main() -> None:
     """Run the command of ``sys.argv``."""
-    import cell.sim.cell
+    import cell.sim.camera
 
-    cell.sim.cell.SimulatedCamera = SteadyCamera  # type: ignore[misc]
+    cell.sim.camera.SimulatedCamera = SteadyCamera  # type: ignore[misc]
     a465()

@@ -17,7 +17,8 @@ from cell.console import Console
 from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.session.connection import Connection
-from cell.sim.cell import SimulatedCamera, SimulatedCell
+from cell.sim.camera import SimulatedCamera
+from cell.sim.cell import SimulatedCell
 from cell.task.run import TaskRun
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import Tap

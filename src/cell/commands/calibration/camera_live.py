@@ -16,10 +16,9 @@ from calib.camera.guided_capture import FIRST, Advice, GuidedViews
 from calib.camera.result import CalibrationLimits
 from calib.camera.view_selection import TargetPhoto
 from cell.console import Console
-from cell.sim.target_photos import photograph_target, target_pose
+from cell.sim.target_photos import TargetCamera, target_pose
 from cell.task.look import write_png
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, read_grey
-from vision.camera.model import Camera
 from vision.targets.target import Target, TargetFinder
 
 if TYPE_CHECKING:
@@ -38,12 +37,12 @@ class SimulatedHand:
     Args:
         camera: camera that sees the target.
         target: target that is held.
-        seed: seed of the deviations from the advice.
+        rng: of the deviations from the advice.
     """
 
-    def __init__(self, camera: Camera, target: Target, seed: int = 0) -> None:
-        self._camera, self._target = camera, target
-        self._rng = np.random.default_rng(seed)
+    def __init__(self, camera: TargetCamera, target: Target, rng: np.random.Generator) -> None:
+        self._seen_by, self._camera, self._target = camera, camera.camera, target
+        self._rng = rng
         self._taken = 0
         self._T: Array | None = None
         self.advice: Callable[[], Advice] = lambda: Advice(FIRST[0], None, False, None)
@@ -55,7 +54,7 @@ class SimulatedHand:
             if self._T is None or self._taken % 2 == 0:
                 self._T = self._place(self.advice())
             self._taken += 1
-            images.append(photograph_target(self._camera, self._target, self._T, self._rng))
+            images.append(self._seen_by.photograph(self._target, self._T))
         return images
 
     def _place(self, advice: Advice) -> Array:
@@ -84,9 +83,11 @@ def open_source(
         raise InputError("--live needs --camera SELECTOR, or --simulated TASK to try it without a camera")
     if simulated is not None:
         from cell.files.task import read_task
+        from cell.session.connection import target_camera
 
         task: Task = read_task(simulated)
-        hand = SimulatedHand(task.cell.camera, target)
+        rng = np.random.default_rng(0)
+        hand = SimulatedHand(target_camera(task, None, rng), target, rng)
         yield hand, hand
         return
     from vision.camera.basler import BaslerCamera

@@ -11,6 +11,7 @@ import numpy as np
 from arm.controller.unit import Counts
 
 _INT32 = 2**31
+_CHUNK = 4096  # samples
 
 
 @dataclass(frozen=True)
@@ -78,3 +79,17 @@ class Recorder:
             counts = np.array(self._counts, dtype=np.int64).reshape(-1, self._axes)
         time.flags.writeable = counts.flags.writeable = False
         return Record(time, counts)
+
+    def last_motion(self) -> tuple[int, tuple[int, ...]]:
+        """Return the ms of the last sample and the sign of each axis's last motion; zeros where there is none."""
+        with self._lock:
+            time_ms = self._time[-1] if self._time else 0
+            signs, end = np.zeros(self._axes, dtype=np.int64), len(self._time)
+            while end > 1 and not signs.all():  # latest samples first: mostly they suffice
+                begin = max(end - _CHUNK, 0)
+                part = self._counts[begin * self._axes : end * self._axes]
+                steps = np.sign(np.diff(np.array(part, dtype=np.int64).reshape(-1, self._axes), axis=0))
+                for axis in np.flatnonzero((signs == 0) & steps.any(axis=0)):
+                    signs[axis] = steps[np.flatnonzero(steps[:, axis])[-1], axis]
+                end = begin + 1 if begin else 0
+        return time_ms, tuple(int(s) for s in signs)

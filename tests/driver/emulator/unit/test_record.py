@@ -24,3 +24,16 @@ def test_a_record_keeps_the_newest_in_step() -> None:
     assert len(everything) == 1000
     assert everything.record().counts[5].tolist() == [5, 2**31 - 1]
     assert array("i").itemsize == 4
+
+
+def test_the_last_motion_of_every_axis_is_found_however_long_ago() -> None:
+    recorder = Recorder(3)
+    assert recorder.last_motion() == (0, (0, 0, 0))
+    at = [0, 0, 0]
+    for ms in range(1, 12001):
+        at[0] += 1 if ms < 9000 else 0
+        at[1] -= 1 if ms in (1, 2, 3, 4096) else 0
+        recorder.add(ms, tuple(at))
+    assert recorder.last_motion() == (12000, (1, -1, 0))
+    recorder.add(12001, (at[0] - 1, at[1], 0))
+    assert recorder.last_motion() == (12001, (-1, -1, 0))

@@ -1,0 +1,81 @@
+"""Keys of the world file that make the simulated cell as imperfect as a real one; by default it is ideal.
+
+`docs/simulated-cell.md` has what a real cell measures for each of them.
+"""
+
+from __future__ import annotations
+
+from arm.io.keys import Keys, key
+from arm.io.node import Rule
+from arm.io.rules import integer, number, numbers
+from arm.se3 import Array
+
+
+def _fraction(most: float = 1.0) -> Rule[float]:
+    return number("", 0, most)
+
+
+def _of_joints(largest: float) -> Rule[Array]:
+    return numbers(6, "deg", 0, largest)
+
+
+class ImageKeys(Keys):
+    """Keys of ``[image]``: the camera's motion and its images."""
+
+    sway: float = key("image.sway_px", number("px", 0, 20), 0)
+    sway_turn: float = key("image.sway_turn_deg", number("deg", 0, 1), 0)
+    drift: float = key("image.drift_px", number("px", 0, 50), 0)
+    turned: Array = key("image.turned_deg", numbers(3, "deg", -10, 10), [0] * 3)
+    corner_scatter: float = key("image.corner_scatter_px", number("px", 0, 5), 0)
+    blur: float = key("image.blur_px", number("px", 0, 10), 0.7)
+    exposure: float = key("image.exposure", number("", 0.05, 20), 1)
+    exposure_scatter: float = key("image.exposure_scatter", _fraction(), 0)
+    gamma: float = key("image.gamma", number("", 0.2, 5), 1)
+    gradient: Array = key("image.gradient", numbers(2, "", -0.9, 0.9), [0, 0])
+
+
+class TableKeys(Keys):
+    """Keys of ``[table]``: the look of the table's top."""
+
+    grain: float = key("table.grain_grey", number("grey levels", 0, 50), 0)
+    stain: float = key("table.stain_grey", number("grey levels", 0, 50), 0)
+    specks: float = key("table.specks_per_m2", number("", 0, 10000), 0)
+    scratches: float = key("table.scratches_per_m2", number("", 0, 10000), 0)
+
+
+class PrintKeys(Keys):
+    """Keys of ``[print]``: markers and calibration targets as printed and glued."""
+
+    black: float = key("print.black_grey", number("grey levels", 0, 255), 22)
+    white: float = key("print.white_grey", number("grey levels", 0, 255), 235)
+    spread: float = key("print.spread_mm", number("mm", 0, 2), 0)
+    border: float = key("print.border_mm", number("mm", 0, 2), 0)
+    print_scale: float = key("print.scale", number("", 0.9, 1.1), 1)
+    warp: float = key("print.warp_mm", number("mm", 0, 2), 0)
+    glued: float = key("print.glued_mm", number("mm", 0, 10), 0)
+    glued_turn: float = key("print.glued_deg", number("deg", 0, 10), 0)
+
+
+class MadeKeys(Keys):
+    """Keys of ``[made]``: sizes and positions of what a workshop made."""
+
+    hole: float = key("made.hole_mm", number("mm", 0, 5), 0)
+    pocket: float = key("made.pocket_mm", number("mm", 0, 1), 0)
+    cube: float = key("made.cube_mm", number("mm", 0, 1), 0)
+
+
+class ArmKeys(Keys):
+    """Keys of ``[arm]``: what the encoders do not read."""
+
+    scatter: Array = key("arm.scatter_deg", _of_joints(1), [0] * 6)
+    eccentricity: Array = key("arm.eccentricity_deg", _of_joints(1), [0] * 6)
+    sag: Array = key("arm.sag_deg", numbers(2, "deg", 0, 2), [0] * 2)
+    backlash: Array = key("arm.backlash_deg", _of_joints(2), [0] * 6)
+    warm_up: Array = key("arm.warm_up_deg", numbers(6, "deg", -2, 2), [0] * 6)
+    warm_up_s: float = key("arm.warm_up_s", number("s", 1, 1e6), 1800)
+
+
+class BuildKeys(Keys):
+    """What stays as it is from one session to the next."""
+
+    build_seed: int = key("build_seed", integer(0, 2**31 - 1), 0)

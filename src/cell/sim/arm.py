@@ -1,0 +1,67 @@
+"""Errors of a true arm that its encoders do not read, added to the positions that they read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.robot.dh import A465
+from arm.se3 import Array
+from cell.files.world import World
+
+_ECCENTRICITY, _SCATTER = 5, 6  # what a sequence of random numbers is for
+AT_REST = (0, 0, 0, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """How the arm came to where it is.
+
+    Attributes:
+        time_ms: emulated time of its last motion; 0 before any.
+        directions: sign of each joint's last motion, 0 before any.
+    """
+
+    time_ms: int = 0
+    directions: tuple[int, ...] = AT_REST
+
+
+class JointErrors:
+    """True joint positions less those that the encoders read, of one arm.
+
+    Args:
+        world: amplitudes and seeds.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._arm, self._seed = world.arm, world.seed
+        rng = np.random.default_rng([world.build_seed, _ECCENTRICITY])
+        self._phase = rng.uniform(0.0, 2.0 * np.pi, 6)
+        keys = (self._arm.scatter, self._arm.backlash)
+        self.depends_on_arrival = any(bool(np.any(values)) for values in keys)
+
+    def at(self, q: Array, arrival: Arrival, now_ms: int) -> Array:
+        """Errors (6,) rad at positions `q` (6,) rad, reached by `arrival`, at the emulated time `now_ms`.
+
+        The scatter depends on the seed and on the time of the arrival alone.
+        """
+        arm = self._arm
+        errors: Array = arm.eccentricity * np.sin(q + self._phase)
+        errors[1:3] += arm.sag * leverage(q)
+        errors += arm.warm_up * -np.expm1(-now_ms / 1e3 / arm.warm_up_s)
+        if self.depends_on_arrival:
+            errors -= 0.5 * arm.backlash * np.array(arrival.directions)
+            rng = np.random.default_rng([self._seed, _SCATTER, arrival.time_ms])
+            errors += arm.scatter * rng.standard_normal(6)
+        return errors
+
+
+def leverage(q: Array) -> Array:
+    """Gravity's lever on J2 and J3, (2,), from -1 to 1: 1 with the arm, or the forearm, stretched out level forwards.
+
+    The load is taken to be at the wrist, so the lever is its horizontal distance from the joint's axis.
+    """
+    upper, fore = A465.a[1], A465.d[3]
+    at_elbow = fore * np.sin(q[1] + q[2])
+    return np.array([(upper * np.sin(q[1]) + at_elbow) / (upper + fore), at_elbow / fore])

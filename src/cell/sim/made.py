@@ -1,0 +1,64 @@
+"""Boards, cubes and prints as a workshop made them: the world file's standard deviations, drawn once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from arm.se3 import frozen
+from cell.files.world import TrueBoard, World
+from render.surface import Print, Texture
+
+_BOARDS, _CUBES, _TARGET, _TABLE = 1, 2, 3, 4  # what a sequence of random numbers is for
+
+
+def made_board(world: World, board: TrueBoard, pocket: tuple[float, float]) -> TrueBoard:
+    """A board with its true holes, pockets (nominal mouth and floor: `pocket`, m) and prints.
+
+    What is drawn depends on `build_seed` and on the board's marker ids alone.
+    """
+    ids = board.board.marker_ids
+    rng = np.random.default_rng([world.build_seed, _BOARDS, *ids])
+    moved, wider = rng.standard_normal((len(board.board.holes), 2)), rng.standard_normal()
+    holes = board.board.holes.copy()
+    holes[:, :2] += world.made.hole * moved
+    mouth, floor = (width + world.made.pocket * wider for width in pocket)
+    prints = tuple(made_print(world, rng, (_BOARDS, *ids, number)) for number in range(2))
+    truth = replace(board.board, holes=frozen(holes), pocket=(mouth, floor))
+    return replace(board, board=truth, prints=(prints[0], prints[1]))
+
+
+def made_print(world: World, rng: np.random.Generator | None, what: tuple[int, ...]) -> Print:
+    """A print; `rng` draws how it was glued, None: it lies where it belongs. `what` tells one warp from another."""
+    prints = world.prints
+    x, y, turn = np.zeros(3) if rng is None else rng.standard_normal(3)
+    return Print(
+        black=prints.black,
+        white=prints.white,
+        spread=prints.spread,
+        border=prints.border,
+        scale=prints.print_scale,
+        shift=(float(prints.glued * x), float(prints.glued * y)),
+        turn=float(prints.glued_turn * turn),
+        warp=prints.warp,
+        seed=(world.build_seed, *what),
+    )
+
+
+def target_print(world: World) -> Print:
+    """How calibration targets were printed."""
+    return made_print(world, None, (_TARGET,))
+
+
+def cube_sizes(world: World, count: int, size: float) -> list[float]:
+    """True edges of the cubes of nominal `size`, m."""
+    rng = np.random.default_rng([world.build_seed, _CUBES])
+    return [size + world.made.cube * float(rng.standard_normal()) for _ in range(count)]
+
+
+def texture(world: World) -> Texture:
+    """Texture of the table's top."""
+    t = world.table
+    seed = int(np.random.default_rng([world.build_seed, _TABLE]).integers(2**31))
+    return Texture(t.grain, t.stain, t.specks, t.scratches, seed)

@@ -1,0 +1,61 @@
+"""What a workshop made: as scattered as the world file says, the same in every session."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.board import POCKET_FLOOR, POCKET_MOUTH
+from cell.files.world import World
+from cell.sim.made import cube_sizes, made_board, target_print, texture
+from pictures.rendered import changed, world_with
+from render.surface import Print
+
+POCKET = (POCKET_MOUTH, POCKET_FLOOR)
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> World:
+    return world_with(tmp_path, "")
+
+
+def test_without_keys_all_is_as_designed(world: World) -> None:
+    made = made_board(world, world.boards[0], POCKET)
+    assert np.array_equal(made.board.holes, world.boards[0].board.holes)
+    assert made.board.pocket == POCKET
+    plain = [replace(p, seed=(0,)) for p in (*made.prints, target_print(world))]
+    assert plain == [Print()] * 3
+    assert cube_sizes(world, 3, 0.04) == [0.04] * 3
+    assert texture(world).plain
+
+
+def test_holes_pockets_cubes_and_markers_scatter_as_stated(world: World) -> None:
+    bad = changed(
+        changed(world, "made", hole=1e-4, pocket=5e-5, cube=2e-5), "prints", glued=3e-4, glued_turn=1e-3
+    )
+    boards = [made_board(replace(bad, build_seed=seed), bad.boards[0], POCKET) for seed in range(150)]
+    holes = np.array([b.board.holes - bad.boards[0].board.holes for b in boards])
+    assert holes[..., :2].std() == pytest.approx(1e-4, rel=0.08)
+    assert not holes[..., 2].any()
+    pockets = np.array([b.board.pocket for b in boards]) - POCKET
+    assert pockets[:, 0].std() == pytest.approx(5e-5, rel=0.2)
+    assert pockets[:, 0] == pytest.approx(pockets[:, 1])
+    shifts = np.array([p.shift for b in boards for p in b.prints])
+    assert shifts.std() == pytest.approx(3e-4, rel=0.1)
+    assert np.std([p.turn for b in boards for p in b.prints]) == pytest.approx(1e-3, rel=0.15)
+    assert np.std(cube_sizes(bad, 400, 0.04)) == pytest.approx(2e-5, rel=0.12)
+
+
+def test_the_same_is_made_in_every_session(world: World) -> None:
+    bad = changed(changed(world, "made", hole=1e-4, cube=1e-4), "prints", glued=1e-4, warp=1e-4)
+    today, tomorrow = (replace(bad, seed=seed) for seed in (1, 2))
+    a, b = (made_board(w, w.boards[0], POCKET) for w in (today, tomorrow))
+    assert np.array_equal(a.board.holes, b.board.holes)
+    assert a.prints == b.prints
+    assert a.prints[0] != a.prints[1]
+    assert cube_sizes(today, 4, 0.04) == cube_sizes(tomorrow, 4, 0.04)
+    assert target_print(today) == target_print(tomorrow)
+    assert texture(today).seed == texture(tomorrow).seed != texture(replace(today, build_seed=9)).seed
