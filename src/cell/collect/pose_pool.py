@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,10 +27,11 @@ TOO_NEAR, HIDDEN = "too near something", "hidden by the arm"
 _BATCH, _MOST_BATCHES = 200, 60  # poses drawn at a time
 
 
+@dataclass(eq=False)
 class HandView:
     """Visibility of a held target. The poses of the camera and of the mount are approximate.
 
-    Args:
+    Attributes:
         robot: arm with the plate (`HandTarget.carried_by`).
         bodies: obstacles.
         limits: joint limits.
@@ -39,20 +40,18 @@ class HandView:
         clearance: smallest distance from all bodies, m.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        bodies: tuple[Body, ...],
-        limits: Limits,
-        camera: Camera,
-        hand: HandTarget,
-        clearance: float,
-    ) -> None:
-        self.robot, self.camera, self.hand = robot, camera, hand
+    robot: Robot
+    bodies: tuple[Body, ...]
+    limits: Limits
+    camera: Camera
+    hand: HandTarget
+    clearance: float
+
+    def __post_init__(self) -> None:
+        robot, limits = self.robot, self.limits
         self.lower, self.upper = limits.lower + LIMIT_MARGIN, limits.upper - LIMIT_MARGIN
-        self._clearance = clearance
-        self._T_target_tool = mul(inverse(hand.T_flange_target), robot.T_end_tool)
-        self._world = World(robot, bodies)
+        self._T_target_tool = mul(inverse(self.hand.T_flange_target), robot.T_end_tool)
+        self._world = World(robot, self.bodies)
         self._bare = replace(robot, bodies=tuple(b for b in robot.bodies if b.name != PLATE))
 
     def T_base_target(self, q: Array) -> Array:
@@ -73,7 +72,7 @@ class HandView:
 
     def obstacle(self, q: Array) -> str | None:
         """Return why a configuration with the target in view is not feasible; None if it is."""
-        if self._world.in_collision(q, self._clearance):
+        if self._world.in_collision(q, self.clearance):
             return TOO_NEAR
         return HIDDEN if self._hidden(q) else None
 

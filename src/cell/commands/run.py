@@ -204,7 +204,7 @@ def opened(
         open_cell(task, where, folder / LOG) as connection,
     ):
         control.tell = console.step
-        run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher)
+        run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher or RunObserver())
         run.homed_before, run.preload, run.write_page = where.homed, where.preload, write_page
         permitted = confirm is None
         try:

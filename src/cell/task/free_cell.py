@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from arm.errors import InputError
@@ -24,10 +25,11 @@ def before_homing(
     return confirm if kept else FreeCell(confirm, port, free, console)
 
 
+@dataclass(eq=False)
 class FreeCell:
     """Wrap an approval: also ask for a clear cell before a real arm homes, and for the boards afterwards.
 
-    Args:
+    Attributes:
         confirm: the approval that is asked first.
         port: of the arm.
         said: whether the command line has --free: the arm can home freely, and the boards are in place.
@@ -35,16 +37,11 @@ class FreeCell:
         answer: returns a typed line, or None if nobody can type; default: the terminal.
     """
 
-    def __init__(
-        self,
-        confirm: Callable[..., None],
-        port: str,
-        said: bool,
-        console: Console,
-        answer: Callable[[], str | None] | None = None,
-    ) -> None:
-        self.confirm, self.port, self.said = confirm, port, said
-        self.console, self._answer = console, answer
+    confirm: Callable[..., None]
+    port: str
+    said: bool
+    console: Console
+    answer: Callable[[], str | None] | None = None
 
     def __call__(self, run: TaskRun, *plan: Any) -> None:
         """Return only if a person confirms.
@@ -55,7 +52,7 @@ class FreeCell:
         if self.said or not may_be_real(self.port):
             self.confirm(run, *plan)
             return
-        if self._answer is None and not at_terminal():
+        if self.answer is None and not at_terminal():
             raise InputError(
                 "no terminal to confirm that the cell is clear for homing, which has no collision checks: give --free, "
                 "or --homed if the unit was homed since it was switched on",
@@ -73,4 +70,4 @@ class FreeCell:
         )
 
     def _ask(self, question: str, wanted: str) -> None:
-        require_word(self.console, question, wanted, self._answer or typed, "nothing more moves", "--free")
+        require_word(self.console, question, wanted, self.answer or typed, "nothing more moves", "--free")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -34,10 +34,11 @@ from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
 
+@dataclass(eq=False)
 class OpenRun:
     """A run of a task on an open cell: its state, and the actions that all stages share.
 
-    Args:
+    Attributes:
         task: the task.
         connection: an open cell.
         console: for progress.
@@ -48,26 +49,17 @@ class OpenRun:
         watcher: observer of plans, steps and motion.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        connection: Connection,
-        console: Console,
-        speed: float,
-        folder: Path,
-        control: Control | None = None,
-        hint: Callable[[float], str] = lambda _: "",
-        watcher: RunObserver | None = None,
-    ) -> None:
-        self.task = task
-        self.connection = connection
-        self.console = console
-        self.speed = speed
-        self.folder = folder
-        self.control = control or Control()
-        self.hint = hint
-        self.watcher = watcher or RunObserver()
-        self.watcher.begins(task, self.control)
+    task: Task
+    connection: Connection
+    console: Console
+    speed: float
+    folder: Path
+    control: Control = field(default_factory=Control)
+    hint: Callable[[float], str] = lambda _: ""
+    watcher: RunObserver = field(default_factory=RunObserver)
+
+    def __post_init__(self) -> None:
+        self.watcher.begins(self.task, self.control)
         self.rows: list[CubeRow] = []
         self.done: dict[str, str] = {}  # cube -> place
         self.on_table: dict[str, Array] = {}
@@ -87,7 +79,7 @@ class OpenRun:
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether to give advice after a refusal to plan
         self._looks = count(1)
-        self._released = ReleasedCubes(task)
+        self._released = ReleasedCubes(self.task)
 
     def introduce(self) -> None:
         """Report the task, the cell and the speed, and identify the controller."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -111,28 +111,27 @@ def execute(
     return tuple(results)
 
 
+@dataclass(eq=False)
 class _Phases:
     """Follows the moves of one motion, or one other step, and reports each when it begins.
 
     Attributes:
-        index: of the present step.
+        index: of the present step; at first that of the motion's first move.
         entered: controller clock at the beginning of each move or step.
     """
 
-    def __init__(
-        self,
-        mars: Mars,
-        steps: Sequence[Step],
-        index: int,
-        motion: Motion | None,
-        on_step: OnStep | None,
-        on_progress: OnProgress | None,
-    ) -> None:
-        self.mars, self.steps, self.first, self.index = mars, steps, index, index
-        self.moves = () if motion is None else motion.moves
-        self.starts = () if motion is None else motion.starts
-        self.on_step, self.on_progress = on_step, on_progress
-        self.entered: list[float] = []
+    mars: Mars
+    steps: Sequence[Step]
+    index: int
+    motion: Motion | None
+    on_step: OnStep | None
+    on_progress: OnProgress | None
+    entered: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.first = self.index
+        self.moves = () if self.motion is None else self.motion.moves
+        self.starts = () if self.motion is None else self.motion.starts
 
     def enter(self, index: int) -> None:
         """Begin step `index`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from arm.controller.segments import CountPath
 from arm.controller.unit import Counts
@@ -54,31 +55,27 @@ def encoded(path: CountPath, knots: Counts) -> list[str]:
     return [encode_segment(s, end) for s, end in zip(path.segments, knots[1:].tolist(), strict=True)]
 
 
+@dataclass(eq=False)
 class StreamRun:
     """One run of a stream. Counts of segments leave out dwells; `done` leaves out the segment being executed."""
 
-    def __init__(
-        self,
-        mars: Mars,
-        planned: CountPath,
-        on_progress: Callable[[Progress], None] | None,
-        options: StreamOptions,
-        control: Control,
-        slower: float = 1.0,
-    ) -> None:
-        self.mars = mars
+    mars: Mars
+    planned: CountPath
+    on_progress: Callable[[Progress], None] | None
+    options: StreamOptions
+    control: Control
+    slower: float = 1.0
+
+    def __post_init__(self) -> None:
+        mars, planned, options = self.mars, self.planned, self.options
         self.link = mars.link
-        self.planned = planned
-        self.override = control.override
+        self.override = self.control.override
         self.path = stretched(planned, self.override)
         self.knots = planned.knots()
         self.lines = encoded(self.path, self.knots)
-        self.on_progress = on_progress
-        self.options = options
-        self.control = control
         self.hold: Pause | None = None  # while paused
         self.durations = [s.duration_ms / 1e3 for s in self.path.segments]
-        self.feed = Feed(mars, options, slower)
+        self.feed = Feed(mars, options, self.slower)
         self.feed.plan(self.lines, self.durations)
         tube = None if self.link.echoes else options.tube_counts + mars.unit.rest_tolerance
         self.watch = PathWatch(planned, mars.unit.axes, options.following_counts, tube)

@@ -103,19 +103,13 @@ def advise(
     return tuple(found)
 
 
+@dataclass(eq=False)
 class _Trial:
-    def __init__(
-        self,
-        request: Request,
-        failure: Failure,
-        budget: int,
-        fits: Callable[[Request], bool] | None,
-        tell: Callable[[str], None] | None,
-    ) -> None:
-        self.request, self.failure, self.budget = request, failure, budget
-        self.fits, self.tell = fits, tell
-        # for these failures cheap checks do not show whether a change is large enough
-        self.blind = failure.kind in (NO_WAY_ACROSS, AFTER_TIMING)
+    request: Request
+    failure: Failure
+    budget: int
+    fits: Callable[[Request], bool] | None
+    tell: Callable[[str], None] | None
 
     def rank(self, some: Sequence[Family]) -> Advice | None:
         """Return the smallest change of these families that makes the task possible, within a few plans."""
@@ -174,7 +168,8 @@ class _Trial:
             return self.skipping(changes[first])
         if family.anchors:
             return self.by_halves(family, first, most)
-        if self.blind:
+        if self.failure.kind in (NO_WAY_ACROSS, AFTER_TIMING):
+            # for these failures cheap checks do not show whether a change is large enough
             return self.from_the_largest(changes, first, most)
         index: int | None = first
         for _ in range(most):

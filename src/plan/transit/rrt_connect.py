@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,24 +13,21 @@ from arm.se3 import Array
 _STEP = 2.0  # s of travel at full velocity, longest edge of a tree
 
 
+@dataclass(eq=False)
 class RrtConnect:
     """Two trees that grow towards random configurations and towards each other.
 
-    Args:
+    Attributes:
         limits: joint limits; distances are the largest travel time of a joint.
         free: returns whether a configuration has the clearance.
         clear: returns whether the straight joint line between two configurations is certified.
         rng: source of all random choices.
     """
 
-    def __init__(
-        self,
-        limits: Limits,
-        free: Callable[[Array], bool],
-        clear: Callable[[Array, Array], bool],
-        rng: np.random.Generator,
-    ) -> None:
-        self.limits, self.free, self.clear, self.rng = limits, free, clear, rng
+    limits: Limits
+    free: Callable[[Array], bool]
+    clear: Callable[[Array, Array], bool]
+    rng: np.random.Generator
 
     def search(self, start: Array, goal: Array, samples: int) -> Array | None:
         """Return way-points (m, n) from start to goal, or None after `samples` samples."""

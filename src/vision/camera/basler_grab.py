@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,27 +12,23 @@ from vision.camera.frame_order import FrameOrder
 from vision.camera.frame_source import Image
 
 
+@dataclass(eq=False)
 class FrameTaker:
     """Triggers frames of a camera one by one. Its calls may hang because pylon's may; the caller sets deadlines.
 
     Attributes:
-        last: the last frame taken.
+        device: pylon's InstantCamera, open and set to software triggers.
+        pylon: the library.
+        camera: for messages.
+        timeout: for the camera to be ready for a trigger, and for its frame to arrive, s each.
+        last: the last frame taken with this camera.
     """
 
-    def __init__(self, device: Any, pylon: Any, camera: object, timeout: float, last: FrameOrder) -> None:
-        """
-        Args:
-            device: pylon's InstantCamera, open and set to software triggers.
-            pylon: the library.
-            camera: for messages.
-            timeout: for the camera to be ready for a trigger, and for its frame to arrive, s each.
-            last: the last frame taken with this camera.
-        """
-        self.last = last
-        self._device = device
-        self._pylon = pylon
-        self._camera = camera
-        self._timeout = timeout
+    device: Any
+    pylon: Any
+    camera: object
+    timeout: float
+    last: FrameOrder
 
     def start(self) -> None:
         """Make the camera wait for triggers; drop earlier frames.
@@ -39,7 +36,7 @@ class FrameTaker:
         Raises:
             CameraError: the camera is not set to software triggers.
         """
-        nodes = self._device.GetNodeMap()
+        nodes = self.device.GetNodeMap()
         nodes.GetNode("TriggerSelector").SetValue("FrameStart")
         mode, source = (nodes.GetNode(name).GetValue() for name in ("TriggerMode", "TriggerSource"))
         if (mode, source) != ("On", "Software"):
@@ -48,11 +45,11 @@ class FrameTaker:
                 f"takes frames without triggers (TriggerMode {mode}, TriggerSource {source}), which may be older than "
                 "the look: its settings were changed since it was opened",
             )
-        self._device.StartGrabbing(self._pylon.GrabStrategy_OneByOne, self._pylon.GrabLoop_ProvidedByUser)
+        self.device.StartGrabbing(self.pylon.GrabStrategy_OneByOne, self.pylon.GrabLoop_ProvidedByUser)
 
     def stop(self) -> None:
         """Stop grabbing; drop pending frames."""
-        self._device.StopGrabbing()
+        self.device.StopGrabbing()
 
     def restart(self) -> None:
         """Restart after a damaged frame; its number is unreliable, so numbering starts again."""
@@ -66,21 +63,21 @@ class FrameTaker:
         Raises:
             CameraError: the frame is late or stale, or the camera is gone.
         """
-        device, pylon = self._device, self._pylon
-        timeout_ms = max(1, round(1e3 * self._timeout))
+        device, pylon = self.device, self.pylon
+        timeout_ms = max(1, round(1e3 * self.timeout))
         self.require_none_waiting()
         waits = device.CanWaitForFrameTriggerReady()  # the oldest cameras cannot
         if waits and not device.WaitForFrameTriggerReady(timeout_ms, pylon.TimeoutHandling_Return):
-            raise self._error("timeout", f"was not ready for a trigger within {self._timeout:g} s")
+            raise self._error("timeout", f"was not ready for a trigger within {self.timeout:g} s")
         device.ExecuteSoftwareTrigger()
         result = device.RetrieveResult(timeout_ms, pylon.TimeoutHandling_Return)
         try:
             if device.IsCameraDeviceRemoved():
-                raise removed(self._camera)
+                raise removed(self.camera)
             if not result.IsValid():
                 raise self._error(
                     "timeout",
-                    f"no frame within {self._timeout:g} s of its trigger; is the cable good, and does timeout_s exceed "
+                    f"no frame within {self.timeout:g} s of its trigger; is the cable good, and does timeout_s exceed "
                     "the exposure?",
                 )
             if not result.GrabSucceeded():
@@ -96,7 +93,7 @@ class FrameTaker:
         Raises:
             CameraError: some are.
         """
-        waiting = self._device.NumReadyBuffers.GetValue()
+        waiting = self.device.NumReadyBuffers.GetValue()
         if waiting:
             raise self._error(
                 "stale", f"sent {waiting} frame{'s' * (waiting > 1)} without a trigger", frames=waiting
@@ -114,21 +111,19 @@ class FrameTaker:
         self.last = frame
 
     def _grey(self, result: Any) -> Image:
-        if result.PixelType == self._pylon.PixelType_Mono8:
+        if result.PixelType == self.pylon.PixelType_Mono8:
             return np.asarray(result.GetArray(), dtype=np.uint8)
         import cv2
 
-        converter, form = self._pylon.ImageFormatConverter(), result.PixelType
-        mono = self._pylon.IsMono(form) and not self._pylon.IsBayer(form)
-        converter.OutputPixelFormat = (
-            self._pylon.PixelType_Mono8 if mono else self._pylon.PixelType_BGR8packed
-        )
+        converter, form = self.pylon.ImageFormatConverter(), result.PixelType
+        mono = self.pylon.IsMono(form) and not self.pylon.IsBayer(form)
+        converter.OutputPixelFormat = self.pylon.PixelType_Mono8 if mono else self.pylon.PixelType_BGR8packed
         image = np.array(converter.Convert(result).GetArray(), dtype=np.uint8)
         # OpenCV's colour weights, as for images from files; pylon's differ
         return image if mono else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
     def _error(self, reason: str, rule: str, **data: Any) -> CameraError:
-        return CameraError(self._camera, reason, rule, **data)
+        return CameraError(self.camera, reason, rule, **data)
 
 
 def removed(camera: object) -> CameraError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from driver.emulator.line.uart import Wire
 from driver.emulator.options import EmulatorOptions
@@ -12,37 +13,31 @@ from driver.line.stepped_clock import SteppedClock
 Tap = Callable[[float, bytes], bytes]  # from time, s, and bytes sent to the bytes that pass
 
 
+@dataclass(eq=False)
 class MemoryLine:
     """Carries bytes both ways, in order, with a delay of `latency_s`. The unit paces them by the baud rate (`Wire`).
 
     To the driver it is a `driver.line.port.Port`; the unit calls `read`, `reply`, `waiting` and `hang_up`.
 
-    Args:
+    Attributes:
+        url: a name for messages.
         clock: of both ends.
         latency_s: one way, as of a USB adapter or a network.
         to_unit, to_host: damage to the line, if any: called with the time and the bytes sent, returns the bytes that
             pass.
-
-    Attributes:
-        url: a name for messages.
         sent, received: all bytes that the host has sent and received, with the host's times, s.
     """
 
     url = "memory line"
 
-    def __init__(
-        self,
-        clock: SteppedClock,
-        latency_s: float = 0.0,
-        to_unit: Tap | None = None,
-        to_host: Tap | None = None,
-    ) -> None:
-        self.clock = clock
-        self.latency_s = latency_s
-        self.to_unit = to_unit
-        self.to_host = to_host
-        self.sent: list[tuple[float, bytes]] = []
-        self.received: list[tuple[float, bytes]] = []
+    clock: SteppedClock
+    latency_s: float = 0.0
+    to_unit: Tap | None = None
+    to_host: Tap | None = None
+    sent: list[tuple[float, bytes]] = field(default_factory=list)
+    received: list[tuple[float, bytes]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
         self._at_unit = bytearray()  # arrived at the unit, not yet read
         self._gone = False
         self._deliver: Callable[[bytes], None] | None = None

@@ -3,36 +3,33 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 _SLOW = 0.05  # counts, and counts/ms: an axis this close to its target and this slow has arrived
 
 
+@dataclass(eq=False)
 class AxisMove:
     """A trapezoidal move of one axis to a target, or a constant speed for a time. One `tick` per millisecond.
 
-    Args:
-        at: start, counts.
+    Attributes:
+        at: present position, counts; at first the start.
         target: end, counts, or None for a constant speed.
         speed: counts/ms; signed for a constant speed.
         acceleration: counts/ms^2.
-        duration_ms: of a constant speed; infinite: until stopped.
+        left_ms: of a constant speed; infinite: until stopped.
     """
 
-    def __init__(
-        self,
-        at: float,
-        target: float | None,
-        speed: float,
-        acceleration: float,
-        duration_ms: float = math.inf,
-    ) -> None:
-        self.at = float(at)
-        self.target = target
-        self.speed = speed
-        self.acceleration = max(acceleration, 1e-3)
-        self.left_ms = duration_ms
-        self.velocity = 0.0
-        self.done = False
+    at: float
+    target: float | None
+    speed: float
+    acceleration: float
+    left_ms: float = math.inf
+    velocity: float = 0.0
+    done: bool = False
+
+    def __post_init__(self) -> None:
+        self.at, self.acceleration = float(self.at), max(self.acceleration, 1e-3)
 
     def stop(self) -> None:
         """Brake to rest."""
