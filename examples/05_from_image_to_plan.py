@@ -9,7 +9,7 @@ from cell.commands.steps import look_step
 from cell.console import Console
 from cell.files.observation import read_observation
 from cell.files.task import read_task
-from cell.task.planning import plan_rest, reach_of
+from cell.task.planning import Rest, plan_rest, reach_of
 
 task_file = data_file("scenes/task2.toml")
 look_step(task_file, None, None, Path("runs/example-look.json"), None, Console())
@@ -24,7 +24,7 @@ print(
     "deg",
 )
 
-plan = plan_rest(task, seen, task.cell.q_start, speed=0.5, done={}, on_table={})
+plan = plan_rest(Rest(task, seen, task.cell.q_start, speed=0.5))
 if plan is not None:
     print(f"{len(list(plan.moves))} moves, {plan.duration_s:.1f} s, plan {plan.sha256[:12]}")
     print(f"smallest certified clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm")

@@ -19,7 +19,7 @@ from cell.files.task import Task, read_task
 from cell.scene.arm_shape import arm_shape
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
-from cell.task.planning import plan_rest, reach_of, require_above_table
+from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.options import clearance_words
 from vision.observation import Observation
@@ -96,7 +96,7 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
         ("hole", "choices", "best branch", "yaw", "what limits it"),
         [(h.hole, len(h.feasible()), h.best.branch, h.best.yaw, h.best.reason()) for h in table.holes],
     )
-    with explain_failure(task, seen, task.cell.q_start, task.cell.speed, advice, every_hole=True):
+    with explain_failure(Rest(task, seen, task.cell.q_start, task.cell.speed), advice, every_hole=True):
         table.require()
     return {
         "holes": [
@@ -133,11 +133,11 @@ def plan_step(
     task = read_task(task_file)
     seen = read_observation(look_file, task.cell.boards)
     require_boards(seen, task)
-    speed, q_start = planning_speed(task.cell, speed), task.cell.q_start
+    rest = Rest(task, seen, task.cell.q_start, planning_speed(task.cell, speed))
     stopped: PlanningInterrupted | None = None
     try:
-        with within(budget), explain_failure(task, seen, q_start, speed, advice):
-            plan = plan_rest(task, seen, q_start, speed, {}, {})
+        with within(budget), explain_failure(rest, advice):
+            plan = plan_rest(rest)
     except PlanningInterrupted as stop:
         stopped, plan = stop, stop.plan
     if plan is None:

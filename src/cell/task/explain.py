@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -13,11 +13,11 @@ from arm.board import plate_name
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul
 from arm.robot.shapes import Box
-from arm.se3 import Array, apply, inverse
+from arm.se3 import apply, inverse
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task
-from cell.task.planning import empty_request, hole_stations, reach_of, request_of
+from cell.task.planning import Rest, empty_request, hole_stations, reach_of, request_of
 from plan.advice.changes import Request
 from plan.advice.search import Advice, advise
 from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
@@ -28,38 +28,29 @@ _ROWS_A_PLACE, _ROWS = 3, 12  # of the table of candidates: per place, and in al
 
 
 @contextmanager
-def explain_failure(
-    task: Task,
-    observation: Observation,
-    q_from: Array,
-    speed: float,
-    wanted: bool,
-    done: Mapping[str, str] | None = None,
-    on_table: Mapping[str, Array] | None = None,
-    skip: Iterable[int] = (),
-    every_hole: bool = False,
-) -> Iterator[None]:
+def explain_failure(rest: Rest, wanted: bool, every_hole: bool = False) -> Iterator[None]:
     """Explain a refusal to plan on standard error, with advice; re-raise it with `failure` and `advice` as data.
 
     Args:
-        task, observation, q_from, speed, done, on_table, skip: see `cell.task.planning.request_of`.
+        rest: what is planned.
         wanted: whether to give advice.
         every_hole: whether all holes of the task's boards must be in reach, used or not.
     """
+    task, observation = rest.task, rest.observation
     try:
         yield
     except ImpossibleError as error:
         if "advice" not in error.data:
             if "failure" not in error.data and "holes" in error.data:
-                error.data["failure"] = out_of_reach(error, reach_of(task, observation, speed)).to_json()
+                error.data["failure"] = out_of_reach(error, reach_of(task, observation, rest.speed)).to_json()
             failure = failure_in(error)
             if failure is not None:
                 console = Console(as_json=True)  # standard error
                 print_failure(console, failure)
                 try:
-                    request = request_of(task, observation, q_from, speed, done or {}, on_table or {}, skip)
+                    request = request_of(rest)
                 except ImpossibleError:  # more cubes than reachable places: then only reach is checked
-                    request = empty_request(task, observation, q_from, speed, on_table or {})
+                    request = empty_request(rest)
                 if every_hole:
                     request = replace(request, required=hole_stations(task, observation))
                 advice = _advice(console, task, observation, request, error) if wanted else ()

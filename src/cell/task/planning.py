@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -150,18 +150,11 @@ def reachable_places(task: Task, observation: Observation, speed: float | None =
     return tuple(s for s in stations if table[s.name].ok)
 
 
-def request_of(
-    task: Task,
-    observation: Observation,
-    q_from: Array,
-    speed: float,
-    done: Mapping[str, str],
-    on_table: Mapping[str, Array],
-    skip: Iterable[int] = (),
-) -> Request:
-    """The rest of a task as a request to the planner: a transfer per cube, in the order of the holes.
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """What is left of a task after a look.
 
-    Args:
+    Attributes:
         task: the task.
         observation: boards and the occupancy of their holes, from the last look.
         q_from: configuration from which the arm starts, at rest, (6,) rad.
@@ -169,15 +162,29 @@ def request_of(
         done: present place of each moved cube, by its name.
         on_table: pose of the centre of each cube that was set down on the table, by its name.
         skip: holes of the source board (0 to 3) whose cube must stay.
+    """
+
+    task: Task
+    observation: Observation
+    q_from: Array
+    speed: float
+    done: Mapping[str, str] = field(default_factory=dict)
+    on_table: Mapping[str, Array] = field(default_factory=dict)
+    skip: Iterable[int] = ()
+
+
+def request_of(rest: Rest) -> Request:
+    """The rest of a task as a request to the planner: a transfer per cube, in the order of the holes.
 
     Raises:
         ImpossibleError: more cubes than free places, or a board was not detected.
     """
+    task, observation, done = rest.task, rest.observation, rest.done
     source = observation.board(task.from_board.name)
     if source is None:
         raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
     stations = {s.name: s for s in hole_stations(task, observation)}
-    skipped = set(skip)
+    skipped = set(rest.skip)
     picks = [
         h for h in source.holes("cube", "unsure") if h.index not in skipped and cube_name(h.name) not in done
     ]
@@ -186,7 +193,7 @@ def request_of(
     filled = set(done.values())
     target = None if task.to_board is None else observation.board(task.to_board.name)
     if task.to_board is None:
-        goals = [s for s in reachable_places(task, observation, speed) if s.name not in filled]
+        goals = [s for s in reachable_places(task, observation, rest.speed) if s.name not in filled]
     elif target is not None:
         goals = [stations[h.name] for h in target.holes("empty") if h.name not in filled]
     else:
@@ -198,8 +205,7 @@ def request_of(
         Transfer(cube_name(hole.name), stations[hole.name], goal)
         for hole, goal in zip(picks, goals, strict=False)
     )
-    request = empty_request(task, observation, q_from, speed, on_table)
-    return replace(request, transfers=tuple(transfers), places=tuple(goals[len(picks) :]))
+    return replace(empty_request(rest), transfers=tuple(transfers), places=tuple(goals[len(picks) :]))
 
 
 def _too_few(
@@ -220,13 +226,11 @@ def _too_few(
     )
 
 
-def empty_request(
-    task: Task, observation: Observation, q_from: Array, speed: float, on_table: Mapping[str, Array]
-) -> Request:
-    """A request that moves no cube; see `request_of` for the arguments."""
-    cell = task.cell
-    scene = build_scene(cell, observation, on_table)
-    return Request(scene, (), q_from, cell.unit, cell.limits, options_of(task, speed))
+def empty_request(rest: Rest) -> Request:
+    """A request that moves no cube."""
+    cell = rest.task.cell
+    scene = build_scene(cell, rest.observation, rest.on_table)
+    return Request(scene, (), rest.q_from, cell.unit, cell.limits, options_of(rest.task, rest.speed))
 
 
 def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:
@@ -254,25 +258,14 @@ def _named(task: Task) -> dict[str, Any]:
     return {"name": task.name, "kind": task.kind}
 
 
-def plan_rest(
-    task: Task,
-    observation: Observation,
-    q_from: Array,
-    speed: float,
-    done: Mapping[str, str],
-    on_table: Mapping[str, Array],
-    skip: Iterable[int] = (),
-) -> Plan | None:
-    """Plan the rest of a task from rest at `q_from`; return None if nothing is left.
-
-    For the arguments see `request_of`.
+def plan_rest(rest: Rest) -> Plan | None:
+    """Plan the rest of a task; return None if nothing is left.
 
     Raises:
         ImpossibleError: there is no plan; names the step, and the hole, joint or pair of bodies, with the margin.
     """
-    require_above_table(task, observation)
-    request = request_of(task, observation, q_from, speed, done, on_table, skip)
-    return request.plan(plan_fingerprint(task), _named(task))
+    require_above_table(rest.task, rest.observation)
+    return request_of(rest).plan(plan_fingerprint(rest.task), _named(rest.task))
 
 
 def plan_to_start(

@@ -10,6 +10,7 @@ import numpy as np
 
 from arm.errors import ExecutionStopped
 from arm.plan_file import Plan, Step
+from arm.se3 import Array
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
@@ -22,7 +23,7 @@ from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
 from cell.task.explain import explain_failure
 from cell.task.open_run import OpenRun
-from cell.task.planning import options_of, plan_rest, plan_to_start, reach_of
+from cell.task.planning import Rest, options_of, plan_rest, plan_to_start, reach_of
 from driver.execution.progress import StreamOptions
 from plan.pick_place.recovery import plan_retreat
 from vision.observation import Observation
@@ -39,10 +40,7 @@ class TaskRun(OpenRun):
             ImpossibleError: names each hole that is not, and by how much.
         """
         table = reach_of(self.task, observation, self.speed)
-        q_start, rest = self.task.cell.q_start, (self.done, self.on_table, self.given_up)
-        with explain_failure(
-            self.task, observation, q_start, self.speed, self.advice, *rest, every_hole=True
-        ):
+        with explain_failure(self._rest(observation, self.task.cell.q_start), self.advice, every_hole=True):
             table.require()
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
@@ -57,12 +55,8 @@ class TaskRun(OpenRun):
             ImpossibleError: names step, hole, joint or pair of bodies and how much.
         """
         self.check_reach(observation)
-        q_start = self.task.cell.q_start
-        explaining = explain_failure(
-            self.task, observation, q_start, self.speed, self.advice, every_hole=True
-        )
-        with self.console.doing("planning"), explaining, spending(self.budget):
-            plan = plan_rest(self.task, observation, q_start, self.speed, {}, {})
+        rest = Rest(self.task, observation, self.task.cell.q_start, self.speed)
+        plan = self._planned(rest, every_hole=True)
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
@@ -89,11 +83,16 @@ class TaskRun(OpenRun):
             observation, again = self.follow(plan, observation)
             plan = self._plan_rest(observation) if again else None
 
-    def _plan_rest(self, observation: Observation) -> Plan | None:
-        q_now, rest = self.q_now(), (self.done, self.on_table, self.given_up)
-        explaining = explain_failure(self.task, observation, q_now, self.speed, self.advice, *rest)
+    def _rest(self, observation: Observation, q_from: Array) -> Rest:
+        return Rest(self.task, observation, q_from, self.speed, self.done, self.on_table, self.given_up)
+
+    def _planned(self, rest: Rest, every_hole: bool = False) -> Plan | None:
+        explaining = explain_failure(rest, self.advice, every_hole)
         with self.console.doing("planning"), explaining, spending(self.budget):
-            plan = plan_rest(self.task, observation, q_now, self.speed, *rest)
+            return plan_rest(rest)
+
+    def _plan_rest(self, observation: Observation) -> Plan | None:
+        plan = self._planned(self._rest(observation, self.q_now()))
         if plan is None:
             return None
         cubes = plan.task["cubes"]

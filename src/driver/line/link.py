@@ -144,7 +144,7 @@ class Link(PortLink):
                 for key in left:
                     self.send(f"{key}?")
                 try:
-                    self._stamp_round(ANSWER_S, found)
+                    self._stamp_round(found)
                     break
                 except NoAnswer:  # the stamp was lost on the line, perhaps with some answers
                     if attempt == ASKS:
@@ -152,13 +152,12 @@ class Link(PortLink):
                 left = [key for key in left if found[key] is None]
         return found
 
-    def synchronise(self, timeout: float = ANSWER_S, attempts: int = 1) -> None:
+    def synchronise(self, attempts: int = 1) -> None:
         """Wait for the answer to a new stamp. The unit has then parsed every line sent before it.
 
         No answer to an earlier line can come afterwards.
 
         Args:
-            timeout: of each attempt, controller seconds.
             attempts: how many stamps to try. More than one only where noise is expected (power-up, after a stop).
 
         Raises:
@@ -167,7 +166,7 @@ class Link(PortLink):
         """
         for attempt in range(1, attempts + 1):
             try:
-                self._stamp_round(timeout, {})
+                self._stamp_round({})
                 return
             except NoAnswer:
                 if attempt == attempts:
@@ -189,8 +188,8 @@ class Link(PortLink):
         """Line of the latest stamp."""
         return encode("STAMP", self._stamp)
 
-    def _stamp_round(self, timeout: float, found: dict[str, str | None]) -> None:
+    def _stamp_round(self, found: dict[str, str | None]) -> None:
         self.stamp()
-        self.await_answer("STAMP", timeout, str(self._stamp), found)
+        self.await_answer("STAMP", ANSWER_S, str(self._stamp), found)
         if self.echoes and not self.echo.strict:
             self.echo.resume()

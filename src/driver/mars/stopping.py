@@ -168,7 +168,7 @@ def _send_stop(link: Link, again: bool) -> None:
         return
 
 
-def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> RestState:
+def bring_to_rest(link: Link, axes: Sequence[str]) -> RestState:
     """Send STOP at once, and repeat it until it is echoed and the arm is at rest.
 
     Never raises for a failing link nor for a second interrupt: the note says what is not known. The arm stays powered
@@ -177,12 +177,11 @@ def bring_to_rest(link: Link, axes: Sequence[str], timeout: float = STOP_S) -> R
     Args:
         axes: of the coordinated group. Empty if the group is not formed yet: then only the status is watched. If the
             unit no longer answers for the group (it was switched off and on), each axis is asked.
-        timeout: controller seconds after which to report that the arm did not come to rest.
     """
     stopping = _Stopping(link, axes)
     try:
         _send_stop(link, again=False)
-        return stopping.run(timeout)
+        return stopping.run()
     except ExecutionStopped as error:  # LinkLost, a log that cannot be written
         return RestState(False, stopping.counts, stopping.status, str(error))
     except KeyboardInterrupt:
@@ -211,9 +210,9 @@ class _Stopping:
         self._before: tuple[int, ...] | None = None  # position of the previous poll
         self._rest_polls = 0
 
-    def run(self, timeout: float) -> RestState:
+    def run(self) -> RestState:
         link, now = self.link, self.link.clock.now()
-        deadline, silent_at = link.deadline(timeout), link.deadline(SILENT_S)
+        deadline, silent_at = link.deadline(STOP_S), link.deadline(SILENT_S)
         repeat_at, poll_at, poll_s = now + REPEAT_S, now, POLL_S
         while (now := link.clock.now()) < deadline and (self._heard or now < silent_at):
             if now >= poll_at:
@@ -238,7 +237,7 @@ class _Stopping:
             elif reply is not None:
                 self._take(reply)
         why = (
-            f"still moving or busy {timeout:g} s after STOP"
+            f"still moving or busy {STOP_S:g} s after STOP"
             if self._heard
             else f"{link.url}: no answer within {SILENT_S:g} s after STOP"
         )

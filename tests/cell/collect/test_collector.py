@@ -19,6 +19,7 @@ import cell.session.connection
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.se3 import angle_between
+from calib.hand_eye.calibrate import HAND_EYE_LIMITS
 from calib.recordings.arm import read_arm_recording, recording_json
 from cell.collect.collector import SAME_POSE, CollectOptions, not_taken
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
@@ -243,9 +244,9 @@ def test_the_estimator_gets_all_that_a_collection_was_asked_for(
     command = ("calibrate", "hand-eye", small.file, "--collect", task, "--poses", "8", "--limit-mm", "0.7")
     a465(*command, "-o", output, *step)
     a465(*command, "-o", output, "--apply")
-    (with_step, without) = asked
-    assert with_step[3].held_out == pytest.approx(0.7e-3)
-    assert with_step[4] == pytest.approx(np.radians(0.5))
-    assert (with_step[2].cell, with_step[2].apply) == (task.parent / "cell.toml", False)
-    assert without[4] is None
-    assert (without[2].cell, without[2].apply) == (task.parent / "cell.toml", True)
+    with_step, without = (given[2] for given in asked)
+    assert with_step.limits(HAND_EYE_LIMITS).held_out == pytest.approx(0.7e-3)
+    assert with_step.encoder_step() == pytest.approx(np.radians(0.5))
+    assert (with_step.cell, with_step.apply) == (task.parent / "cell.toml", False)
+    assert without.encoder_step() is None
+    assert (without.cell, without.apply) == (task.parent / "cell.toml", True)

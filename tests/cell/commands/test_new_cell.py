@@ -27,7 +27,7 @@ from cell.files.hand_target import read_hand_target
 from cell.files.key_texts import declared_keys
 from cell.files.task import read_task
 from cell.files.world import read_world
-from cell.task.planning import plan_rest
+from cell.task.planning import Rest, plan_rest
 from tasks.true_look import true_look
 from typed.command_line import a465, refused, replace_in
 from typed.doc_commands import ROOT
@@ -78,7 +78,7 @@ def test_the_target_is_the_shipped_one(written: dict[str, Path]) -> None:
 def test_its_tasks_plan(written: dict[str, Path], unit: str, name: str) -> None:
     replace_in(written[unit] / f"{name}.toml", 'order = "free"', 'order = "given"')
     task = read_task(written[unit] / f"{name}.toml")
-    plan = plan_rest(task, true_look(task), task.cell.q_start, task.cell.speed, {}, {}, skip=(0, 1, 3))
+    plan = plan_rest(Rest(task, true_look(task), task.cell.q_start, task.cell.speed, skip=(0, 1, 3)))
     assert plan is not None
     assert plan.unit == unit
     assert [cube["from"] for cube in plan.task["cubes"]] == ["01-02/3"]

@@ -20,7 +20,7 @@ from cell.export.urdf import describe
 from cell.files.observation import read_observation
 from cell.files.task import read_task
 from cell.task.plan_matches import replayed
-from cell.task.planning import options_of, plan_rest, reach_of
+from cell.task.planning import Rest, options_of, plan_rest, reach_of
 from driver.mars.startup import gripper_lines
 from typed.command_line import a465, replace_in
 
@@ -62,7 +62,7 @@ def test_a_task_is_planned_checked_and_described_with_another_gripper(scenes: Pa
     cell, seen = task.cell, read_observation(scenes / "look.json", task.cell.boards)
     assert cell.gripper.width(options_of(task, 0.5).fraction_closed) == pytest.approx(0.02)
     assert all(hole.ok for hole in reach_of(task, seen).holes)
-    plan = plan_rest(task, seen, cell.q_start, 0.5, {}, {})
+    plan = plan_rest(Rest(task, seen, cell.q_start, 0.5))
     assert plan is not None
     moves = replayed(task, plan)
     assert len(moves) == len(list(plan.moves))

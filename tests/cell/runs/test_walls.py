@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cell.files.task import read_task
 from cell.scene.build import build_scene
-from cell.task.planning import plan_rest
+from cell.task.planning import Rest, plan_rest
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
@@ -19,7 +19,7 @@ def test_a_wall_in_the_way_is_gone_around(scenes: Path) -> None:
     free = read_task(scenes / "task2.toml")
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALL)
     walled = read_task(scenes / "task2.toml")
-    plans = [plan_rest(t, true_look(t), t.cell.q_start, 0.5, {}, {}) for t in (free, walled)]
+    plans = [plan_rest(Rest(t, true_look(t), t.cell.q_start, 0.5)) for t in (free, walled)]
     assert plans[0] is not None
     assert plans[1] is not None
     world = World(walled.cell.robot(), build_scene(walled.cell, true_look(walled)).bodies)

@@ -16,7 +16,7 @@ from cell.files.task import Task, read_task
 from cell.session.connection import WhichCell
 from cell.session.overview import overview
 from cell.session.speed import LEAST_SPEED, override_of, planning_speed, tool_words
-from cell.task.planning import plan_rest
+from cell.task.planning import Rest, plan_rest
 from tasks.true_look import true_look
 
 WRONG = (1e-300, 0.0, -0.5, LEAST_SPEED / 2.0, 1.5, float("nan"), float("inf"))
@@ -31,7 +31,7 @@ def task() -> Task:
 def plans(task: Task) -> dict[float, Plan]:
     """One cube at two speeds."""
     one = true_look(task).with_states(dict.fromkeys(("01-02/2", "01-02/3", "01-02/4"), "empty"))
-    made = {s: plan_rest(task, one, task.cell.q_start, s, {}, {}) for s in (0.5, 0.1)}
+    made = {s: plan_rest(Rest(task, one, task.cell.q_start, s)) for s in (0.5, 0.1)}
     return {s: plan for s, plan in made.items() if plan is not None}
 
 

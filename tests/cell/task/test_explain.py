@@ -16,7 +16,7 @@ from cell.console import Console
 from cell.files.observation import read_observation
 from cell.files.task import read_task
 from cell.task.explain import _may_stand
-from cell.task.planning import request_of
+from cell.task.planning import Rest, request_of
 from plan.advice.changes import MoveBodies, groups_of
 
 SLAB = """
@@ -110,7 +110,7 @@ def test_holes_out_of_reach_are_explained_by_reach_alone(
 def test_a_board_may_stand_in_the_zone_where_the_camera_sees_its_markers(scenes: Path) -> None:
     task = read_task(scenes / "task2.toml")
     seen = read_observation(scenes / "look.json", task.boards)
-    request = request_of(task, seen, task.cell.q_start, 0.5, {}, {})
+    request = request_of(Rest(task, seen, task.cell.q_start, 0.5))
     group = groups_of(request.scene, request.stations())["board 01-02"]
 
     def may(*by: float) -> bool:

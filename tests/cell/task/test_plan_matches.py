@@ -29,7 +29,7 @@ from cell.task.plan_matches import (
     require_scene,
     require_start_at,
 )
-from cell.task.planning import plan_rest
+from cell.task.planning import Rest, plan_rest
 from plan.collision.certificate import ClearanceCertificate
 from plan.scene import scene_from_json
 from plan.verify import ReplayedMove
@@ -206,7 +206,7 @@ def test_the_refusal_of_a_line_says_less_clearance_where_boards_may_move_more(
 ) -> None:
     wide = replace(task, cell=replace(task.cell, moved=0.0045))
     with pytest.raises(A465Error, match=r"required: 5 mm"):
-        plan_rest(wide, seen, wide.cell.q_start, 0.5, {}, {})
+        plan_rest(Rest(wide, seen, wide.cell.q_start, 0.5))
 
 
 @pytest.mark.parametrize(("planned", "found"), [("cube", "empty"), ("empty", "cube")])

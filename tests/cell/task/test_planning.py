@@ -14,6 +14,7 @@ from arm.plan_file import Plan
 from cell.files.task import TablePlaces, Task, read_task
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
+    Rest,
     plan_rest,
     reach_of,
     reachable_places,
@@ -28,7 +29,7 @@ from vision.occupancy.classify import FAINT, OTHER, Occupancy
 
 
 def _request(task: Task, seen: Observation) -> Request:
-    return request_of(task, seen, task.cell.q_start, 0.5, {}, {})
+    return request_of(Rest(task, seen, task.cell.q_start, 0.5))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_reach_and_plan_name_the_same_best_branches(task2: Task, speed: float) -
     """Same table, same ranking, whatever the speed: joints keep up with lines or do not."""
     seen = true_look(task2)
     told = reach_of(task2, seen, speed)
-    request = request_of(task2, seen, task2.cell.q_start, speed, {}, {})
+    request = request_of(Rest(task2, seen, task2.cell.q_start, speed))
     for hole in request.planner().reach(request.stations()).holes:
         mine = told[hole.hole]
         assert [(c.yaw, c.branch, c.margin, c.ok) for c in hole.choices] == [
@@ -83,7 +84,7 @@ def test_holes_below_the_table_are_told(task2: Task) -> None:
     with pytest.raises(
         ImpossibleError, match=r"below the table's top, .* by 12.3 mm.*table.top_z_mm = "
     ) as caught:
-        plan_rest(high, seen, high.cell.q_start, 0.5, {}, {})
+        plan_rest(Rest(high, seen, high.cell.q_start, 0.5))
     assert max(caught.value.data["below_mm"].values()) == pytest.approx(12.3)
 
 

@@ -8,7 +8,7 @@ from arm.plan_file import Plan
 from arm.se3 import Array, frozen
 from cell.files.task import Task
 from cell.scene.build import T_base_cube_on_table
-from cell.task.planning import plan_rest
+from cell.task.planning import Rest, plan_rest
 from tasks.true_look import true_look
 from vision.observation import Observation
 
@@ -19,7 +19,7 @@ def planned(
     """The plan of what is left from q_start, and where each cube goes in it."""
     done = done or {}
     on_table = {f"cube {place}": T_base_cube_on_table(task, place) for place in done.values()}
-    plan = plan_rest(task, seen or true_look(task), task.cell.q_start, 0.5, done, on_table)
+    plan = plan_rest(Rest(task, seen or true_look(task), task.cell.q_start, 0.5, done, on_table))
     assert plan is not None
     return plan, {c["cube"]: c["to"] for c in plan.task["cubes"]}
 

@@ -105,7 +105,7 @@ def camera_step(
         CalibrationRefused: nothing could be computed.
     """
     limits, work, hold = options.limits(), options.work(), options.held()
-    output, results = options.output, options.results((options.target,))
+    output, options = options.output, options.checked((options.target,))
     target = read_target(options.target) if options.target is not None else Target()
     if live:
         from cell.commands.calibration.camera_live import open_source, take_views
@@ -118,7 +118,7 @@ def camera_step(
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits)
     print_lens(calibration, console)
-    results.write_report(lambda: lens_page(calibration, images.name), console)
+    options.write_report(lambda: lens_page(calibration, images.name), console)
     if output is not None and calibration.accepted:
         write_lens(output, calibration)
         console.say(f"written: {output}")

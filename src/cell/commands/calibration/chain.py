@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -27,7 +28,6 @@ from cell.commands.calibration.options import (
     OUTPUT,
     REPORT,
     ResultOptions,
-    Results,
     checked_limit,
     option_error,
 )
@@ -57,9 +57,19 @@ class ChainOptions(ResultOptions):
 
     Attributes:
         encoder_step_deg: encoder resolution; None: estimated from the readings.
+        cell: cell file of the calibrated arm; None: unknown.
+        apply: whether an accepted calibration is entered in the cell file.
     """
 
     encoder_step_deg: float | None = None
+    cell: Path | None = None
+    apply: bool = False
+
+    def checked_all(self, inputs: Sequence[Path]) -> Self:
+        """Check all options, and return them with the name of the report; see `ResultOptions.checked`."""
+        self.limits(HAND_EYE_LIMITS)
+        self.encoder_step()
+        return self.checked(inputs, MARKS)
 
     def limits(self, usual: ChainLimits) -> ChainLimits:
         """Return the limits of the verdict.
@@ -90,24 +100,22 @@ def kinematic_step(data: Path, options: ChainOptions, console: Console) -> dict[
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, step, results = (
-        options.limits(NAO_LIMITS),
-        options.encoder_step(),
-        options.results((data,), MARKS),
-    )
+    options = options.checked_all((data,))
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
     images = [of for number in range(len(SIDES)) if len(of := np.flatnonzero(recording.side == number))]
-    calibration, test = _tested(calibrate_nao(recording, limits, step), console)
+    calibration, test = _tested(
+        calibrate_nao(recording, options.limits(NAO_LIMITS), options.encoder_step()), console
+    )
     result = kinematic_json(calibration, _ALL.si(), images) | _test_json(test)
     tables = kinematic_tables(calibration, _ALL.si())
     print_chain(calibration, tables, console, images)
-    results.write_report(
+    options.write_report(
         lambda: chain_page("Camera and legs of a NAO", data.name, calibration, tables, test, images), console
     )
-    if results.output is not None and calibration.accepted:
-        write_atomic(results.output, json.dumps(result, indent=2, allow_nan=False) + "\n")
-        console.say(f"written: {results.output}")
+    if options.output is not None and calibration.accepted:
+        write_atomic(options.output, json.dumps(result, indent=2, allow_nan=False) + "\n")
+        console.say(f"written: {options.output}")
     return result
 
 
@@ -118,12 +126,8 @@ def hand_eye_step(data: Path, options: ChainOptions, console: Console) -> dict[s
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    limits, step, results = (
-        options.limits(HAND_EYE_LIMITS),
-        options.encoder_step(),
-        options.results((data,), MARKS),
-    )
-    return solve_hand_eye(data, read_arm_recording(data), results, limits, step, console)
+    options = options.checked_all((data,))
+    return solve_hand_eye(data, read_arm_recording(data), options, console)
 
 
 def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, SelfTest | None]:
@@ -146,22 +150,14 @@ def _test_json(test: SelfTest | None) -> dict[str, Any]:
 
 
 def solve_hand_eye(
-    data: Path,
-    recording: ArmRecording,
-    results: Results,
-    limits: ChainLimits,
-    encoder_step: float | None,
-    console: Console,
-    pool: Array | None = None,
+    data: Path, recording: ArmRecording, options: ChainOptions, console: Console, pool: Array | None = None
 ) -> dict[str, Any]:
     """Calibrate from a recording, print the results and write them.
 
     Args:
         data: file of the recording.
         recording: its content.
-        results: files to write.
-        limits: limits of the verdict.
-        encoder_step: encoder resolution, rad; None: estimated from the readings.
+        options: checked ones.
         console: output.
         pool: readings (n, joints), rad, from which further poses are proposed; None: any near the recorded ones.
 
@@ -170,15 +166,15 @@ def solve_hand_eye(
         CalibrationRefused: nothing could be computed.
     """
     console.step(f"fit: {len(recording.joints)} poses of {recording.kind} ({len(recording.points)} points)")
-    found = calibrate_hand_eye(recording, limits, encoder_step)
+    found = calibrate_hand_eye(recording, options.limits(HAND_EYE_LIMITS), options.encoder_step())
     chain, test = _tested(found.chain, console)
     found = replace(found, chain=chain)
     more = next_poses(found, pool=pool)
     result = hand_eye_json(found, more) | _test_json(test)
     print_hand_eye(found, console, more)
     tables = hand_eye_tables(found)
-    results.write_report(lambda: chain_page("Camera and arm", data.name, chain, tables, test), console)
-    output = results.output
+    options.write_report(lambda: chain_page("Camera and arm", data.name, chain, tables, test), console)
+    output = options.output
     if output is None:
         if found.chain.accepted:
             console.say("no calibration file was written; give -o FILE to write one")
@@ -188,10 +184,10 @@ def solve_hand_eye(
         write_arm_calibration(output, calibration)
         result["id"] = calibration.id
         console.say(f"written: {output} ({calibration.id})")
-        if results.cell is not None and results.apply:
-            console.say(f"{results.cell} now has: {apply_calibration(results.cell, output)}")
+        if options.cell is not None and options.apply:
+            console.say(f"{options.cell} now has: {apply_calibration(options.cell, output)}")
         else:
-            console.say(_how_to_use(output, recording, results.cell))
+            console.say(_how_to_use(output, recording, options.cell))
     return result
 
 

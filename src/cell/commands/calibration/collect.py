@@ -11,10 +11,9 @@ import numpy as np
 from arm.errors import ExecutionStopped, InputError
 from arm.io.storage import keep_apart
 from arm.se3 import Array
-from calib.hand_eye.calibrate import HAND_EYE_LIMITS
 from cell.collect.collector import Choice, CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
-from cell.commands.calibration.chain import MARKS, ChainOptions, solve_hand_eye
+from cell.commands.calibration.chain import ChainOptions, solve_hand_eye
 from cell.commands.run import Confirm, opened
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
@@ -63,7 +62,7 @@ def collect_step(
         ExecutionStopped: motion stopped; the same command continues the recording.
         CalibrationRefused: nothing could be computed.
     """
-    recording, limits, encoder_step = files.recording, options.limits(HAND_EYE_LIMITS), options.encoder_step()
+    recording = files.recording
     task = read_task(files.task, lambda why: console.step(f"started without the cell's calibration: {why}"))
     hand = read_hand_target(files.target)
     if files.apply and options.output is None:
@@ -75,7 +74,7 @@ def collect_step(
     world = where.world or task.file.with_suffix(".world.toml")
     read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
     keep_apart(recording, *read)
-    results = replace(options.results((recording, *read), MARKS), cell=task.cell.file, apply=files.apply)
+    options = replace(options.checked_all((recording, *read)), cell=task.cell.file, apply=files.apply)
     record = HandRecord(recording, task.cell, hand)
     folder, pool = None, None
     if len(record) < poses.poses:
@@ -83,8 +82,7 @@ def collect_step(
     else:
         console.step(f"{recording}: has {len(record)} poses already, so nothing moves")
     with console.doing("calibrating"):
-        found = record.recording()
-        result = solve_hand_eye(recording, found, results, limits, encoder_step, console, pool)
+        result = solve_hand_eye(recording, record.recording(), options, console, pool)
     return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}
 
 

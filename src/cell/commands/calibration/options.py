@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -40,35 +41,12 @@ def checked_limit(limit_mm: float) -> float:
 
 
 @dataclass(frozen=True)
-class Results:
-    """Files that a calibration writes.
-
-    Attributes:
-        output: calibration file, written if it is accepted; None: not written.
-        report: HTML report; None: not written.
-        cell: cell file of the calibrated arm; None: unknown.
-        apply: whether an accepted calibration is entered in the cell file.
-    """
-
-    output: Path | None = None
-    report: Path | None = None
-    cell: Path | None = None
-    apply: bool = False
-
-    def write_report(self, page: Callable[[], str], console: Console) -> None:
-        """Write the report, if any, and print its name."""
-        if self.report is not None:
-            write_atomic(self.report, page())
-            console.say(f"report: {self.report}")
-
-
-@dataclass(frozen=True)
 class ResultOptions:
     """Options of every calibration.
 
     Attributes:
         output: calibration file, written if it is accepted; None: not written.
-        report: HTML report; None: beside `output`.
+        report: HTML report; None: beside `output`, if that is given.
         limit_mm: largest accepted error; None: the default of the calibration.
     """
 
@@ -76,10 +54,16 @@ class ResultOptions:
     report: Path | None = None
     limit_mm: float | None = None
 
-    def results(
+    def write_report(self, page: Callable[[], str], console: Console) -> None:
+        """Write the report, if any, and print its name."""
+        if self.report is not None:
+            write_atomic(self.report, page())
+            console.say(f"report: {self.report}")
+
+    def checked(
         self, inputs: Sequence[Path | None], marks: Mapping[str, Sequence[bytes]] | None = None
-    ) -> Results:
-        """Return the files to write.
+    ) -> Self:
+        """Return the options with the name of the report.
 
         Call this before the calibration, which takes long: it checks that the files can be written.
 
@@ -113,7 +97,7 @@ class ResultOptions:
         if len({path.resolve() for _, path in outputs}) < len(outputs):
             rule = "is also the name of the report; give -o and --report different names"
             raise _file_error(*outputs[0], rule)
-        return Results(output, report)
+        return replace(self, report=report)
 
 
 def _require_name(option: str, path: Path) -> None:

@@ -22,7 +22,6 @@ from calib.nao.chain import NaoUnknowns
 from calib.recordings.arm import ArmRecording, recording_json
 from cell.commands.calibration import chain as calibratechain
 from cell.commands.calibration.chain import ChainOptions, hand_eye_step, kinematic_step, solve_hand_eye
-from cell.commands.calibration.options import Results
 from recorded.arm_sets import LENS, NOMINAL, TARGETS, Truth, recorded, wide
 from recorded.faults import larger
 from recorded.found_chains import MORE, nao_named, refused
@@ -280,14 +279,7 @@ def test_a_cell_that_is_known_gets_the_name_from_where_it_is(
     cell, output = tmp_path / "cells" / "cell.toml", tmp_path / "out" / "c.toml"
     cell.parent.mkdir()
     heard = Heard()
-    solve_hand_eye(
-        data,
-        found.recording,
-        Results(output, cell=cell),
-        HAND_EYE_LIMITS,
-        None,
-        heard,
-    )
+    solve_hand_eye(data, found.recording, ChainOptions(output, cell=cell), heard)
     assert heard.told[-1] == f'to use it, add to {cell}: calibration = "../out/c.toml"'
 
 
@@ -328,7 +320,7 @@ def test_more_poses_are_advised_of_those_where_the_arm_may_go(
     monkeypatch.setattr(calibratechain, "next_poses", noted)
     pool = np.zeros((3, 6))
     for given in (None, pool):
-        solve_hand_eye(data, found.recording, Results(None, None), HAND_EYE_LIMITS, None, Heard(), pool=given)
+        solve_hand_eye(data, found.recording, ChainOptions(), Heard(), pool=given)
     assert pools == [None, pool]
 
 
