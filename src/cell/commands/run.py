@@ -237,11 +237,7 @@ def _interrupted(mars: Mars, permitted: bool) -> ExecutionStopped:
         )
     if not mars.link.identified:
         return ExecutionStopped("interrupted before anything was sent; nothing moved", reason="interrupted")
-    state = mars.stop()
-    where = state.describe(mars.unit)
-    return ExecutionStopped(
-        f"interrupted between motions; {where}", state=state.to_json(), reason="interrupted"
-    )
+    return mars.stop().error("interrupted between motions", mars.unit, reason="interrupted")
 
 
 def _with_state(run: TaskRun, error: A465Error) -> A465Error:
@@ -254,10 +250,7 @@ def _with_state(run: TaskRun, error: A465Error) -> A465Error:
         or not (stopped or (run.homed and isinstance(error, InputError)))
     ):
         return error
-    state = mars.stop()
-    return ExecutionStopped(
-        f"{error}; {state.describe(mars.unit)}", **{**error.data, "state": state.to_json()}
-    )
+    return mars.stop().error(str(error), mars.unit, **error.data)
 
 
 def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:

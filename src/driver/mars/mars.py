@@ -366,18 +366,12 @@ class Mars:
         try:
             yield
         except ExecutionStopped as error:
-            state = self.stop()
-            data = {**error.data, "state": state.to_json()}
-            raise ExecutionStopped(f"{what}: {error}; {state.describe(self.unit)}", **data) from error
+            raise self.stop().error(f"{what}: {error}", self.unit, **error.data) from error
         except KeyboardInterrupt:
             caught()
             state = self.stop()
             hear_again()
-            raise ExecutionStopped(
-                f"{what} interrupted; {state.describe(self.unit)}",
-                state=state.to_json(),
-                reason="interrupted",
-            ) from None
+            raise state.error(f"{what} interrupted", self.unit, reason="interrupted") from None
         except BaseException:
             self.stop()
             raise

@@ -75,6 +75,10 @@ class RestState:
             parts.append(f"at [{degrees}] deg")
         return ", ".join(parts)
 
+    def error(self, text: str, unit: Unit, /, **data: Any) -> ExecutionStopped:
+        """Return the error of an execution that ended in this state: `text`, then the state in words."""
+        return ExecutionStopped(f"{text}; {self.describe(unit)}", **{**data, "state": self.to_json()})
+
     def to_json(self) -> dict[str, Any]:
         """Return the state as JSON types, for error data and logs."""
         return {
