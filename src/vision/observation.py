@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from arm.poses import BoardPose, HolePose
+from vision.background.camera_shift import CameraShift
 from vision.camera.model import Image
 from vision.markers.detect import Marker
 from vision.occupancy.classify import HoleState, Occupancy
@@ -42,6 +43,8 @@ class Observation:
         half_seen: names of missing boards that are partly in view, so that their pose is unknown.
         images: from which it was made; empty if it was read from a file.
         frames: markers detected in each image.
+        camera_shift: rotation of the camera since its calibration, for which images and poses are corrected; None if it
+            was not measured.
         moved_since: places that cubes left or reached after the images were taken.
     """
 
@@ -50,6 +53,7 @@ class Observation:
     half_seen: tuple[str, ...] = ()
     images: tuple[Image, ...] = field(default=(), compare=False, repr=False)
     frames: tuple[tuple[Marker, ...], ...] = field(default=(), compare=False, repr=False)
+    camera_shift: CameraShift | None = field(default=None, compare=False)
     moved_since: frozenset[str] = field(default=frozenset(), compare=False)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,7 +12,11 @@ import numpy as np
 from arm.board import Board
 from arm.errors import ImpossibleError, InputError
 from arm.former import former_names
-from arm.se3 import apply
+from arm.numerics.products import mul
+from arm.poses import BoardPose, adjoint
+from arm.se3 import apply, frozen, inverse
+from vision.background.camera_shift import CameraShift
+from vision.background.watch import CameraWatch
 from vision.boards.pose import BoardLimits, estimate_board_pose
 from vision.camera.frame_source import Image
 from vision.camera.model import Camera
@@ -36,6 +41,7 @@ def look(
     limits: BoardLimits | None = None,
     arm_in_view: bool = False,
     tilts: Sequence[float] = (),
+    watch: CameraWatch | None = None,
 ) -> Observation:
     """Detect boards and cubes in images of a cell at rest.
 
@@ -49,17 +55,23 @@ def look(
         arm_in_view: whether the arm may hide part of a marker and so falsify its corners. Then a board whose pose is
             refused counts as missing.
         tilts: of the board stands, rad, see `assess_board`.
+        watch: compares the images with the background; they are corrected for a small shift of the camera, whose
+            uncertainty goes into the poses' covariances. None: the camera is taken to stand where it was calibrated.
 
     Raises:
         InputError: no image, an image of another size than the camera's, a marker that belongs to none of `boards`, or
             a marker in view twice.
-        ImpossibleError: the images are black, or (unless `arm_in_view`) both markers of a board are in view but its
-            pose is refused. Such a board is in the cell, so it cannot be ignored like a missing one.
+        ImpossibleError: the images are black, the camera has moved too far (`CameraWatch.steady`), or (unless
+            `arm_in_view`) both markers of a board are in view but its pose is refused. Such a board is in the cell, so
+            it cannot be ignored like a missing one.
     """
     if not images:
         raise InputError("a look needs at least one image", count=0)
     for number, image in enumerate(images, start=1):
         camera.require_size(image, f"image {number} of {len(images)}")
+    shift = None
+    if watch is not None and not darkness(max(images, key=np.max)):
+        images, shift = watch.steady(images, camera)
     frames = tuple(tuple(detect_markers(image, camera, dictionary)) for image in images)
     _require_known(frames, boards)
     detected = {marker.id for frame in frames for marker in frame}
@@ -79,10 +91,19 @@ def look(
                 raise
             missing[board.name] = str(error)
             continue
+        if shift is not None:
+            pose = with_camera_uncertainty(pose, camera, shift)
         cubes = tuple(hole_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
         found.append(ObservedBoard(pose, cubes))
     half_seen = tuple(b.name for b in boards if b.name in missing and detected & set(b.marker_ids))
-    return Observation(tuple(found), missing, half_seen, tuple(images), frames)
+    return Observation(tuple(found), missing, half_seen, tuple(images), frames, shift)
+
+
+def with_camera_uncertainty(pose: BoardPose, camera: Camera, shift: CameraShift) -> BoardPose:
+    """Return a board's pose with the uncertainty of the camera's measured shift added to its covariance."""
+    Ad = adjoint(mul(inverse(pose.T_base_board), camera.T_base_camera))
+    added = mul(mul(Ad, shift.twist_covariance), Ad.T)
+    return replace(pose, covariance=frozen(pose.covariance + added))
 
 
 def _why_missing(board: Board, hidden: Sequence[int]) -> str:

@@ -48,6 +48,7 @@ MOST_BYTES = {
     "pose list": 100 * MB,
     "mesh": 100 * MB,
     "photograph": 200 * MB,
+    "background": 20 * MB,  # 300 features have 0.2 MB
     "log": 4000 * MB,  # read line by line; 1 MB a minute of motion
 }
 """Largest size of a file of each kind; larger ones are refused before they are read."""

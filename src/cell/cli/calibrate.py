@@ -167,6 +167,32 @@ def calibrate_hand_eye(
 
 
 @app.command(
+    name="background",
+    short_help="Record the background, to notice a camera that moves.",
+    help="Record small features of the unmoving background: scratches, edges, marks on the table. Each look then "
+    "measures on them how far the camera has moved since, corrects a small shift and refuses a large one. Do it right "
+    "after the camera's pose was calibrated, with the arm at q_start and the table as free as possible.",
+    epilog=examples("a465 calibrate background scenes/task2.toml -o background.npz --apply"),
+)
+def record_background(
+    task: shared.TaskFile,
+    images: shared.Images = None,
+    camera: shared.Camera = None,
+    world: shared.WorldFile = None,
+    output: Annotated[Path, Option("-o", "--output", help="File to write (.npz).")] = Path("background.npz"),
+    apply: Annotated[
+        bool, Option("--apply", help="Enter the file of -o as background in the cell file.")
+    ] = False,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("looking", as_json) as console:
+        from cell.commands.calibration.background import BackgroundSource, background_step
+
+        source = BackgroundSource(images, camera, world)
+        console.result(background_step(task, source, output, apply, console))
+
+
+@app.command(
     name="target",
     short_help="Write a calibration target to print at true size.",
     help="Write an SVG drawing of a calibration target, to print at true size: the target of a target file, or "

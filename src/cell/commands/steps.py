@@ -47,7 +47,7 @@ def look_step(
     for written in (output, picture):
         keep_apart(written, task_file, world)
     task = read_task(task_file)
-    with _frames(task, images, camera, world) as frames:
+    with frames_of(task, images, camera, world) as frames:
         seen = look_and_save(task, frames, picture, console, "at the cell")
     result = observation_to_json(seen, task.cell.camera.T_base_camera)
     if output is not None:
@@ -57,9 +57,10 @@ def look_step(
     return result
 
 
-def _frames(
+def frames_of(
     task: Task, images: Path | None, camera: str | None, world: Path | None
 ) -> AbstractContextManager[FrameSource]:
+    """Open a folder of images, a camera, or the camera of the simulated cell with the arm at q_start."""
     from cell.session.cameras import open_basler
     from cell.session.connection import camera_at_start
     from vision.camera.frame_source import ImageFolder
@@ -77,6 +78,8 @@ def _print_look(seen: Observation, console: Console) -> None:
             std = 1e3 * float(np.sqrt(np.trace(hole.covariance[:3, :3])))
             rows.append((hole.name, float(x), float(y), float(z), std, occupancy.state))
     console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
+    if (shift := seen.camera_shift) is not None:
+        console.say(f"camera against the background: moved by {shift.describe()}, {shift.seen} features")
     for board in seen.boards:
         console.say(
             f"board {board.name}: tilt {tilt_words(board.pose)}, residual {board.pose.residual_px:.3f} px"

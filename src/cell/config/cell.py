@@ -30,6 +30,7 @@ class Cell(CellValues):
         nominal_unit, nominal_camera: the same without the calibration.
         calibration: calibration of camera and arm, or None.
         camera_file: file of the camera's lens and nominal pose.
+        background_file: file of the background that looks are compared with, or None.
         gripper: dimensions of the gripper.
         boards: boards that may stand in the cell.
         tilts: tilts of the stands, rad, ascending; empty: unknown.
@@ -50,6 +51,7 @@ class Cell(CellValues):
     nominal_camera: Camera
     calibration: ArmCalibration | None
     camera_file: Path
+    background_file: Path | None
     gripper: Gripper
     boards: tuple[Board, ...]
     tilts: tuple[float, ...]

@@ -37,6 +37,7 @@ class _DeviceKeys(Keys):
     unit: str = key("unit", text(*UNITS))
     camera: Path = key("camera", path())
     calibration: Path | None = key("calibration", path(exists=False), None)  # a run may begin without it
+    background: Path | None = key("background", path(exists=False), None)  # as may a cell without it
 
 
 class _FixedKeys(Keys):
@@ -102,6 +103,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         nominal_camera=nominal_camera,
         calibration=calibration,
         camera_file=keys.camera,
+        background_file=keys.background,
         gripper=gripper_of(keys, root, keys.cube_size),
         boards=boards,
         tilts=tuple(float(np.radians(v)) for v in sorted(keys.tilts_deg)),

@@ -30,6 +30,7 @@ class CellValues(Keys):
     photographs: int = key("look.photographs", integer(1, 100))
     moved: float = key("look.moved_mm", number("mm", 0.01, 100))
     turned: float = key("look.moved_deg", number("deg", 0.01, 90))
+    camera_moved: float = key("look.camera_moved_mm", number("mm", 0.05, 20), 2)
     offset: float = key("motion.offset_mm", number("mm", 45, 300))
     clearance: float = key("motion.clearance_mm", number("mm", 0, 100))
     least_clearance: float = key(

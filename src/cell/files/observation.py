@@ -71,7 +71,14 @@ def _require_flat(task: Task, seen: ObservedBoard | None) -> None:
 def observation_to_json(seen: Observation, T_base_camera: Array) -> dict[str, Any]:
     """Return the JSON of ``a465 look``: one scene, with the reasons for missing boards."""
     boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
-    return {"scenes": [{"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen)}]}
+    scene: dict[str, Any] = {
+        "boards": boards,
+        "missing": dict(seen.missing),
+        "half_seen": list(seen.half_seen),
+    }
+    if seen.camera_shift is not None:
+        scene["camera"] = seen.camera_shift.to_json()
+    return {"scenes": [scene]}
 
 
 def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.files.task import Task
+from cell.task.camera_watch import camera_watch, shift_words
 from vision.camera.frame_source import FrameSource
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers
@@ -43,7 +44,16 @@ def look_and_save(
     images = frames.grab(cell.photographs)
     sizes = cell.cube_size, cell.board_limits
     try:
-        observation = look(images, cell.camera, cell.boards, cell.dictionary, *sizes, arm_in_view, cell.tilts)
+        observation = look(
+            images,
+            cell.camera,
+            cell.boards,
+            cell.dictionary,
+            *sizes,
+            arm_in_view,
+            cell.tilts,
+            camera_watch(cell),
+        )
     except ImpossibleError:  # the image and its markers help to find the cause
         markers = tuple(detect_markers(images[0], cell.camera, cell.dictionary))
         observation = Observation(images=tuple(images), frames=(markers,))
@@ -55,6 +65,8 @@ def look_and_save(
         f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in observation.boards
     )
     console.step(f"look {why}: {boards or 'no board'}")
+    if (moved := shift_words(observation.camera_shift)) is not None:
+        console.step(moved)
     for board in observation.boards:
         for hole in board.holes("unsure"):
             console.say(f"hole {hole.name} is unsure: {board.occupancy[hole.index].reason}")
