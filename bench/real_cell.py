@@ -165,10 +165,14 @@ class Watched:
 def background(photos: Photos, camera: Camera, noisy: int) -> None:
     """Shift of the background against that of a board that stands still; and no shift where there is none."""
     watched = Watched(photos, camera)
-    print("\n## Shift of the background against the board's own\n")
-    print(
-        f"| group | pairs | within {TOLERATED} px | median, p95, max px | shifts of >= {LARGE} px: reported |\n|---|---|---|---|---|"
+    header = (
+        "group",
+        "pairs",
+        f"within {TOLERATED} px",
+        "median, p95, max px",
+        f"shifts of >= {LARGE} px: reported",
     )
+    table("Shift of the background against the board's own", *header)
     for name, group in photos.groups.items():
         rows = list(watched.pairs(group))
         off = np.array([np.linalg.norm(b - t) for b, t, _ in rows])
@@ -204,10 +208,15 @@ def still(photos: Photos, camera: Camera) -> None:
         ]
         if all(v.accepted and v.pose is not None for v in both):
             rows.append((both[0].pose, both[1].pose))  # type: ignore[arg-type]
-    print("\n## A board that stands still (group A), single photographs\n")
-    print(
-        "| images | photographs | scatter across, depth mm | told across, depth mm | ratio | scatter deg, told, ratio |\n|---|---|---|---|---|---|"
+    header = (
+        "images",
+        "photographs",
+        "scatter across, depth mm",
+        "told across, depth mm",
+        "ratio",
+        "deg, told, ratio",
     )
+    table("A board that stands still (group A), single photographs", *header)
     for name, poses in zip(("as taken", "corrected by the background"), zip(*rows, strict=True), strict=True):
         print(f"| {name} | {len(poses)} | {spread(poses)} |")
 
@@ -251,9 +260,8 @@ def flat(photos: Photos) -> None:
     f = np.diag(found.camera.K)[:2]
     print(f"{'accepted' if found.accepted else 'refused'}: {'; '.join(found.reasons)}")
     off = np.abs(f - FOCAL) / sigma
-    print(
-        f"\nfx {f[0]:.0f} +- {sigma[0]:.0f}, fy {f[1]:.0f} +- {sigma[1]:.0f}: {off[0]:.1f}, {off[1]:.1f} sigma from {FOCAL:g}"
-    )
+    print(f"\nfx {f[0]:.0f} +- {sigma[0]:.0f}, fy {f[1]:.0f} +- {sigma[1]:.0f}")
+    print(f"that is {off[0]:.1f}, {off[1]:.1f} standard deviations from the assumed {FOCAL:g}")
 
 
 def other_targets(photos: Photos) -> None:
