@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from pictures.boards import lab_camera
-from pictures.scratched import ScratchedTable, scratched_table
 from vision.background.features import Background, background_features
 from vision.camera.model import Camera
+from watched.scratched import ScratchedTable, scratched_table
 
 
 @pytest.fixture(scope="session")

@@ -9,11 +9,11 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.se3 import inverse, rotation_vector
-from pictures.scratched import ScratchedTable, scratched_table, turned
 from vision.background.camera_shift import CameraShift, as_calibrated, measure_shift
 from vision.background.features import Background
 from vision.background.watch import distance_to_plane
 from vision.camera.model import Camera
+from watched.scratched import ScratchedTable, scratched_table, turned
 
 
 def _measured(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
-from pictures.scratched import ScratchedTable, turned
 from vision.background.features import (
     EDGE,
     FEWEST,
@@ -20,6 +19,7 @@ from vision.background.features import (
     write_background,
 )
 from vision.camera.model import Camera
+from watched.scratched import ScratchedTable, turned
 
 
 def test_features_are_at_the_specks_and_spread(

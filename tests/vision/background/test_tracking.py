@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from arm.se3 import Array
-from pictures.scratched import ScratchedTable, turned
 from vision.background.features import Background, band_passed
 from vision.background.tracking import NEAR, far_shift, track
 from vision.camera.model import Camera
+from watched.scratched import ScratchedTable, turned
 
 
 def _true_shifts(background: Background, camera: Camera, now: Camera) -> Array:
@@ -53,6 +53,6 @@ def test_a_camera_that_was_knocked_is_found_far_away(
 
 
 def test_another_table_is_found_nowhere(background: Background, camera: Camera) -> None:
-    from pictures.scratched import scratched_table
+    from watched.scratched import scratched_table
 
     assert far_shift(background, band_passed(scratched_table(77).image(camera))) is None

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
-from pictures.scratched import ScratchedTable, turned
 from vision.background.features import Background
 from vision.background.watch import CameraWatch, distance_to_plane
 from vision.camera.model import Camera
+from watched.scratched import ScratchedTable, turned
 
 
 def test_images_that_sway_are_laid_over_each_other(

@@ -1,0 +1,1 @@
+"""Cells and tables whose background a camera is watched on."""
