@@ -14,9 +14,12 @@ from cell.config.cell_file import read_cell
 from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
 from cell.files.task import read_task, task_or_cell
 from cell.scene.arm_shape import COMPARE, arm_shape
+from cell.task.camera_watch import camera_watch
 
 CALIBRATE_LENS = "on a real cell: a465 calibrate camera"
 CALIBRATE_ARM = "on a real cell: a465 calibrate hand-eye DATA --collect TASK --port PORT -o FILE --apply"
+
+WATCH = "a465 calibrate background TASK -o background.npz --apply"
 
 
 @dataclass(frozen=True)
@@ -49,12 +52,13 @@ def read_named(file: Path | None) -> ReadCell:
 
 
 def check_cell(read: ReadCell) -> Sequence[CheckResult]:
-    """Check the cell, the arm's shape, the lens and the hand-eye calibration."""
+    """Check the cell, the arm's shape, the lens, the hand-eye calibration and the watch on the camera."""
     return (
         _cell_finding(read),
         _shape_finding(read.cell),
         _finding("lens", lens_state(read.cell), CALIBRATE_LENS),
         _arm_finding(read),
+        _watch_finding(read.cell),
     )
 
 
@@ -78,6 +82,20 @@ def _arm_finding(read: ReadCell) -> CheckResult:
     if read.unusable:
         return CheckResult("hand-eye", WRONG, str(read.unusable[0]), CALIBRATE_ARM, read.unusable[0].data)
     return _finding("hand-eye", hand_eye_state(read.cell), CALIBRATE_ARM)
+
+
+def _watch_finding(cell: Cell) -> CheckResult:
+    """Check the background that looks compare the camera with."""
+    name = "camera's watch"
+    try:
+        watch = camera_watch(cell)
+    except InputError as error:
+        return CheckResult(name, WRONG, str(error), WATCH, error.data)
+    if watch is None:
+        return CheckResult(name, NOTE, "off: a camera that moves is not noticed", WATCH, {"background": None})
+    count = len(watch.background.points)
+    found = f"{count} features of the background; up to {1e3 * watch.limit:g} mm at the table is corrected"
+    return CheckResult(name, OK, found, "", {"background": str(cell.background_file), "features": count})
 
 
 def _finding(check: str, state: CalibrationState, help: str) -> CheckResult:
