@@ -49,6 +49,14 @@ def test_an_uncalibrated_cell_is_a_note(scenes: Path) -> None:
     assert "a465 calibrate hand-eye" in found["hand-eye"].help
 
 
+def test_a_camera_that_is_not_watched_is_a_note_and_a_wrong_background_an_error(scenes: Path) -> None:
+    found = look_at(scenes / "cell.toml")["camera's watch"]
+    assert found.verdict == NOTE
+    assert "a465 calibrate background" in found.help
+    replace_in(scenes / "cell.toml", "[tool]", 'background = "none.npz"\n\n[tool]')
+    assert look_at(scenes / "cell.toml")["camera's watch"].verdict == WRONG
+
+
 def test_a_calibration_is_told_with_its_age_and_how_certain_it_is(scenes: Path) -> None:
     file = calibrated(scenes)
     found = look_at(file)["hand-eye"]

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.xdist_group("doctor")
 
 CHECKS = [
     "Python", "libraries", "extra mcap", "extra basler", "serial ports", "cell", "arm's shape", "lens", "hand-eye",
-    "cameras", "self-test: plan", "self-test: look", "self-test: unit",
+    "camera's watch", "cameras", "self-test: plan", "self-test: look", "self-test: unit",
 ]  # fmt: skip
 
 
