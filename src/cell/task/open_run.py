@@ -23,6 +23,7 @@ from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
 from cell.session.homed import initialise_arm
 from cell.session.observer import RunObserver
+from cell.task.camera_watch import shift_words
 from cell.task.confirm_placed import ReleasedCubes
 from cell.task.look import look_and_save
 from driver.execution.control import Control
@@ -120,7 +121,10 @@ class OpenRun:
         picture = self.folder / f"look-{next(self._looks)}.png"
         self.pictures.append(Picture(why, picture))
         with self.console.doing("looking"):
-            return look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
+            seen = look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
+        if (moved := shift_words(seen.camera_shift)) is not None:
+            self.remarks.append(moved)
+        return seen
 
     def initialise_arm(self) -> None:
         """Home the arm, unless it was homed before; open the jaws."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from arm.errors import InputError
+from arm.errors import A465Error, InputError
 from arm.io.storage import keep_apart
 from cell.commands.steps import frames_of
 from cell.console import Console
@@ -15,6 +16,7 @@ from cell.files.task import read_task
 from cell.session.cameras import require_one_camera
 from cell.task.camera_watch import take_background
 from vision.background.features import write_background
+from vision.camera.model import Image
 
 
 @dataclass(frozen=True)
@@ -54,3 +56,21 @@ def background_step(
         line = naming(name_in(task.cell.file, output), "background")
         console.say(f"to use it, add to {task.cell.file}: {line}")
     return {"background": str(output), "features": len(background.points), "applied": apply}
+
+
+def background_after_hand_eye(
+    task_file: Path, images: Sequence[Image], output: Path, console: Console
+) -> None:
+    """Write the background that belongs to the calibration that was just applied, and enter it in the cell file.
+
+    A table that shows too little is no reason to give up a calibration, so that is only reported.
+    """
+    task = read_task(task_file)
+    try:
+        background, _ = take_background(task.cell, images)
+        write_background(output, background)
+        line = apply_calibration(task.cell.file, output, "background")
+    except A465Error as error:
+        console.say(f"no background was recorded, so a camera that moves is not noticed: {error}")
+    else:
+        console.say(f"{task.cell.file} now has: {line} ({len(background.points)} features)")

@@ -13,6 +13,7 @@ from arm.io.storage import keep_apart
 from arm.se3 import Array
 from cell.collect.collector import Choice, CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
+from cell.commands.calibration.background import background_after_hand_eye
 from cell.commands.calibration.chain import ChainOptions, solve_hand_eye
 from cell.commands.run import Confirm, opened
 from cell.console import Console
@@ -22,6 +23,7 @@ from cell.session.connection import WhichCell
 from cell.session.speed import planning_speed
 from cell.task.run import TaskRun
 from driver.execution.control import Control
+from vision.camera.model import Image
 
 
 @dataclass(frozen=True)
@@ -77,12 +79,15 @@ def collect_step(
     options = replace(options.checked_all((recording, *read)), cell=task.cell.file, apply=files.apply)
     record = HandRecord(recording, task.cell, hand)
     folder, pool = None, None
+    images: list[Image] = []
     if len(record) < poses.poses:
-        pool, folder = _add(task, record, poses, files.folder, where, console, confirm)
+        pool, folder, images = _add(task, record, poses, files.folder, where, console, confirm)
     else:
         console.step(f"{recording}: has {len(record)} poses already, so nothing moves")
     with console.doing("calibrating"):
         result = solve_hand_eye(recording, record.recording(), options, console, pool)
+    if images and files.apply and options.output is not None and not result["reasons"]:
+        background_after_hand_eye(files.task, images, options.output.with_suffix(".background.npz"), console)
     return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}
 
 
@@ -94,8 +99,12 @@ def _add(
     where: WhichCell,
     console: Console,
     confirm: Confirm | None,
-) -> tuple[Array, Path]:
-    """Record the missing poses; return readings (n, 6), rad, at which the target can be shown, and the run folder.
+) -> tuple[Array, Path, list[Image]]:
+    """Record the missing poses.
+
+    Returns:
+        Readings (n, 6), rad, at which the target can be shown; the run folder; images of the cell with the arm at
+        q_start, empty if a person puts images into a folder.
 
     Choosing the poses takes long. So it begins when the cell is open and the unit has reported whether it kept its
     positions, and ends before a person is asked to confirm, because the arm moves right after that.
@@ -121,6 +130,8 @@ def _add(
                 collector.require_same_hold()
             taken = collector.collect(choices[0].q, nearest_first=not options.recipe)
             collector.home()
+            by_hand = where.images is not None
+            images = [] if by_hand else run.connection.frames.grab(task.cell.photographs)
     except ExecutionStopped as error:
         if not len(record) or error.data.get("reason") == CHANGED:
             raise
@@ -129,4 +140,4 @@ def _add(
             **error.data,
         ) from error
     console.step(f"{taken} poses recorded, {len(record)} in {record.file}")
-    return np.array([record.to_readings(q) for q in choices[0].pool]), run.folder
+    return np.array([record.to_readings(q) for q in choices[0].pool]), run.folder, images

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
-from cell.commands.calibration.background import BackgroundSource, background_step
+from cell.commands.calibration.background import BackgroundSource, background_after_hand_eye, background_step
 from cell.commands.steps import look_step
 from cell.config.cell_file import read_cell
 from cell.console import Console
+from cell.files.task import read_task
+from cell.session.connection import camera_at_start
 from watched.specked import specked_world
 
 
@@ -51,3 +53,17 @@ def test_what_is_given_is_checked_and_nothing_is_written(scenes: Path) -> None:
         background_step(task, BackgroundSource(), scenes / "background.npz", True, Console())
     assert not (scenes / "background.npz").exists()
     assert "background" not in (scenes / "cell.toml").read_text()
+
+
+def test_a_table_that_shows_too_little_does_not_spoil_a_calibration(
+    scenes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    task = read_task(scenes / "task2.toml")
+    plain = camera_at_start(task, None).grab(5)
+    background_after_hand_eye(scenes / "task2.toml", plain, scenes / "b.npz", Console())
+    assert "no background was recorded, so a camera that moves is not noticed: " in capsys.readouterr().out
+    assert not (scenes / "b.npz").exists()
+    specked = camera_at_start(task, specked_world(scenes)).grab(5)
+    background_after_hand_eye(scenes / "task2.toml", specked, scenes / "b.npz", Console())
+    assert 'now has: background = "b.npz"' in capsys.readouterr().out
+    assert read_cell(scenes / "cell.toml").background_file == scenes / "b.npz"
