@@ -35,7 +35,6 @@ DECIDES_NOTHING = {
     "cell/scene/bodies.py": "boxes of plates, stands and cubes from their drawings",
     "cell/session/observer.py": "an observer that does nothing; others override it",
     "cell/sim/release_faults.py": "a table of poses of cubes that were released badly",
-    "cell/task/open_run.py": "joins camera, driver and report of a run; tests/cell/runs run it",
     "driver/emulator/options.py": "plain data: what is not known of the real unit",
     "driver/emulator/unit/plant.py": "a protocol without code",
     "driver/execution/progress.py": "plain data: options, progress and result of a stream",

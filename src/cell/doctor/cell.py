@@ -14,7 +14,7 @@ from cell.config.cell_file import read_cell
 from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
 from cell.files.task import read_task, task_or_cell
 from cell.scene.arm_shape import COMPARE, arm_shape
-from cell.task.camera_watch import camera_watch
+from cell.session.camera_watch import camera_watch
 
 CALIBRATE_LENS = "on a real cell: a465 calibrate camera"
 CALIBRATE_ARM = "on a real cell: a465 calibrate hand-eye DATA --collect TASK --port PORT -o FILE --apply"

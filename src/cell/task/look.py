@@ -10,7 +10,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.files.task import Task
-from cell.task.camera_watch import camera_watch, shift_words
+from cell.session.camera_watch import camera_watch, shift_words
 from vision.camera.frame_source import FrameSource
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers

@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
 from cell.console import Console
@@ -19,11 +19,11 @@ from cell.files.task import Task
 from cell.report.cubes import CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture
 from cell.report.run_report import run_report, write_run_report
+from cell.session.camera_watch import shift_words
 from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
 from cell.session.homed import initialise_arm
 from cell.session.observer import RunObserver
-from cell.task.camera_watch import shift_words
 from cell.task.confirm_placed import ReleasedCubes
 from cell.task.look import look_and_save
 from driver.execution.control import Control
@@ -31,6 +31,7 @@ from driver.execution.execute import StepResult, execute
 from driver.execution.preload import refuse_preload
 from driver.execution.progress import Progress, StreamOptions
 from plan.budget import SearchBudget
+from vision.background.camera_shift import UNRECOGNISED
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
@@ -108,8 +109,17 @@ class OpenRun:
         return observation
 
     def try_look(self, why: str) -> Observation | None:
-        """Look while the arm may be in view; None if it hides a board."""
-        observation = self.see(why)
+        """Look while the arm may be in view; None if it hides a board or the background.
+
+        What follows then relies on no image: the arm moves to q_start past everything that may stand in the zone.
+        """
+        try:
+            observation = self.see(why)
+        except ImpossibleError as error:
+            if error.data.get("reason") != UNRECOGNISED:
+                raise
+            self.console.step("the arm may hide the background: boards and camera are checked from q_start")
+            return None
         if observation.half_seen or any(observation.board(b.name) is None for b in self.task.boards):
             self.console.step("the arm may be in view: reach is checked from q_start")
             return None

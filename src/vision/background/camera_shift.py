@@ -34,6 +34,7 @@ LARGEST_SCALE = (
 )
 SURE = 4.0  # standard deviations from which a change is certain
 NOTED = 1e-4  # m at the background; a larger shift is reported
+UNRECOGNISED = "background"  # reason in the data of a refusal: the camera cannot be compared
 _PAIRS, _SEED, _ROUGH_PX = 200, 0, 0.8  # consensus: trials, and px within which a feature agrees
 _ROUNDS = 20
 _STEP = 1e-6
@@ -161,6 +162,7 @@ def measure_shift(background: Background, image: Image, camera: Camera, distance
             f"the background is not recognised: {len(tracks.index)} of its {len(background.points)} features are "
             f"found, and fewer than {FEWEST_SEEN} of them agree; the camera was moved far, or the table is covered or "
             "was cleaned: look at the picture, then take a new background with `a465 calibrate background`",
+            reason=UNRECOGNISED,
             found=len(tracks.index),
             features=len(background.points),
         )

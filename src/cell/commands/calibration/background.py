@@ -13,8 +13,8 @@ from cell.commands.steps import frames_of
 from cell.console import Console
 from cell.files.apply_calibration import apply_calibration, name_in, naming
 from cell.files.task import read_task
+from cell.session.camera_watch import take_background
 from cell.session.cameras import require_one_camera
-from cell.task.camera_watch import take_background
 from vision.background.features import write_background
 from vision.camera.model import Image
 

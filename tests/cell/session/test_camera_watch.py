@@ -12,8 +12,8 @@ from arm.errors import ImpossibleError, InputError
 from arm.se3 import apply
 from cell.config.cell_file import read_cell
 from cell.files.task import read_task
+from cell.session.camera_watch import camera_watch, shift_words, take_background
 from cell.session.connection import camera_at_start
-from cell.task.camera_watch import camera_watch, shift_words, take_background
 from vision.background.features import write_background
 from watched.specked import specked_world
 
