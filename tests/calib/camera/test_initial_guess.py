@@ -5,7 +5,7 @@ import pytest
 
 from calib.camera.initial_guess import initial_guess
 from calib.model.intrinsics import camera_of
-from pictures.targets import camera, poses, seen, views_of
+from pictures.targets import SIZE, camera, poses, seen, taken, views_of
 
 
 @pytest.mark.parametrize("share", [0.8, 3.0])
@@ -21,3 +21,16 @@ def test_the_start_finds_wide_and_long_lenses(share):
             views.append(view)
     begun = initial_guess(views_of(views), lens.size)
     assert begun.camera.K[0, 0] == pytest.approx(share * 1920, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_the_prior_is_about_the_focal_length_whose_poses_fit_best(seed):
+    begun = initial_guess(views_of(taken(seed)), SIZE)
+    assert (
+        begun.prior.mean[0] == 2.0 * SIZE[0]
+    )  # the lab's lens has 2.5 widths; 6 fit as well after adjusting
+
+
+def test_views_that_are_all_alike_have_a_start():
+    begun = initial_guess(views_of([taken(3)[0]] * 3), SIZE)
+    assert begun.corner_sigma < 2.0
