@@ -63,6 +63,7 @@ class BaslerCamera:
         settings: requested.
         exposure, gain: set by the camera, s and dB; None if not requested.
         description: the camera and its settings in one line.
+        doubts: what the camera does not tell: nothing, as every frame is triggered.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class BaslerCamera:
         self.exposure: float | None = None
         self.gain: float | None = None
         self.description = ""
+        self.doubts: tuple[str, ...] = ()
         self._size = size
         self._tell = tell
         self._pylon: Any = None

@@ -103,7 +103,7 @@ def read_selector(text: str) -> Selector:
     if (colon and kind not in KINDS) or not rest:
         raise InputError(
             f"camera {text!r}: must be name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS; "
-            "a bare text is a user name or a serial number",
+            "a bare text is a user name or a serial number; cameras of other makes are video:SOURCE",
             camera=text,
         )
     if kind == "ip":

@@ -32,6 +32,10 @@ class Worker:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
+    def begin(self, function: Callable[[], None]) -> None:
+        """Call `function`, which must not raise, on the thread after its pending calls, and do not wait for it."""
+        self._calls.put(function)
+
     def call(self, function: Callable[[], T], seconds: float) -> T:
         """Call `function` on the thread and return its result, or raise its error.
 

@@ -1,0 +1,1 @@
+"""Cameras that OpenCV opens: devices, network streams, and recordings."""

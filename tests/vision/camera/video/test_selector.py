@@ -1,0 +1,62 @@
+"""Selectors of video sources."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from arm.errors import InputError
+from vision.camera.video.selector import VideoSelector, is_video, read_video
+
+
+@pytest.mark.parametrize(
+    ("text", "selector"),
+    [
+        ("video:0", VideoSelector("device", "0")),
+        (" video: 12 ", VideoSelector("device", "12")),
+        ("video:/dev/video2", VideoSelector("device", "/dev/video2")),
+        ("video:0@1920x1080", VideoSelector("device", "0", (1920, 1080))),
+        ("video:/dev/v4l/by-id/a b@640x480", VideoSelector("device", "/dev/v4l/by-id/a b", (640, 480))),
+        ("video:rtsp://u:p@h/a@640x480", VideoSelector("stream", "rtsp://u:p@h/a@640x480")),
+        ("video:HTTP://h:8080/x", VideoSelector("stream", "HTTP://h:8080/x")),
+        ("video:clip.mp4", VideoSelector("file", "clip.mp4")),
+        ("video:./0", VideoSelector("file", "./0")),
+        ("video:C:\\clip.mp4", VideoSelector("file", "C:\\clip.mp4")),
+        ("video:a@640x480", VideoSelector("file", "a@640x480")),
+    ],
+)
+def test_a_selector_says_what_kind_of_source_it_is(text: str, selector: VideoSelector) -> None:
+    assert is_video(text)
+    assert read_video(text) == selector
+
+
+def test_a_link_to_a_device_is_a_device_and_a_file_below_dev_is_none(tmp_path: Path) -> None:
+    (tmp_path / "front").symlink_to("/dev/null")
+    assert read_video(f"video:{tmp_path / 'front'}").kind == "device"
+    assert read_video("video:/dev/../etc/passwd").kind == "file"
+
+
+def test_a_password_is_not_shown() -> None:
+    for text, shown in (
+        ("video:rtsp://me:se@cret@host:554/a:b@c", "video:rtsp://me:***@host:554/a:b@c"),
+        ("video:rtsp://host:554/a:b@c", "video:rtsp://host:554/a:b@c"),
+    ):
+        assert str(read_video(text)) == shown
+    assert str(read_video("video:0@640x480")) == "video:0@640x480"
+    with pytest.raises(InputError) as caught:
+        read_video("video:ftp://me:secret@host/x")
+    assert "video:ftp://...: a stream's protocol must be one of rtsp" in str(caught.value)
+    assert "secret" not in f"{caught.value} {caught.value.data}"
+
+
+@pytest.mark.parametrize("text", ["video:", "video: ", "0", "serial:0"])
+def test_what_names_no_video_source_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="must be video:NUMBER, video:/dev/NAME"):
+        read_video(text)
+
+
+def test_paths_and_protocols() -> None:
+    assert read_video("video:3").path == Path("/dev/video3")
+    assert read_video("video:RTSP://h/x").scheme == "rtsp"
+    assert read_video("video:clip.mp4").scheme == ""
