@@ -22,7 +22,7 @@ DECIDES_NOTHING = {
     "cell/commands/preview.py": "hands a file to of_plan or to of_log",
     "cell/commands/render.py": "calls the renderer and writes images",
     "cell/commands/steps.py": "reads, calls observe, reach and plan, writes and prints",
-    "cell/config/camera_keys.py": "declares keys of a Basler camera; arm.io.keys checks them",
+    "cell/config/camera_keys.py": "declares keys of the live camera; arm.io.keys checks them",
     "cell/config/cell.py": "plain data of a cell; cell_file reads and checks it",
     "cell/config/cell_values.py": "declares keys of a cell file; arm.io.keys checks them",
     "cell/files/key_texts.py": "words for keys; test_docs_formats and test_new_cell compare what they make",

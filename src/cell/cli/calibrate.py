@@ -72,7 +72,8 @@ def calibrate_lens(
         ),
     ] = False,
     camera: Annotated[
-        str | None, Option(help="With --live: Basler camera, such as name:camera-crs93.")
+        str | None,
+        Option(help="With --live: camera, such as name:camera-crs93, video:0@1280x720 or video:clip.mp4."),
     ] = None,
     simulated: Annotated[
         Path | None, Option(help="With --live: use the simulated camera of this task file.")

@@ -106,7 +106,7 @@ def look(
         Path | None, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")
     ] = None,
     images: shared.Images = None,
-    camera: shared.Camera = None,
+    camera: shared.LookCamera = None,
     detections: Annotated[
         Path | None, Option(help="File of recorded marker corners to use instead of images.")
     ] = None,

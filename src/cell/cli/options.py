@@ -32,8 +32,13 @@ WorldFile = Annotated[
 ]
 Port = Annotated[str | None, Option(help="Serial port of the controller, such as /dev/mars or socket://...")]
 Images = Annotated[Path | None, Option(help="Folder of images, in place of a camera.")]
-SELECTORS = "name:NAME, serial:NUMBER, ip:ADDRESS, class:CLASS, or cell for the one in the cell file."
-Camera = Annotated[str | None, Option(help=f"Basler camera: {SELECTORS}", metavar="SELECTOR")]
+SELECTORS = (
+    "name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS (Basler), video:NUMBER, video:/dev/NAME or video:URL (others) "
+    "or cell for the one in the cell file."
+)
+RECORDING = "video:FILE is a recording."
+Camera = Annotated[str | None, Option(help=f"Camera: {SELECTORS}", metavar="SELECTOR")]
+LookCamera = Annotated[str | None, Option(help=f"Camera: {SELECTORS} {RECORDING}", metavar="SELECTOR")]
 TimeScale = Annotated[
     float | None,
     Option(help="Simulated cell only: at most this many emulated seconds per second; default: 10."),

@@ -158,7 +158,7 @@ def doctor(
         str | None, Option(help="Identify the controller on this port, sending only ECHO, STAMP and VER.")
     ] = None,
     camera: Annotated[
-        str | None, Option(help=f"Take an image with this Basler camera: {SELECTORS}", metavar="SELECTOR")
+        str | None, Option(help=f"Take an image with this camera: {SELECTORS}", metavar="SELECTOR")
     ] = None,
     cell: Annotated[
         Path | None, Option(help="Cell or task file to check; default: the built-in one.", metavar="CELL")

@@ -61,12 +61,12 @@ def frames_of(
     task: Task, images: Path | None, camera: str | None, world: Path | None
 ) -> AbstractContextManager[FrameSource]:
     """Open a folder of images, a camera, or the camera of the simulated cell with the arm at q_start."""
-    from cell.session.cameras import open_basler
+    from cell.session.cameras import open_camera
     from cell.session.connection import camera_at_start
     from vision.camera.frame_source import ImageFolder
 
     if camera is not None:
-        return open_basler(task.cell, camera)
+        return open_camera(task.cell, camera)
     return nullcontext(ImageFolder(images) if images is not None else camera_at_start(task, world))
 
 

@@ -1,4 +1,4 @@
-"""Keys of the cell file about its Basler camera: the device and its settings."""
+"""Keys of the cell file about its live camera, a Basler camera or a video source: the device and its settings."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Any
 from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import number, table, text
+from arm.io.rules import flag, integers, number, table, text
 from vision.camera.basler import BaslerSettings
 from vision.camera.basler_devices import read_selector
+from vision.camera.video.selector import read_video
+from vision.camera.video.settings import VideoSettings
 
 OF_CELL = "cell"  # the selector for the device of the cell file
 
@@ -21,12 +23,14 @@ class CellCamera:
     """Camera of a cell file, apart from its calibration.
 
     Attributes:
-        device: selector of a Basler camera, or None.
-        settings: settings for any Basler camera of the cell.
+        device: selector of a Basler camera or video source, or None.
+        basler: settings for any Basler camera of the cell.
+        video: settings for any video source of the cell.
     """
 
     device: str | None = None
-    settings: BaslerSettings = field(default_factory=BaslerSettings)
+    basler: BaslerSettings = field(default_factory=BaslerSettings)
+    video: VideoSettings = field(default_factory=VideoSettings)
 
 
 def _selector(node: Node) -> str:
@@ -40,6 +44,25 @@ def _selector(node: Node) -> str:
     return device
 
 
+def _video_selector(node: Node) -> str:
+    device = text().read(node)
+    try:
+        recorded = read_video(device).kind == "file"
+    except InputError as error:
+        raise node.error(str(error).partition(": ")[2]) from error
+    if recorded:
+        raise node.error("must be a device or a stream; a recording cannot show the present cell")
+    return device
+
+
+def _video_features(node: Node) -> dict[str, Any]:
+    features = table().read(node)
+    for name, value in features.items():
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise node.error(f"{name} must be a number, or a string for FOURCC")
+    return features
+
+
 def _features(node: Node) -> dict[str, Any]:
     features = table().read(node)
     for name, value in features.items():
@@ -49,7 +72,7 @@ def _features(node: Node) -> dict[str, Any]:
 
 
 class CameraKeys(Keys):
-    """Keys of ``[look.basler]``."""
+    """Keys of ``[look.basler]`` and ``[look.video]``."""
 
     device: str | None = key("look.basler.device", Rule("a string", _selector), None)
     exposure: float | None = key("look.basler.exposure_us", number("us", 1, 6e7), None)
@@ -57,16 +80,42 @@ class CameraKeys(Keys):
     timeout: float = key("look.basler.timeout_s", number("s", 0.01, 120), BaslerSettings.timeout)
     heartbeat: float = key("look.basler.heartbeat_s", number("s", 0.5, 60), BaslerSettings.heartbeat)
     features: Mapping[str, Any] | None = key("look.basler.features", Rule("a table", _features), None)
+    video_device: str | None = key("look.video.device", Rule("a string", _video_selector), None)
+    video_size: tuple[int, ...] | None = key("look.video.size_px", integers(2, 16, 20000), None)
+    video_exposure: float | None = key("look.video.exposure_us", number("us", 100, 6e7), None)
+    video_gain: float | None = key("look.video.gain", number("", 0, 1e6), None)
+    video_latency: float | None = key("look.video.latency_s", number("s", 0, 60), None)
+    video_timeout: float = key("look.video.timeout_s", number("s", 0.01, 120), VideoSettings.timeout)
+    video_stamps: bool | None = key("look.video.stamps", flag(), None)
+    video_features: Mapping[str, Any] | None = key(
+        "look.video.features", Rule("a table", _video_features), None
+    )
 
 
 def camera_of(keys: CameraKeys, root: Node) -> CellCamera:
     """Return the camera.
 
     Raises:
-        FileInputError: the timeout is not longer than the exposure.
+        FileInputError: a timeout is not longer than its exposure, or both tables name a device.
     """
-    settings = BaslerSettings(keys.exposure, keys.gain, keys.timeout, keys.heartbeat, keys.features or {})
-    if keys.exposure is not None and keys.timeout <= keys.exposure:
-        rule = f"must be more than the exposure, {keys.exposure:g} s"
-        raise root.error_at("look.basler.timeout_s", rule, "default: 2")
-    return CellCamera(keys.device, settings)
+    basler = BaslerSettings(keys.exposure, keys.gain, keys.timeout, keys.heartbeat, keys.features or {})
+    size = None if keys.video_size is None else (keys.video_size[0], keys.video_size[1])
+    video = VideoSettings(
+        *(
+            size,
+            keys.video_exposure,
+            keys.video_gain,
+            keys.video_latency,
+            keys.video_timeout,
+            keys.video_stamps,
+        ),
+        keys.video_features or {},
+    )
+    for table_name, made in (("basler", basler), ("video", video)):
+        if made.exposure is not None and made.timeout <= made.exposure:
+            rule = f"must be more than the exposure, {made.exposure:g} s"
+            raise root.error_at(f"look.{table_name}.timeout_s", rule, "default: 2")
+    if keys.device is not None and keys.video_device is not None:
+        rule = f"must be the cell's only camera, but look.basler.device is {keys.device!r}"
+        raise root.error_at("look.video.device", rule, "name one; --camera selects another")
+    return CellCamera(keys.device or keys.video_device, basler, video)

@@ -38,7 +38,7 @@ class Cell(CellValues):
         stand_size: footprint of a stand, (2,), m.
         zone: region where boards may stand, as a body.
         fixed: table, walls and posts.
-        basler: Basler camera of the real cell, if any, and its settings.
+        live_camera: camera of the real cell, if any, and settings of cameras.
         speed_registers, acceleration_registers: values of the controller's registers during operation.
         inputs: values of the file by key; see `cell.config.inputs`.
         digest: SHA-256 of `inputs`.
@@ -59,7 +59,7 @@ class Cell(CellValues):
     stand_size: tuple[float, float]
     zone: Body
     fixed: tuple[Body, ...]
-    basler: CellCamera
+    live_camera: CellCamera
     speed_registers: tuple[int, ...]
     acceleration_registers: tuple[int, ...]
     inputs: Inputs

@@ -111,7 +111,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         stand_size=(float(keys.stand_size[0]), float(keys.stand_size[1])),
         zone=Body("zone", Box(keys.zone_size), transform(t=keys.zone_centre), "zone"),
         fixed=_fixed_bodies(keys, root),
-        basler=camera_of(keys, root),
+        live_camera=camera_of(keys, root),
         speed_registers=_registers(root, "speed", keys.speed_registers, unit),
         acceleration_registers=_registers(root, "acceleration", keys.acceleration_registers, unit),
         inputs=inputs,

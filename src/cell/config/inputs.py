@@ -27,6 +27,7 @@ LEFT_OUT = (
     "look.least_certain_height_mm",
     "look.least_certain_deg",
     "look.basler.",
+    "look.video.",
     "motion.speed",
     "motion.speed_registers",
     "motion.acceleration_registers",

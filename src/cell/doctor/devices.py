@@ -7,6 +7,7 @@ import os
 import time
 import warnings
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm.errors import CameraError, InputError
@@ -15,6 +16,7 @@ from cell.doctor.finding import NOTE, OK, CheckResult
 if TYPE_CHECKING:
     from cell.config.cell import Cell
 
+VIDEO_DEVICES = Path("/sys/class/video4linux")
 FIRMWARE = "MARS8"  # that every known unit reports
 
 
@@ -90,33 +92,47 @@ def check_controller(port: str) -> CheckResult:
 
 
 def check_cameras() -> CheckResult:
-    """List the cameras that pylon finds. Open none.
+    """List the cameras that pylon finds, and the video devices of this machine. Open none.
 
     Raises:
         CameraError: pylon fails.
     """
     from vision.camera.basler_devices import find_devices
 
+    videos = _video_devices()
+    others = [
+        f"{v['name']} video:{v['device']}" + ("" if v["may_open"] else " (no permission)") for v in videos
+    ]
     try:
         with warnings.catch_warnings():
             # The SWIG types of pylon warn. As errors (python -W error) the warnings would crash the interpreter.
             warnings.simplefilter("ignore")
             from pypylon import genicam, pylon
     except ImportError as error:
-        return CheckResult("cameras", NOTE, f"pylon cannot be loaded: {error}", "make basler")
+        found = "; ".join([f"pylon cannot be loaded: {error}", *others])
+        return CheckResult("cameras", NOTE, found, "make basler, for Basler cameras", {"videos": videos})
     try:
         devices = [device for device, _ in find_devices(pylon)]
     except genicam.GenericException as error:
         raise CameraError("of any kind", "pylon", f"pylon cannot list them: {error}") from error
-    data = {"cameras": [asdict(device) for device in devices]}
-    if not devices:
+    data = {"cameras": [asdict(device) for device in devices], "videos": videos}
+    if not devices and not videos:
         help = "for a real cell: check the camera's power and its cable"
-        return CheckResult("cameras", NOTE, "pylon finds none", help, data)
-    return CheckResult("cameras", OK, "; ".join(map(str, devices)), "", data)
+        return CheckResult("cameras", NOTE, "none: neither pylon's nor video devices", help, data)
+    return CheckResult("cameras", OK, "; ".join([*map(str, devices), *others]), "", data)
+
+
+def _video_devices() -> list[dict[str, Any]]:
+    """Video devices of this machine; one camera may have several, not all of which take images."""
+    found = []
+    for file in sorted(VIDEO_DEVICES.glob("video*/name")):
+        device = f"/dev/{file.parent.name}"
+        found.append({"name": file.read_text().strip(), **_port(device)})
+    return found
 
 
 def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
-    """Take an image with one camera.
+    """Take an image with one camera. What the camera does not tell about its images makes the verdict a note.
 
     Args:
         selector: selector of the camera; `cell.config.camera_keys.OF_CELL`: the one of the cell file.
@@ -127,17 +143,24 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
         CameraError: the camera delivers no image.
     """
     from cell.config.camera_keys import OF_CELL
-    from vision.camera.basler import BaslerCamera
+    from cell.session.cameras import camera_by
 
-    device = selector if selector != OF_CELL else None if cell is None else cell.basler.device
+    device = selector if selector != OF_CELL else None if cell is None else cell.live_camera.device
     if device is None:
         raise InputError(
-            f"--camera {OF_CELL} needs --cell FILE whose [look.basler] names a device", camera=selector
+            f"--camera {OF_CELL} needs --cell FILE whose [look.basler] or [look.video] names a device",
+            camera=selector,
         )
-    settings, size = (None, None) if cell is None else (cell.basler.settings, cell.camera.size)
-    with BaslerCamera(device, settings, size) as camera:
+    live, size = (None, None) if cell is None else (cell.live_camera, cell.camera.size)
+    with camera_by(device, live, size) as camera:
         (image,) = camera.grab(1)
-        description = camera.description
+        description, doubts = camera.description, camera.doubts
     grey = float(image.mean())
-    data = {"camera": selector, "size_px": list(image.shape[::-1]), "mean_grey": grey}
-    return CheckResult("photograph", OK, f"{description}; mean grey {grey:.0f} of 255", "", data)
+    data = {
+        "camera": str(camera.selector),
+        "size_px": list(image.shape[::-1]),
+        "mean_grey": grey,
+        "doubts": doubts,
+    }
+    found = f"{description}; mean grey {grey:.0f} of 255"
+    return CheckResult("photograph", NOTE if doubts else OK, found, "; ".join(doubts), data)

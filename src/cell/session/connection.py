@@ -17,12 +17,11 @@ from arm.errors import InputError
 from cell.config.camera_keys import OF_CELL
 from cell.console import say_on_stderr
 from cell.files.task import Task
-from cell.session.cameras import open_basler, require_one_camera
+from cell.session.cameras import open_camera, require_live, require_one_camera
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
-from vision.camera.basler_devices import read_selector
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
@@ -159,6 +158,7 @@ def require_openable(task: Task, where: WhichCell) -> None:
     Raises:
         InputError: an option is wrong, or world file, folder or camera name is missing.
     """
+    live = task.cell.live_camera
     port, images, camera, time_scale = where.port, where.images, where.camera, where.time_scale
     if time_scale is not None and not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
@@ -175,14 +175,14 @@ def require_openable(task: Task, where: WhichCell) -> None:
         world_file(task, where.world)
     elif images is not None:
         NewImageFolder(images)
-    elif camera in (None, OF_CELL) and task.cell.basler.device is None:
+    elif (selector := live.device if camera in (None, OF_CELL) else camera) is None:
         raise InputError(
-            "--port needs a camera: name one with --camera or in the cell file ([look.basler] device), or give a "
-            "folder of images with --images",
+            "--port needs a camera: name one with --camera or in the cell file (device under [look.basler] or "
+            "[look.video]), or give a folder of images with --images",
             port=port,
         )
-    elif camera is not None and camera != OF_CELL:
-        read_selector(camera)
+    else:
+        require_live(live, selector)
 
 
 @contextmanager
@@ -200,7 +200,7 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
     images, clock = where.images, Clock()
     # the camera is opened before anything is sent, and closed after the arm was commanded to stop
     with (
-        open_basler(task.cell, where.camera)
+        open_camera(task.cell, where.camera)
         if images is None
         else nullcontext(NewImageFolder(images)) as frames,
         WireLog(log, clock) as wire,

@@ -31,8 +31,12 @@ from cell.task.planning import Rest, plan_rest
 from tasks.true_look import true_look
 from typed.command_line import a465, refused, replace_in
 from typed.doc_commands import ROOT
+from vision.camera.video.settings import VideoSettings
 
-NOT_OFFERED = ("calibration", "tool.urdf", "look.basler.features", "camera", "intrinsics.covariance", "views")
+NOT_OFFERED = (
+    *("calibration", "background", "tool.urdf", "look.basler.features", "look.video.features", "camera"),
+    *("intrinsics.covariance", "views"),
+)
 KEY = re.compile(r"^(\w+) = ")
 
 
@@ -127,8 +131,9 @@ def test_what_may_be_added_reads_too(tmp_path: Path) -> None:
     text = re.sub(r"^# (\w+ = (?!\[\.)|\[look)", r"\1", file.read_text(), flags=re.MULTILINE)
     file.write_text(text)
     cell = read_cell(file)
-    assert cell.basler.device == "name:MY-CAMERA"
-    assert cell.basler.settings.exposure == 0.008
+    assert cell.live_camera.device == "name:MY-CAMERA"
+    assert cell.live_camera.basler.exposure == 0.008
+    assert cell.live_camera.video == VideoSettings((1920, 1080), None, 0.0, 0.5, 2.0, True)
     shipped = read_cell(data_file("scenes/cell.toml"))
     for key in ("velocity_fraction", "acceleration_fraction", "jerk_time", "board_limits"):
         assert getattr(cell, key) == getattr(shipped, key)  # what is not said is as shown

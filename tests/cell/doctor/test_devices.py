@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +24,7 @@ from driver.line.clock import Clock
 from driver.line.wire_log import WireLog
 from pictures.cameras import SERIAL
 from typed.command_line import replace_in
+from video.fake_device import DEVICE, FakeDevice, plugged
 
 pytestmark = pytest.mark.xdist_group("doctor")
 
@@ -127,10 +129,31 @@ def test_cameras_are_listed_and_one_takes_a_photograph(monkeypatch: pytest.Monke
         doctordevices.check_photograph("serial:1", cell)
 
 
-def test_no_camera_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_video_devices_are_listed_too(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PYLON_CAMEMU", "0")
     monkeypatch.setattr("vision.camera.basler_devices.find_devices", lambda pylon: [])
-    assert doctordevices.check_cameras().found == "pylon finds none"
+    monkeypatch.setattr(doctordevices, "VIDEO_DEVICES", tmp_path)
+    (tmp_path / "video7").mkdir()
+    (tmp_path / "video7/name").write_text("Webcam C920\n")
+    listed = doctordevices.check_cameras()
+    assert (listed.verdict, listed.found) == (OK, "Webcam C920 video:/dev/video7 (no permission)")
+    assert listed.data["videos"][0]["device"] == "/dev/video7"
+
+
+def test_a_photograph_of_a_video_source_says_what_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    plugged(monkeypatch, FakeDevice(""))
+    taken = doctordevices.check_photograph(DEVICE, None)
+    assert taken.verdict == NOTE
+    assert re.fullmatch(r"camera video:/dev/null: 32 x 24 px; mean grey (49|50) of 255", taken.found)
+    assert taken.help.startswith("it gives no time stamps of use: only latency_s = 0.5 guards")
+    assert "whether its shutter rolls is unknown" in taken.help
+
+
+def test_no_camera_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctordevices, "VIDEO_DEVICES", Path("/nowhere"))
+    monkeypatch.setenv("PYLON_CAMEMU", "0")
+    monkeypatch.setattr("vision.camera.basler_devices.find_devices", lambda pylon: [])
+    assert doctordevices.check_cameras().found == "none: neither pylon's nor video devices"
     monkeypatch.setitem(sys.modules, "pypylon", None)
     found = doctordevices.check_cameras()
-    assert (found.verdict, found.help) == (NOTE, "make basler")
+    assert (found.verdict, found.help) == (NOTE, "make basler, for Basler cameras")

@@ -70,7 +70,10 @@ def test_what_is_wrong_is_told_and_ends_with_3(scenes: Path) -> None:
     assert report["wrong"] == ["controller", "photograph", "self-test: plan"]
     assert "in the way" in checks["self-test: plan"]["found"]
     assert "nowhere: is not there; is the cable plugged in" in checks["controller"]["found"]
-    assert "needs --cell FILE whose [look.basler] names a device" in checks["photograph"]["found"]
+    assert (
+        "needs --cell FILE whose [look.basler] or [look.video] names a device"
+        in checks["photograph"]["found"]
+    )
     assert all(checks[name]["help"] for name in report["wrong"])
     assert told.splitlines()[-1] == "a465: doctor: wrong: controller, photograph, self-test: plan"
     assert checks["cell"]["found"].startswith(f"{scenes / 'task2.toml'} is valid: crs93")

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 import cell.session.connection
@@ -17,10 +19,13 @@ from cell.cli.main import app
 from cell.commands.render import render_step
 from cell.commands.run import execute_plan
 from cell.commands.steps import look_step, plan_step
+from cell.config.camera_keys import CellCamera
 from cell.config.cell_file import read_cell
 from cell.config.inputs import changes
 from cell.console import Console
 from cell.files.task import read_task
+from cell.files.world import read_world
+from cell.session.cameras import require_live
 from cell.session.connection import WhichCell, open_cell, simulated_cell
 from driver.emulator import Emulator
 from driver.line.clock import Clock
@@ -28,6 +33,7 @@ from pictures.cameras import SERIAL
 from typed.command_line import a465, replace_in
 from vision.camera.basler import BaslerCamera, BaslerSettings
 from vision.camera.frame_source import Image
+from vision.camera.video.settings import VideoSettings
 
 pytestmark = pytest.mark.xdist_group("camera_option")
 TIME_SCALE = 4.0
@@ -107,16 +113,16 @@ def test_why_there_are_no_photographs_is_data_too(place: Path) -> None:
 
 def test_the_cell_file_says_which_camera_and_how(scenes: Path) -> None:
     plain = read_cell(scenes / "cell.toml")
-    assert plain.basler.device is None
-    assert plain.basler.settings == BaslerSettings()
+    assert plain.live_camera.device is None
+    assert plain.live_camera.basler == BaslerSettings()
     given(
         scenes,
         'device = "name:camera-crs93"\nexposure_us = 12000\ngain_db = 3\ntimeout_s = 1.5\nheartbeat_s = 1\n'
         "features = { ReverseX = true, GainRaw = 5 }",
     )
     cell_ = read_cell(scenes / "cell.toml")
-    assert cell_.basler.device == "name:camera-crs93"
-    assert cell_.basler.settings == BaslerSettings(0.012, 3.0, 1.5, 1.0, {"ReverseX": True, "GainRaw": 5})
+    assert cell_.live_camera.device == "name:camera-crs93"
+    assert cell_.live_camera.basler == BaslerSettings(0.012, 3.0, 1.5, 1.0, {"ReverseX": True, "GainRaw": 5})
     assert cell_.digest == plain.digest  # no plan rests on it
     assert not changes(plain.inputs, cell_.inputs)
 
@@ -135,12 +141,83 @@ def test_the_cell_file_says_which_camera_and_how(scenes: Path) -> None:
         ("exposure_ms = 3", r"look\.basler\.exposure_ms = 3: is not a known key \(did you mean look\.basler\.exp"),
         ("features = { Width = [1] }", r"look\.basler\.features.*: Width must be a number, a string, true or false"),
         ("features = 3", r"look\.basler\.features = 3: must be a table"),
+        ('device = "x"\n[look.video]\ndevice = "video:0"', r"look\.video\.device.*only camera, but look\.b"),
+        ('[look.video]\ndevice = "clip.mp4"', r"look\.video\.device = 'clip\.mp4': must be video:NUMBER"),
+        ('[look.video]\ndevice = "video:clip.mp4"', r"look\.video\.device.*must be a device or a stream; a recording"),
+        ("[look.video]\nexposure_us = 3e6", r"look\.video\.timeout_s: must be more than the exposure, 3 s"),
+        ("[look.video]\nfeatures = { FOCUS = true }", r"look\.video\.features.*: FOCUS must be a number"),
+        ("[look.video]\nlatency_s = -1", r"look\.video\.latency_s = -1: must be a number in s from 0 to 60"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_the_cell_file_is_told(scenes: Path, lines: str, told: str) -> None:
     given(scenes, lines)
     with pytest.raises(InputError, match=told):
         read_cell(scenes / "cell.toml")
+
+
+def test_a_video_source_of_the_cell_file_affects_no_plan(scenes: Path) -> None:
+    plain = read_cell(scenes / "cell.toml")
+    lines = (
+        'device = "video:/dev/video2"\nsize_px = [1920, 1080]\nexposure_us = 8000\ngain = 4\nlatency_s = 0.2\n'
+        'timeout_s = 1\nstamps = false\nfeatures = { FOURCC = "YUYV", FOCUS = 30 }'
+    )
+    replace_in(scenes / "cell.toml", "[motion]", f"[look.video]\n{lines}\n\n[motion]")
+    cell_ = read_cell(scenes / "cell.toml")
+    assert cell_.live_camera.device == "video:/dev/video2"
+    made = VideoSettings((1920, 1080), 0.008, 4.0, 0.2, 1.0, False, {"FOURCC": "YUYV", "FOCUS": 30})
+    assert cell_.live_camera.video == made
+    assert cell_.digest == plain.digest
+    assert not changes(plain.inputs, cell_.inputs)
+
+
+@pytest.mark.parametrize(
+    ("selector", "told"),
+    [
+        ("video:clip.mp4", "--camera video:clip.mp4: is a recording, which cannot show the present cell"),
+        (
+            "video:rtsp://me:secret@h/1",
+            "--camera video:rtsp://me:***@h/1: a stream does not tell how old its frames",
+        ),
+        ("video:ftp://h/1", "a stream's protocol must be one of"),
+    ],
+)
+def test_an_arm_moves_only_by_a_video_source_that_shows_the_present_cell(
+    scenes: Path, tmp_path: Path, selector: str, told: str
+) -> None:
+    task = read_task(scenes / "task2.toml")
+    where = WhichCell("/dev/none", camera=selector)
+    with pytest.raises(InputError) as caught, open_cell(task, where, tmp_path / "log.jsonl"):
+        pass
+    assert told in str(caught.value)
+    assert "secret" not in f"{caught.value} {caught.value.data}"
+    assert not (tmp_path / "log.jsonl").exists()  # before anything was opened
+    stated = CellCamera("video:rtsp://h/1", video=VideoSettings(latency=1.0))
+    require_live(stated, "video:rtsp://h/1")
+
+
+@pytest.fixture(scope="module")
+def clip(place: Path) -> Path:
+    """A video of the photographs of the task, compressed."""
+    file = place / "clip.avi"
+    images = [cv2.imread(str(shot)) for shot in sorted((place / "shots").glob("*.png"))]
+    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, images[0].shape[1::-1])
+    for image in images:
+        writer.write(image)
+    writer.release()
+    return file
+
+
+@pytest.mark.slow
+def test_a_look_takes_a_recording(place: Path, clip: Path) -> None:
+    task = place / "scenes/task2.toml"
+    said, told = a465("look", task, "--camera", f"video:{clip}", "--json")
+    assert f"video:{clip}: a recording, which need not show the present cell" in told
+    seen = json.loads(said)["scenes"][0]["boards"]
+    assert [[hole["state"] for hole in board["holes"]].count("cube") for board in seen] == [1, 0]
+    truth = {board.board.name: board for board in read_world(task.with_suffix(".world.toml"), 0.036).boards}
+    for board in seen:  # compression costs little
+        off = np.array(board["T_base_board"])[:3, 3] - truth[board["board"]].T_base_board[:3, 3]
+        assert np.linalg.norm(off) < 0.4e-3
 
 
 @contextmanager

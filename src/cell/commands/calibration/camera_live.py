@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm.errors import CalibrationRefused, InputError
+from arm.errors import CalibrationRefused, CameraError, InputError
 from arm.se3 import Array, rotation, transform
 from calib.camera.guided_capture import FIRST, Advice, GuidedViews
 from calib.camera.result import CalibrationLimits
@@ -73,7 +73,7 @@ class SimulatedHand:
 def open_source(
     selector: str | None, simulated: Path | None, target: Target, console: Console
 ) -> Iterator[tuple[FrameSource, SimulatedHand | None]]:
-    """Open the Basler camera, or the simulated camera of a task's cell.
+    """Open the camera, or the simulated camera of a task's cell.
 
     Raises:
         InputError: not exactly one of them is given.
@@ -90,9 +90,9 @@ def open_source(
         hand = SimulatedHand(target_camera(task, None, rng), target, rng)
         yield hand, hand
         return
-    from vision.camera.basler import BaslerCamera
+    from cell.session.cameras import camera_by
 
-    with BaslerCamera(str(selector), tell=console.say) as camera:
+    with camera_by(str(selector), tell=console.say) as camera:
         yield camera, None
 
 
@@ -149,7 +149,8 @@ def take_views(
                 )
             console.say(f"no new view for {quiet_s:.0f} s: continuing with {len(guided.photos)}")
             break
-        (image,) = source.grab(1)
+        if (image := _next(source, len(guided.photos), console)) is None:
+            break
         wrong = guided.consider(TargetPhoto.of(f"live-{number + 1:03d}.png", image, finder))
         if wrong:
             console.progress(f"{guided.advice.words}", min(len(guided.photos) / limits.views, 1.0), wrong)
@@ -161,6 +162,18 @@ def take_views(
         write_png(folder / f"live-{number:03d}.png", image)
         _print_advice(guided, limits, console)
     return taken
+
+
+def _next(source: FrameSource, views: int, console: Console) -> Image | None:
+    """Return the next image; None at the end of a recording that gave views."""
+    try:
+        (image,) = source.grab(1)
+    except CameraError as error:
+        if error.data.get("reason") != "ended" or not views:
+            raise
+        console.say(f"the recording is at its end: continuing with {views}")
+        return None
+    return image
 
 
 def _resume(folder: Path, finder: TargetFinder, guided: GuidedViews, console: Console) -> int:

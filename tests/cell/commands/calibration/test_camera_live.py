@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import CalibrationRefused
+from arm.errors import CalibrationRefused, CameraError
 from arm.io.storage import data_file
 from calib.camera.result import CalibrationLimits
 from cell.commands.calibration.camera_live import take_views
@@ -87,3 +87,21 @@ def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsy
     assert session(tmp_path / "one", [read_grey(photographs / "target-001.png")]) == 1
     assert "no new view for 5 s: continuing with 1" in capsys.readouterr().err
     assert [p.name for p in (tmp_path / "one").iterdir()] == ["live-001.png"]
+
+
+def test_a_recording_ends_a_session_with_the_views_it_gave(
+    photographs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Recording(Nobody):
+        def grab(self, count: int) -> list[Image]:
+            if not self._left:
+                raise CameraError("video:clip.mp4", "ended", "the recording has no more frames")
+            return super().grab(count)
+
+    views = [read_grey(photographs / "target-001.png")]
+    limits = CalibrationLimits()
+    assert take_views(tmp_path / "one", Target(), Recording(views), None, None, limits, Console(True)) == 1
+    assert "the recording is at its end: continuing with 1" in capsys.readouterr().err
+    empty = np.full((600, 960), 90, np.uint8)
+    with pytest.raises(CameraError, match="the recording has no more frames"):
+        take_views(tmp_path / "none", Target(), Recording([empty]), None, None, limits, Console(True))
