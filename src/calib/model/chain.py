@@ -114,6 +114,17 @@ class Chain:
 
     elements: tuple[Element, ...]
 
+    @cached_property
+    def _motions(self) -> tuple[Motion, ...]:
+        """From right to left."""
+        return tuple(e for e in reversed(self.elements) if isinstance(e, Motion))
+
+    @cached_property
+    def _crosses(self) -> tuple[Array, Array]:
+        """Cross product matrix of each motion's axis, and its square, (motions, 1, 3, 3) each."""
+        K = np.array([skew(e.axis) for e in self._motions]).reshape(-1, 1, 3, 3)
+        return K, K @ K
+
     def __add__(self, other: Chain) -> Chain:
         return Chain(self.elements + other.elements)
 
@@ -128,7 +139,7 @@ class Chain:
     def evaluate(self, readings: Array, unknowns: Array, gains: dict[str, Array] | None = None) -> Evaluated:
         """Evaluate at readings (n, readings) in rad or m, with unknowns (count,) and gains (n,) by name."""
         n, gains = len(readings), gains or {}
-        motions = tuple(e for e in reversed(self.elements) if isinstance(e, Motion))
+        motions = self._motions
         amounts = np.zeros((len(motions), n))
         for amount, motion in zip(amounts, motions, strict=True):
             if motion.reading is not None:
@@ -136,7 +147,7 @@ class Chain:
             for u in motion.unknowns:
                 amount += gains[u.gain] * unknowns[u.index] if u.gain else unknowns[u.index]
             amount *= motion.sign
-        turned = _turned(motions, amounts)
+        turned = _turned(*self._crosses, amounts)
         behind = np.empty((len(motions), n, 3, 4))
         at = np.tile(np.eye(3, 4), (n, 1, 1))
         k = 0
@@ -156,11 +167,10 @@ class Chain:
         return Evaluated(T, motions, behind, gains, (readings.shape[1], len(unknowns)))
 
 
-def _turned(motions: Sequence[Motion], amounts: Array) -> Array:
-    """Rotation matrices (motions, n, 3, 3) for amounts (motions, n), by Rodrigues' formula."""
-    K = np.array([skew(e.axis) for e in motions]).reshape(-1, 1, 3, 3)
+def _turned(K: Array, square: Array, amounts: Array) -> Array:
+    """Rotation matrices (motions, n, 3, 3) for amounts (motions, n), by Rodrigues' formula; `square` is K @ K."""
     angles = amounts[..., None, None]
-    return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K))
+    return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * square)
 
 
 def pose_unknowns(first: int) -> tuple[Motion, ...]:

@@ -108,7 +108,9 @@ def test_a_target_that_does_not_meet_itself_is_not_told_as_turned(
     assert flipped_targets(seen(c, pixels)) == {}
 
 
-@pytest.mark.parametrize(("kind", "turn"), [("marker", 90), ("charuco", 180)])
+@pytest.mark.parametrize(
+    ("kind", "turn"), [("marker", 90), pytest.param("charuco", 180, marks=pytest.mark.slow)]
+)
 def test_turned_targets_are_named_with_their_turn(kind: str, turn: int) -> None:
     rng = np.random.default_rng(6)
     truth = draw_truth(rng)

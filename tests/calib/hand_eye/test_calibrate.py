@@ -83,7 +83,9 @@ def test_errors_of_links_are_taken_in_when_the_images_show_them_and_only_then():
     assert any("J" in a and "target" in b for a, b, _ in found.chain.correlations), "gauges are told"
 
 
-@pytest.mark.parametrize("way", ["shifted", "other", "turned"])
+@pytest.mark.parametrize(
+    "way", ["shifted", *(pytest.param(w, marks=pytest.mark.slow) for w in ("other", "turned"))]
+)
 def test_a_third_of_the_images_may_be_wrong(way):
     recording, _, rng = drawn(4, 36, "marker")
     clean = calibrate_hand_eye(recording)
@@ -100,7 +102,7 @@ def test_a_third_of_the_images_may_be_wrong(way):
     assert np.linalg.norm(found.camera_sigma[0]) > np.linalg.norm(clean.camera_sigma[0])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in (2, 3, 4))])
 def test_eight_markers_are_neither_refused_nor_left_out_by_chance(seed):
     recording, _, _ = drawn([seed, 8], 8, "marker")
     found = calibrate_hand_eye(recording)

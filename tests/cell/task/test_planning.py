@@ -124,6 +124,7 @@ def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
         _request(task2, replace(seen, boards=(source, doubtful)))
 
 
+@pytest.mark.slow
 def test_a_table_full_of_places_is_planned_in_reasonable_time(
     task1: Task, whole1: tuple[Plan, dict[str, str]]
 ) -> None:

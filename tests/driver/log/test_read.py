@@ -115,7 +115,7 @@ RECORDS = st.fixed_dictionaries(
 ).map(lambda r: json.dumps(r).encode())
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.one_of(RECORDS, st.binary(max_size=80)), max_size=30), st.booleans())
 def test_random_bytes_never_crash_it(
     tmp_path_factory: pytest.TempPathFactory, lines: list[bytes], opened: bool

@@ -84,7 +84,7 @@ class Judge:
         return float(mujoco.mj_geomDistance(self.model, self.data, a, b, 5.0, None))
 
 
-def test_distances_are_mujocos_on_1000_configurations() -> None:
+def test_distances_are_mujocos_on_400_configurations() -> None:
     rng = np.random.default_rng(5)
     robot = load_a465(TOOL_LENGTH, 0.04)
     bodies = [TABLE, *random_bodies(rng, 8)]
@@ -92,7 +92,7 @@ def test_distances_are_mujocos_on_1000_configurations() -> None:
     judge = Judge({b.name: b.shape for b in (*robot.bodies, HELD, *bodies)})
     every = np.arange(len(world.pairs))
     worst, overlapping, compared = 0.0, 0, 0
-    for q in random_q(robot, rng, 1000):
+    for q in random_q(robot, rng, 400):
         held = HELD.at(robot.T_base_tool(q) @ T_TOOL_HELD)
         judge.place([*robot.bodies_at(q), held, *bodies])
         values = world.pair_distances(q, every)
@@ -103,8 +103,8 @@ def test_distances_are_mujocos_on_1000_configurations() -> None:
                 compared += 1
             else:
                 overlapping += 1
-    assert compared > 100_000
-    assert overlapping > 300
+    assert compared > 40_000
+    assert overlapping > 120
     assert worst <= DISTANCE_ERROR
 
 

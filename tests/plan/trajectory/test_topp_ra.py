@@ -106,7 +106,7 @@ def test_never_slower_than_toppra() -> None:
     ratios = []
     for name in ("crs93", "crs97"):
         limits = load_unit(name).limits()
-        for path in _paths(2, 30, limits):
+        for path in _paths(2, 15, limits):
             intervals = GRID if len(path.c) == 4 else 4 * GRID
             ratios.append(time_curve(path, limits).duration / _toppra_time(path, limits, intervals))
     assert max(ratios) <= 1.005

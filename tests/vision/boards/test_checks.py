@@ -55,7 +55,7 @@ def test_large_errors_are_flagged() -> None:
     """20 mm markers with 0.3 px shared: every tenth pose is off by more than 2 deg, and its own covariance says so."""
     wrong = flagged = right = kept = 0
     strict = BoardLimits(turn_rad=np.radians(0.45))
-    for size, common_px, count in ((0.020, 0.3, 60), (0.040, 0.0, 60)):
+    for size, common_px, count in ((0.020, 0.3, 40), (0.040, 0.0, 20)):
         board = lab_board(marker_size=size)
         for seed in range(count):
             rng = np.random.default_rng(seed)
@@ -67,6 +67,6 @@ def test_large_errors_are_flagged() -> None:
                 wrong, flagged = wrong + 1, flagged + (not seen.accepted)
             elif not common_px:
                 right, kept = right + 1, kept + seen.accepted
-    assert wrong >= 4
+    assert wrong >= 3
     assert flagged == wrong
     assert kept >= 0.98 * right

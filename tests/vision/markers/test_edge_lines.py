@@ -12,8 +12,8 @@ from vision.markers.detect import detect_markers
 def test_corners_by_border_lines() -> None:
     """The issue's figure, 0.02 px rms and 0.005 px bias. Of the 0.013 px seen most is the renderer's own."""
     errors, truths = [], []
-    for seed in range(30):
-        image, camera, truth = one_marker(seed, 0.5 * seed, size=0.040)  # 0 to 14.5 deg
+    for seed in range(15):
+        image, camera, truth = one_marker(seed, seed, size=0.040)  # 0 to 14 deg
         (marker,) = detect_markers(image, camera)
         assert (marker.id, marker.method) == (1, "lines")
         errors.append(marker.corners_px - truth)

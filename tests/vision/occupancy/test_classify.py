@@ -64,10 +64,10 @@ def test_cubes_of_any_grey_under_any_light(condition: str) -> None:
 
 
 def test_what_is_no_cube_in_its_seat_is_neither_cube_nor_empty() -> None:
-    found = [hole for seed in range(41_000, 41_008) for hole in judged(seed, ACROSS)]
+    found = [hole for seed in range(41_000, 41_004) for hole in judged(seed, ACROSS)]
     others = [o for true, o in found if true == "other"]
     assert [o for o in others if o.state != "unsure"] == []
-    assert sum(o.reason == OTHER for o in others) >= 5
+    assert sum(o.reason == OTHER for o in others) >= 3
     assert [o for true, o in found if true != "other" and o.state not in (true, "unsure")] == []
 
 

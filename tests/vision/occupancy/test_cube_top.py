@@ -61,7 +61,7 @@ def test_a_cube_of_any_grey_is_seated_and_measured_by_what_its_place_showed_empt
     assert _std(with_it) < 3e-5
 
 
-@pytest.mark.parametrize("grey", [30.0, 205.0])
+@pytest.mark.parametrize("grey", [pytest.param(30.0, marks=pytest.mark.slow), 205.0])
 def test_a_cube_four_millimetres_high_is_told_with_and_without_an_empty_place(grey: float) -> None:
     sight, before, T = _looks(grey, transform(t=(0.0, 0.0, 4e-3)) @ T_hole_cube(CUBE), light=0.97)
     found = seating(sight.in_hole(T, before.empty(T)), CubeWidth(CUBE, 1e-5))
