@@ -200,7 +200,12 @@ class TaskRun(OpenRun):
         self.tell(f"cube of {row.source} is not gripped: {why}")
         row.remarks.append(why)
         self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
-        self.connection.mars.gripper(0.0)
+        if self.connection.mars.gripper(0.0).stalled:
+            raise ExecutionStopped(
+                f"the jaws missed the cube of {row.source} and do not open: something blocks them; the arm is at the "
+                "hole",
+                index=0,
+            )
         cell, options = self.task.cell, options_of(self.task, self.speed)
         scene, q = build_scene(cell, observation, self.on_table), cell.unit.positions(cycle.approach.path.end)
         self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))

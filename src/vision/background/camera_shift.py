@@ -6,8 +6,8 @@ camera is fitted to their shifts, with a change of scale that a swaying camera d
 disagrees is left out: something stands there that did not. Images are then resampled as the camera would have taken
 them from its calibrated pose, so all that follows uses that pose.
 
-A shift alone cannot tell a rotation from a translation. Both look the same at the background's distance, and differ in
-proportion to the height above it; the covariance has the difference.
+A shift alone cannot tell a rotation from a translation. Both look the same at the background's distance. Their
+difference grows with the height above it; `twist_covariance` includes it.
 """
 
 from __future__ import annotations
@@ -232,29 +232,25 @@ def _fitted(background: Background, tracks: Tracks, camera: Camera) -> tuple[Arr
     rays, seen = _rays(camera, points), points + tracks.shifts
     agree = _consensus(rays, seen, camera)
     weights = np.linalg.inv(tracks.covariances + FLOOR_PX**2 * np.eye(2))
-    unknowns, normal, chi2 = np.zeros(4), np.eye(4), 0.0
+    unknowns = np.zeros(4)
     for _ in range(_ROUNDS):
-        if agree.sum() < max(FEWEST_SEEN, LEAST_SHARE * len(points)):
+        count = int(agree.sum())
+        if count < max(FEWEST_SEEN, LEAST_SHARE * len(points)):
             return None
         for _ in range(3):
-            residual, J = _linearised(rays, seen, camera, unknowns)
-            W = weights[agree]
-            normal = np.einsum("nia,nij,njb->ab", J[agree], W, J[agree])
+            residual, J = _linearised(rays[agree], seen[agree], camera, unknowns)
+            normal = np.einsum("nia,nij,njb->ab", J, weights[agree], J)
             unknowns = unknowns + np.linalg.solve(
-                normal, np.einsum("nia,nij,nj->a", J[agree], W, residual[agree])
+                normal, np.einsum("nia,nij,nj->a", J, weights[agree], residual)
             )
         residual, _ = _linearised(rays, seen, camera, unknowns)
         squares = np.einsum("ni,nij,nj->n", residual, weights, residual)
-        chi2 = float(squares[agree].sum())
         now = squares < GATE**2
         if np.array_equal(now, agree):
-            break
+            excess = max(1.0, float(squares[agree].sum()) / (2 * count - 4))
+            return unknowns, np.asarray(np.linalg.inv(normal) * excess, dtype=float), count
         agree = now
-    count = int(agree.sum())
-    if count < FEWEST_SEEN:
-        return None
-    excess = max(1.0, chi2 / (2 * count - 4))
-    return unknowns, np.asarray(np.linalg.inv(normal) * excess, dtype=float), count
+    return None  # features keep changing sides: no shift explains them
 
 
 def _linearised(rays: Array, seen: Array, camera: Camera, unknowns: Array) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 Fusing all corners in one fit reaches the Cramer-Rao bound; a median of poses or of corners wastes 20-40 % of the
 information, and one marker alone flips its tilt (docs/sources.md, "Pose of a board"). The
 covariance does not include the uncertainty of lens and extrinsics; allow for that in `motion.clearance_mm`
-(docs/real-cell.md).
+(docs/real-cell.md). `vision.observe` adds that of the camera's present shift, `BoardPose.holes` the plate's tolerance.
 """
 
 from __future__ import annotations
