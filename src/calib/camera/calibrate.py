@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, Bools, frozen
-from calib.camera.bundle_adjustment import Bundle, View, adjust, information, intrinsics_covariance
+from calib.camera.bundle_adjustment import (
+    Bundle,
+    View,
+    adjust,
+    information,
+    intrinsics_covariance,
+    residual_of,
+)
 from calib.camera.cross_validation import cross_validate
+from calib.camera.flat_views import FlatCalibration, FlatViews, Lift
 from calib.camera.initial_guess import initial_guess
 from calib.camera.next_views import NextView, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
@@ -38,6 +46,8 @@ def calibrate_camera(
     held: Sequence[str] = (),
     work: tuple[float, float] | None = None,
     limits: CalibrationLimits | None = None,
+    lifts: Mapping[str, Lift] | None = None,
+    flat: bool = True,
 ) -> CameraCalibration:
     """Fit the intrinsics to images of a target, and judge the fit.
 
@@ -48,9 +58,12 @@ def calibrate_camera(
         held: distortion coefficients to hold at zero, of k1 k2 p1 p2 k3.
         work: nearest and farthest working distance from the camera, m; default: those of the views.
         limits: for acceptance.
+        lifts: of the images with these names, in which the target lies on a box; it lies on one plane in all others.
+        flat: whether to estimate an honest interval of the focal length where too few views are tilted (seconds).
 
     Raises:
-        CalibrationRefused: fewer than `FEWEST_VIEWS` images are usable; the message gives the reason for each.
+        CalibrationRefused: fewer than `FEWEST_VIEWS` images are usable (the message gives the reason for each), or
+            `lifts` are given and the target was not parallel to itself.
     """
     limits = limits or CalibrationLimits()
     free = np.array([name not in held for name in NAMES])
@@ -59,27 +72,39 @@ def calibrate_camera(
     if len(candidates) < FEWEST_VIEWS:
         raise CalibrationRefused(_too_few(photos, reasons), usable=len(candidates), photographs=len(photos))
     found = _without_outliers(photos, candidates, target, size, free, reasons)
+    corner_sigma = found.bundle.corner_sigma
+    known_lifts = [(lifts or {}).get(photos[i].name) for i in found.index]
+    lain = None
+    if any(known_lifts) or (flat and _tilted(found.bundle, limits.tilt) < limits.tilted):
+        _require_parallel(found, known_lifts, photos, limits.tilt)
+        lain = FlatViews(found.views, target, size, known_lifts, corner_sigma).solve()
+        found = replace(found, bundle=_laid(found, lain))
     distances = work or _distances(found.bundle, found.views)
     volume = working_volume(found.bundle.camera, *distances)
     informations = information(found.bundle, found.views)
     prior = np.diag((found.bundle.corner_sigma / found.bundle.prior.sigma) ** 2)
-    if len(found.index) > limits.most_views:
+    if lain is None and len(found.index) > limits.most_views:
         design = OptimalDesign(np.array(informations), prior, volume.worth)
         found = _best(found, sorted(design.best(limits.most_views, exchange=False).places), reasons)
         volume = working_volume(found.bundle.camera, *distances)
         informations = information(found.bundle, found.views)
     bundle = found.bundle
-    covariance = intrinsics_covariance(informations, free, bundle.corner_sigma, bundle.prior)
+    if lain is None:
+        corner_sigma = bundle.corner_sigma  # of the views that were chosen
+    covariance = intrinsics_covariance(informations, free, corner_sigma, bundle.prior)
+    if lain is not None:
+        covariance = lain.covariance
     known = prior + sum(informations)
-    undetermined = _undetermined(bundle.camera, covariance, free, bundle.corner_sigma)
-    hypotheses = tuple(error_hypotheses(bundle, found.views, target))
+    undetermined = _undetermined(bundle.camera, covariance, free, corner_sigma)
+    # the flat fit has these errors among its unknowns
+    hypotheses = () if lain is not None else tuple(error_hypotheses(bundle, found.views, target))
     shifts = [volume.shifts(s.intrinsics_change) for s in hypotheses if s.sure]
     variances = volume.sigmas(covariance) ** 2 + sum(shift**2 for shift in shifts)
     calibration = CameraCalibration(
         bundle.camera,
         frozen(covariance),
         free,
-        bundle.corner_sigma,
+        corner_sigma,
         _calibration_views(photos, reasons, found, target),
         target,
         volume,
@@ -89,8 +114,38 @@ def calibrate_camera(
         {name: _most_informative(name, bundle.camera, target, known, distances) for name in undetermined},
         tuple(next_views(bundle.camera, target, known, volume.worth, *distances)),
         limits,
+        None if lain is None else lain.interval,
+        lain is not None and any(known_lifts),
     )
     return with_verdict(calibration)
+
+
+def _tilted(bundle: Bundle, tilt: float) -> int:
+    """Number of views tilted by at least `tilt`, rad."""
+    return sum(abs(T[2, 2]) <= np.cos(tilt) for T in bundle.poses)
+
+
+def _require_parallel(
+    found: _Found, lifts: Sequence[Lift | None], photos: Sequence[TargetPhoto], tilt: float
+) -> None:
+    if not any(lifts):
+        return
+    middle = np.median([T[:3, 2] for T in found.bundle.poses], axis=0)
+    middle /= np.linalg.norm(middle)
+    for i, T in zip(found.index, found.bundle.poses, strict=True):
+        off = float(np.arccos(np.clip(middle @ T[:3, 2], -1.0, 1.0)))
+        if off > tilt:
+            raise CalibrationRefused(
+                f"{photos[i].name}: the target is tilted by {np.degrees(off):.0f} deg against the other views, but "
+                "with --lift it must lie on the plane in all of them, or on a box; leave out --lift or this image",
+                photograph=photos[i].name,
+                tilt_deg=float(np.degrees(off)),
+            )
+
+
+def _laid(found: _Found, lain: FlatCalibration) -> Bundle:
+    residuals = tuple(residual_of(lain.camera, T, v) for T, v in zip(lain.poses, found.views, strict=True))
+    return replace(found.bundle, camera=lain.camera, poses=lain.poses, residuals=residuals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,12 +90,14 @@ class GuidedViews:
         return self._advice
 
     def calibration(self) -> CameraCalibration:
-        """Calibrate from the views so far.
+        """Calibrate from the views so far, quickly: where too few are tilted, without the focal length's interval.
 
         Raises:
             CalibrationRefused: too few views.
         """
-        return calibrate_camera(self.photos, self._target, self._size, work=self._work, limits=self._limits)
+        return calibrate_camera(
+            self.photos, self._target, self._size, work=self._work, limits=self._limits, flat=False
+        )
 
     def _next(self) -> Advice:
         if len(self.photos) < len(FIRST):

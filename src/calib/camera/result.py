@@ -98,6 +98,8 @@ class CameraCalibration(Judged):
         undetermined: intrinsics that the views do not determine, each with its most informative next view.
         next: views that would most reduce the error at the work points.
         limits: for acceptance.
+        focal_interval: 95 % of the focal length, px, where too few views are tilted or some are lifted; else None.
+        lifted: whether the fit uses views on a box of known height.
     """
 
     camera: Camera
@@ -113,6 +115,8 @@ class CameraCalibration(Judged):
     undetermined: dict[str, NextView | None]
     next: tuple[NextView, ...]
     limits: CalibrationLimits
+    focal_interval: tuple[float, float] | None = None
+    lifted: bool = False
 
     @property
     def sigmas(self) -> Array:

@@ -53,13 +53,19 @@ def _too_few_views(c: CameraCalibration) -> Iterator[str]:
 
 
 def _too_little_tilt(c: CameraCalibration) -> Iterator[str]:
+    if c.lifted:
+        return
     tilts = np.array([v.tilt for v in c.used])
     tilted = int((tilts >= c.limits.tilt).sum())
     if tilted < c.limits.tilted:
+        known = ""
+        if c.focal_interval is not None:
+            known = " (fx is within {:.0f} to {:.0f} px, 95 %)".format(*c.focal_interval)
         yield (
             f"{tilted} of {len(tilts)} views are tilted by {np.degrees(c.limits.tilt):.0f} deg or more, at least "
             f"{c.limits.tilted} are needed (the most is {np.degrees(tilts.max()):.0f} deg): views that face the camera "
-            "do not separate focal length from distance; tilt the target by 20 to 45 deg"
+            f"do not separate focal length from distance{known}; tilt the target by 20 to 45 deg, or put it on a "
+            "box of known height for one more image and give --lift IMAGE=HEIGHT_MM"
         )
 
 

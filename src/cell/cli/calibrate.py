@@ -64,6 +64,14 @@ def calibrate_lens(
     most_views: Annotated[
         int | None, Option(help="Largest number of views to fit; the others are held out. Default 40.")
     ] = None,
+    lift: Annotated[
+        list[str] | None,
+        Option(
+            metavar="IMAGE=HEIGHT_MM",
+            help="For a target that lies flat: in this image it lies on a box of this height, in the others without "
+            "--lift on the table. IMAGE=HEIGHT_MM+-STD_MM states its standard deviation; default 0.2. May be repeated.",
+        ),
+    ] = None,
     live: Annotated[
         bool,
         Option(
@@ -85,7 +93,9 @@ def calibrate_lens(
     with answering("calibrating", as_json) as console:
         from cell.commands.calibration.camera import LensOptions, camera_step
 
-        options = LensOptions(output, report, limit_mm, target, tuple(hold or ()), work_mm, most_views)
+        options = LensOptions(
+            output, report, limit_mm, target, tuple(hold or ()), work_mm, most_views, tuple(lift or ())
+        )
         result = camera_step(images, options, live, camera, simulated, console)
     _finish(result, output, console)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 from arm.errors import InputError
 from arm.io.storage import sha256
 from calib.camera.calibrate import calibrate_camera
+from calib.camera.flat_views import Lift
 from calib.camera.result import CalibrationLimits, CameraCalibration
 from calib.camera.view_selection import TargetPhoto
 from calib.model.intrinsics import NAMES, vector_of
@@ -22,6 +25,7 @@ from vision.markers.exposure import darkness
 from vision.targets.target import Target, TargetFinder, read_target
 
 HOLDABLE = NAMES[4:]
+_LIFT = re.compile(r"(.+)=(\d+(?:\.\d+)?)(?:\+-(\d+(?:\.\d+)?))?")
 
 
 @dataclass(frozen=True)
@@ -33,12 +37,14 @@ class LensOptions(ResultOptions):
         hold: lens parameters to fix at zero.
         work_mm: nearest and farthest working distance.
         most_views: largest number of views to fit; the others are held out.
+        lift: IMAGE=HEIGHT_MM or IMAGE=HEIGHT_MM+-STD_MM, of images in which the target lies on a box.
     """
 
     target: Path | None = None
     hold: tuple[str, ...] = ()
     work_mm: tuple[float, float] | None = None
     most_views: int | None = None
+    lift: tuple[str, ...] = ()
 
     def limits(self) -> CalibrationLimits:
         """Return the limits of the verdict.
@@ -69,6 +75,26 @@ class LensOptions(ResultOptions):
                 "--work-mm", list(self.work_mm), "must be two distances in mm, the nearer one first"
             )
         return near / 1e3, far / 1e3
+
+    def lifts(self, names: Sequence[str]) -> dict[str, Lift]:
+        """Return the heights at which the target lies in images.
+
+        Args:
+            names: of the images.
+
+        Raises:
+            InputError: the form is wrong, or there is no such image.
+        """
+        found = {}
+        for text in self.lift:
+            match = _LIFT.fullmatch(text)
+            if match is None:
+                raise option_error("--lift", text, "must be IMAGE=HEIGHT_MM or IMAGE=HEIGHT_MM+-STD_MM")
+            name, height, within = match.groups()
+            if name not in names:
+                raise option_error("--lift", text, f"must name an image of the folder, such as {names[0]}")
+            found[name] = Lift(float(height) / 1e3, *([float(within) / 1e3] if within else []))
+        return found
 
     def held(self) -> tuple[str, ...]:
         """Return the lens parameters to fix at zero.
@@ -116,7 +142,8 @@ def camera_step(
         raise InputError("--camera and --simulated need --live; without it, the images in IMAGES are used")
     photos, size = find_target(images, target, console)
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
-    calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits)
+    lifts = options.lifts([p.name for p in photos])
+    calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits, lifts=lifts)
     print_lens(calibration, console)
     options.write_report(lambda: lens_page(calibration, images.name), console)
     if output is not None and calibration.accepted:

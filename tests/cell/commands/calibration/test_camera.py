@@ -220,3 +220,13 @@ def _header_of_png(width: int, height: int) -> bytes:
 def test_a_wrong_option_is_one_line_and_exit_2(photographs: Path, tmp_path: Path) -> None:
     told = refused("calibrate", "camera", photographs, "--hold", "k9", code=2, cwd=tmp_path)
     assert "--hold k9: must be one of" in told
+
+
+def test_heights_of_lifted_images_are_read_or_refused():
+    lifts = LensOptions(lift=("a.png=50", "b=2.png=30.5+-0.1")).lifts(["a.png", "b=2.png"])
+    assert (lifts["a.png"].height, lifts["a.png"].within) == (0.05, 0.2e-3)
+    assert lifts["b=2.png"].height == pytest.approx(0.0305)
+    assert lifts["b=2.png"].within == pytest.approx(1e-4)
+    for text, why in (("a.png", "must be IMAGE=HEIGHT_MM"), ("c.png=5", "must name an image of the folder")):
+        with pytest.raises(InputError, match=why):
+            LensOptions(lift=(text,)).lifts(["a.png"])
