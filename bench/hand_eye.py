@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 from hand_eye_bench.cases import Case, Outcome, run
 from hand_eye_bench.judge import Off
+from hand_eye_bench.real import RealCase, RealOutcome, run_real
 
 from recorded.faults import FAULTS
 
@@ -174,12 +175,87 @@ def verdicts(campaign: Campaign) -> None:
             )
 
 
+REAL_HEAD = f"{'':46} {'camera mm':>9} {'told':>7} {'NEES':>6} {'all':>6} {'p95':>6} {'scatter deg':>16} accepted  cpu"
+
+
+def _real_line(name: str, outcomes: Sequence[RealOutcome]) -> str:
+    good = [o for o in outcomes if o.accepted]
+    if not good:
+        return f"{name:46} {'':61}     0/{len(outcomes)}"
+    found, true = (_median([o.scatter_deg[k] for o in good]) for k in (0, 1))
+    return (
+        f"{name:46} {_median([o.mm for o in good]):9.3f} {_median([o.told_mm for o in good]):7.3f} "
+        f"{np.mean([o.camera for o in good]):6.2f} {np.mean([o.all for o in good]):6.2f} "
+        f"{np.percentile([o.camera for o in good], 95):6.2f} {found:8.4f} {true:7.4f} "
+        f"{len(good):5d}/{len(outcomes)} {_median([o.cpu_s for o in good]):6.2f}"
+    )
+
+
+def _real(campaign: Campaign, count: int, rows: dict[str, RealCase]) -> None:
+    print(REAL_HEAD)
+    for name, case in rows.items():
+        outcomes = list(campaign.pool.map(run_real, [case] * count, range(count)))
+        print(_real_line(name, outcomes), flush=True)
+        for seed, o in enumerate(outcomes):
+            if not o.accepted:
+                print(f"  seed {seed}, {o.px:.2f} px: {'; '.join(o.reasons)[:300]}", flush=True)
+
+
+def realistic(campaign: Campaign) -> None:
+    """Arms that scatter, run out of true and sag; 24 planned poses."""
+    print(
+        "\nRealistic arms: each joint scatters by 0.002-0.02 deg, gears out of true by 0.01 deg, sag of J2 and J3 up to"
+        "\n0.03 deg, corners 0.02-0.3 px; 24 planned poses. NEES of T_base_camera and of all unknowns, and the 95th"
+        "\npercentile of the former; scatter estimated and true (rms over the joints)"
+    )
+    half = max(campaign.seeds * 5 // 2, 1)
+    rows = {
+        "charuco, realistic": RealCase(),
+        "charuco, realistic, links off too": RealCase(links=True),
+    }
+    _real(campaign, half, rows)
+    _real(campaign, campaign.seeds, {"charuco, ideal arm, 0.3 px": RealCase(real=False)})
+
+
+def chain(campaign: Campaign) -> None:
+    """The documented order: our lens of 20 views, then hand-eye with it."""
+    print("\nLens from 20 views with corners of 0.1-0.3 px, then hand-eye with it; as above")
+    rows = {
+        "charuco, ideal arm, 0.3 px": RealCase(real=False, own_lens=True),
+        "charuco, realistic": RealCase(own_lens=True),
+        "charuco, realistic, links off too": RealCase(own_lens=True, links=True),
+    }
+    _real(campaign, campaign.seeds, rows)
+
+
+def target_size(campaign: Campaign) -> None:
+    """A print of another size than its file says, and corners that are detected inwards."""
+    print("\nTargets of another size, and corners inwards of the true ones; as above")
+    for target in ("charuco", "marker"):
+        rows = {
+            f"{target}, {name}{', realistic' if real else ', ideal arm'}": RealCase(
+                target=target, real=real, size=size, inwards_px=px
+            )
+            for real in (False, True)
+            for name, size, px in (
+                ("0.2 % larger", 2e-3, 0.0),
+                ("0.3 % larger", 3e-3, 0.0),
+                ("0.3 % smaller", -3e-3, 0.0),
+                ("0.3 px inwards", 0.0, 0.3),
+            )
+        }
+        _real(campaign, campaign.seeds, rows)
+
+
 PARTS: dict[str, Callable[[Campaign], None]] = {
     "accuracy": accuracy,
     "poses": how_many,
     "wrong": wrong_images,
     "mounts": mounts,
     "verdicts": verdicts,
+    "realistic": realistic,
+    "chain": chain,
+    "target-size": target_size,
 }
 
 

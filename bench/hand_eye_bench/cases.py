@@ -19,6 +19,7 @@ from hand_eye_bench.judge import (
     pose_off,
     prediction_off,
     rigid_prediction_off,
+    true_unknowns,
 )
 from recorded.arm_sets import (
     LENS,
@@ -128,7 +129,7 @@ def run(case: Case, seed: int) -> Outcome:
     took = time.process_time() - began
     chain = found.chain
     left_out = set(chain.wrong[0].tolist())
-    total, unknowns = nees(found, truth)
+    total, unknowns = nees(found, true_unknowns(found, truth))
     return Outcome(
         pose_off(found.T_base_camera, truth.T_base_camera),
         least,
@@ -145,12 +146,12 @@ def run(case: Case, seed: int) -> Outcome:
     )
 
 
-def postures(case: Case, truth: Truth, rng: np.random.Generator) -> Array:
+def postures(case: Case, truth: Truth, rng: np.random.Generator, pool_size: int = POOL) -> Array:
     """Of a sampler; planned ones are chosen with place and mount known to 5 mm and 0.5 deg, zeros to 3 deg."""
     points = TARGETS[case.target]
     if case.sampler != "planned":
         return SAMPLERS[case.sampler](truth, points, case.poses, rng)
-    pool = wide(truth, points, POOL, rng)
+    pool = wide(truth, points, pool_size, rng)
     about = [
         T @ transform(rotation(np.radians(rng.uniform(-0.5, 0.5, 3))), rng.uniform(-5e-3, 5e-3, 3))
         for T in (truth.T_base_camera, truth.T_gripper_target)

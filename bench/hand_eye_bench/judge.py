@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from arm.robot.dh import DhTable
-from arm.se3 import Array, angle_between, inverse, rotation, transform
+from arm.se3 import Array, Indices, angle_between, inverse, rotation, transform
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.hand_eye.calibrate import HandEye
 from calib.hand_eye.chain import OFFSETS, arm_chain
@@ -93,8 +93,17 @@ def bound(truth: Truth, joints: Array, kind: str, noise_px: float = NOISE_PX) ->
     return np.asarray(np.linalg.inv(J.T @ J)[:6, :6])
 
 
-def nees(found: HandEye, truth: Truth) -> tuple[float, int]:
-    """Squared error of all unknowns that were fitted over their covariance, and how many they are."""
+def true_unknowns(
+    found: HandEye, truth: Truth, image: Array | None = None, waves: Array | None = None
+) -> Array:
+    """All unknowns of a calibration, as they really are.
+
+    Args:
+        found: the calibration.
+        truth: of arm and camera.
+        image: unknowns of the image, see `calib.hand_eye.image_effects`; default: 0.
+        waves: smooth errors of the joints, see `calib.hand_eye.chain.smooth_errors`; default: 0.
+    """
     names = found.chain.names
     true = np.zeros(len(names))
     for first, T, T_true in zip(
@@ -103,12 +112,27 @@ def nees(found: HandEye, truth: Truth) -> tuple[float, int]:
         D = inverse(T) @ T_true
         true[first : first + 3] = D[:3, 3]
         true[first + 3 : first + 6] = Rotation.from_matrix(D[:3, :3]).as_euler("XYZ")
-    true[OFFSETS:] = np.concatenate([truth.offsets, truth.d, truth.a, truth.alpha])
-    free = np.flatnonzero(found.chain.problem.free)
-    off = (found.chain.fit.unknowns - true)[free]
-    covariance = found.chain.covariance[np.ix_(free, free)]
+    of_arm = np.concatenate([truth.offsets, truth.d, truth.a, truth.alpha])
+    end = OFFSETS + len(of_arm)
+    true[OFFSETS:end] = of_arm
+    if waves is not None:
+        true[end : end + len(waves)] = waves
+    if image is not None:
+        true[len(true) - len(image) :] = image
+    return true
+
+
+def nees(found: HandEye, true: Array) -> tuple[float, int]:
+    """Squared error of all unknowns that were fitted over their covariance, and how many they are."""
+    return nees_of(found, true, np.flatnonzero(found.chain.problem.free))
+
+
+def nees_of(found: HandEye, true: Array, which: Indices) -> tuple[float, int]:
+    """The same for some unknowns."""
+    off = (found.chain.fit.unknowns - true)[which]
+    covariance = found.chain.covariance[np.ix_(which, which)]
     scale = np.sqrt(np.diag(covariance))
-    return float(off / scale @ np.linalg.solve(covariance / np.outer(scale, scale), off / scale)), len(free)
+    return float(off / scale @ np.linalg.solve(covariance / np.outer(scale, scale), off / scale)), len(which)
 
 
 def inside(pixels: Array) -> bool:

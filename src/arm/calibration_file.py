@@ -1,7 +1,7 @@
 """Calibration files of an arm and its camera, which a cell file names.
 
-``a465 calibrate hand-eye`` writes them. Reading the cell applies them: extrinsics to the camera, joint offsets (zeros)
-to the unit's encoders. The files of the unit and of the camera stay unchanged.
+``a465 calibrate hand-eye`` writes them. Reading the cell applies them: extrinsics and refined intrinsics to the camera,
+joint offsets (zeros) to the encoders of the unit. The files of the unit and of the camera stay unchanged.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array
 
 LARGEST_LINK = (0.02, np.radians(2.0))  # m and rad, largest link errors
+COVARIANCE = (6, 6, 6, 6, 6, 9)
+"""Numbers of the camera's twist, of the joint offsets, of the errors of d, a and alpha, and of the intrinsics."""
 LARGEST_ZERO = np.radians(5.0)  # rad, largest joint offset; a larger one means wrong homing
 
 
@@ -38,6 +40,10 @@ class ArmCalibration:
         lens: digest of the camera's intrinsics that the result depends on; "" if not known.
         dh: digest of the arm's nominal Denavit-Hartenberg parameters; "" if not known.
         made: quality, date and sources, for information only: strings, numbers, booleans, or lists of these.
+        intrinsics: fx fy cx cy k1 k2 p1 p2 k3 as the images refine them, (9,); None: those of the camera file.
+        scatter: standard deviation of each joint about its calibrated position, (6,) rad; None if not known.
+        covariance: of the errors of `T_base_camera` (twist in its own frame, translation first), `joint_offsets`, d, a
+            and alpha of `links`, and the intrinsics, `COVARIANCE` of each, SI and px; None if not known.
     """
 
     T_base_camera: Array
@@ -47,6 +53,9 @@ class ArmCalibration:
     lens: str = ""
     dh: str = ""
     made: Mapping[str, Any] = field(default_factory=dict)
+    intrinsics: Array | None = None
+    scatter: Array | None = None
+    covariance: Array | None = None
 
     @property
     def id(self) -> str:
@@ -57,7 +66,17 @@ class ArmCalibration:
             "links": self.links.to_json(),
         }
         of = {"unit": self.unit, "lens": self.lens, "dh": self.dh, "made": dict(self.made)}
+        for name, values in self._optional():
+            of[name] = values.tolist()
         return "hand-eye-" + sha256({**found, **of})[:12]
+
+    def _optional(self) -> list[tuple[str, Array]]:
+        every = (
+            ("intrinsics", self.intrinsics),
+            ("joint_scatter_rad", self.scatter),
+            ("covariance", self.covariance),
+        )
+        return [(name, values) for name, values in every if values is not None]
 
 
 def _made(node: Node) -> dict[str, Any]:
@@ -91,6 +110,9 @@ class CalibrationKeys(Keys):
     unit: str = key("unit", text(), "")
     lens: str = key("lens", text(), "")
     dh: str = key("dh", text(), "")
+    intrinsics: Array | None = key("intrinsics", numbers(9), None)
+    scatter: Array | None = key("joint_scatter_rad", numbers(6, "rad", 0.0, LARGEST_ZERO), None)
+    covariance: Array | None = key("covariance", numbers((sum(COVARIANCE), sum(COVARIANCE))), None)
     made: Mapping[str, Any] = key("made", Rule("a table", _made), {})
 
 
@@ -110,6 +132,9 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
         keys.lens,
         keys.dh,
         keys.made,
+        keys.intrinsics,
+        keys.scatter,
+        keys.covariance,
     )
     if keys.id != calibration.id:
         rule = f"must be {calibration.id}, the hash of the values; they were changed after the calibration"
@@ -133,6 +158,15 @@ def write_arm_calibration(path: Path, calibration: ArmCalibration) -> None:
     d, a, alpha = calibration.links.to_json()
     if any((*d, *a, *alpha)):
         lines += [f"dh_d_error_m = {d}", f"dh_a_error_m = {a}", f"dh_alpha_error_rad = {alpha}"]
+    if calibration.intrinsics is not None:
+        lines += ["# fx fy cx cy k1 k2 p1 p2 k3", f"intrinsics = {calibration.intrinsics.tolist()}"]
+    if calibration.scatter is not None:
+        lines.append(f"joint_scatter_rad = {calibration.scatter.tolist()}")
+    if calibration.covariance is not None:
+        lines += [
+            "# of the camera's twist, joint offsets, d, a, alpha, intrinsics",
+            f"covariance = {toml_rows(calibration.covariance)}",
+        ]
     if calibration.made:
         lines += ["", "[made]", *toml_lines(calibration.made)]
     write_atomic(path, "\n".join(lines) + "\n")

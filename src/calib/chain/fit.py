@@ -48,6 +48,8 @@ class Sightings:
         pixels: (n, m, 2) px, NaN where a point was not detected.
         gains: of unknowns, or None.
         noise: of each image's corners, relative to a typical image, (n,); None for 1.
+        effects: change of the projected points by the last k unknowns, which act on the image and not on the chain,
+            (n, m, 2, k) px; None for no such unknowns.
     """
 
     chain: Chain
@@ -58,6 +60,7 @@ class Sightings:
     pixels: Array
     gains: Gains | None = None
     noise: Array | None = None
+    effects: Array | None = None
 
     def sigma(self, pixel_sigma: Array) -> Array:
         """Standard deviations of every image's corners, (n, 1, 2) px, from those of a typical image (2,)."""
@@ -71,8 +74,34 @@ class Sightings:
         return self.chain.evaluate(corrected, unknowns, gains)
 
     def projection(self, camera: Camera, unknowns: Array, errors: Array | float = 0.0) -> Projection:
-        """Project the target's points at every image; `errors` are added to the readings."""
+        """Project the target's points at every image, without `effects`; `errors` are added to the readings."""
         return Projection(camera, self.evaluate(unknowns, errors).T, self.points)
+
+    def predicted(self, camera: Camera, unknowns: Array, errors: Array | float = 0.0) -> Array:
+        """Pixels of the target's points at every image, (n, m, 2); `errors` are added to the readings."""
+        return self.projection(camera, unknowns, errors).pixels + self.shifts(unknowns)
+
+    def shifts(self, unknowns: Array) -> Array | float:
+        """Change of the projected points by the unknowns that act on the image, (n, m, 2) px, or 0."""
+        if self.effects is None:
+            return 0.0
+        return np.asarray(self.effects @ unknowns[len(unknowns) - self.effects.shape[-1] :])
+
+    def jacobian(self, by_target: Array, by_unknown: Array, scale: Array) -> Array:
+        """Derivatives of the points by all unknowns, (n, m, 2, count), from those by the target's twist.
+
+        Args:
+            by_target: (n, m, 2, 6), multiplied by `scale`; 0 for points that were not detected.
+            by_unknown: twists (n, count, 6).
+            scale: of each point, (n, m or 1, 2).
+        """
+        J = along(by_target, by_unknown)
+        if self.effects is not None:
+            detected = np.isfinite(self.pixels)
+            J[..., J.shape[-1] - self.effects.shape[-1] :] += np.where(
+                detected[..., None], self.effects * scale[..., None], 0.0
+            )
+        return J
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,8 +226,7 @@ def fit_chains(
         (x, errors), lambda at: _cost(problem, *at, weights), linearise, MOST_STEPS
     )
     residuals = tuple(
-        s.pixels - s.projection(problem.camera, x, e).pixels
-        for s, e in zip(problem.sightings, errors, strict=True)
+        s.pixels - s.predicted(problem.camera, x, e) for s, e in zip(problem.sightings, errors, strict=True)
     )
     measured = sum(int(np.isfinite(r[w > 0.0]).sum()) for r, w in zip(residuals, weights, strict=True))
     priors = int(np.isfinite(problem.prior_sigma[problem.free]).sum())
@@ -254,7 +282,7 @@ def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence
     total = float((off**2).sum())
     exact = problem.reading_sigma <= 0.0
     for s, e, w in zip(problem.sightings, errors, weights, strict=True):
-        r = s.pixels - s.projection(problem.camera, x, e).pixels
+        r = s.pixels - s.predicted(problem.camera, x, e)
         if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
             return float("inf")  # a point behind the camera
         total += float(np.nansum(w[:, None, None] * (r / s.sigma(problem.pixel_sigma)) ** 2))
@@ -311,12 +339,12 @@ def _stances(
     """Yield every used stance of a chain; unless `apart`, merge the stances if no reading has an error."""
     s, e, w = problem.sightings[chain], errors[chain], weights[chain]
     at = s.evaluate(x, e)
-    r, by_target = whitened(problem, s, at, w)
-    J = along(by_target, at.by_unknown[:, problem.free])
+    r, by_target = whitened(problem, s, at, w, x)
+    scale = np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma)
+    J = s.jacobian(by_target, at.by_unknown, scale)[..., problem.free]
     if extra is not None:
-        scale = (np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma))[..., None]
         detected = np.isfinite(s.pixels)[..., None]
-        J = np.concatenate([J, np.where(detected, extra[chain] * scale, 0.0)], axis=-1)
+        J = np.concatenate([J, np.where(detected, extra[chain] * scale[..., None], 0.0)], axis=-1)
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
     by_reading = along(by_target, at.by_reading) if len(inexact) else np.zeros((*r.shape, 0))
     stances = s.stances if apart or len(inexact) else np.zeros_like(s.stances)
@@ -340,10 +368,10 @@ def _stances(
         yield _Stance(chain, columns, eliminate(A, N.reshape(len(rows), -1), rows, *prior))
 
 
-def whitened(problem: Problem, s: Sightings, at: Evaluated, weights: Array) -> tuple[Array, Array]:
+def whitened(problem: Problem, s: Sightings, at: Evaluated, weights: Array, x: Array) -> tuple[Array, Array]:
     """Whitened residuals (n, m, 2), and derivatives of the points by the target's twist (n, m, 2, 6); 0 if missing."""
     projection = Projection(problem.camera, at.T, s.points)
-    r = s.pixels - projection.pixels
+    r = s.pixels - projection.pixels - s.shifts(x)
     scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
     measured = np.isfinite(r)
     by_target = np.where(measured[..., None], projection.by_target * scale[..., None], 0.0)

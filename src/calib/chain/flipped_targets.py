@@ -22,7 +22,7 @@ def flipped_targets(c: ChainCalibration) -> dict[int, tuple[int, ...]]:
     orders = {turn: order for turn in (90, 180, 270) if (order := _order(s.points, turn)) is not None}
     if not len(images) or not orders:
         return {}
-    expected = s.projection(c.problem.camera, c.fit.unknowns, c.fit.errors[0]).pixels[images]
+    expected = s.predicted(c.problem.camera, c.fit.unknowns, c.fit.errors[0])[images]
     noise = s.sigma(c.problem.pixel_sigma)[images]
     found: dict[int, list[int]] = {}
     for image, measured, projected, sigma in zip(images, s.pixels[images], expected, noise, strict=True):

@@ -40,10 +40,13 @@ class Part:
     Attributes:
         name: in words.
         unknowns: their indices.
+        known: whether they exist, by their prior, even if the images do not show them: without them in the model their
+            effect is part of the covariance.
     """
 
     name: str
     unknowns: tuple[int, ...]
+    known: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,19 +104,39 @@ def choose_model(
         begun = _without_wrong_images(bare, weights)
         other = _without_wrong_images(problem, begun.weights)
         fit = min(fit, other, key=lambda one: one.chi2_dof)
+    return select_parts(problem, parts, fit, problem.noise_freedom)
+
+
+def select_parts(problem: Problem, parts: Sequence[Part], fit: ChainFit, freedom: float) -> Choice:
+    """Drop the parts that are not needed, the least needed first.
+
+    Args:
+        problem: with the unknowns of all parts free.
+        parts: that may be dropped.
+        fit: of the problem; its weights are kept.
+        freedom: measurements that the sizes of all errors were estimated from; infinite if they are known.
+    """
     kept = list(parts)
     trials: dict[str, Trial] = {}
     while kept:
         fits = {part.name: fit_chains(_without(problem, part), fit.weights, fit) for part in kept}
         for part in kept:
-            limit = largest_rise(MEANINGLESS, len(part.unknowns), problem.noise_freedom)
+            limit = largest_rise(MEANINGLESS, len(part.unknowns), freedom)
             trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
-        least = min(kept, key=lambda part: trials[part.name].rise / trials[part.name].limit)
+        # what exists anyway, by its prior, goes last: other parts may only stand in for it
+        least = min(
+            kept,
+            key=lambda part: (
+                trials[part.name].needed,
+                part.known,
+                trials[part.name].rise / trials[part.name].limit,
+            ),
+        )
         if trials[least.name].needed:
             break
         problem, fit = _without(problem, least), fits[least.name]
         kept.remove(least)
-    return Choice(problem, fit, tuple(trials.values()))
+    return Choice(problem, fit, tuple(trials[part.name] for part in parts))
 
 
 def _without(problem: Problem, part: Part) -> Problem:

@@ -11,15 +11,25 @@ import numpy as np
 
 from arm.former import former_names, renamed_arguments
 from arm.se3 import Array, Bools, Indices, frozen
-from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains
+from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains, normal_equations
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
-from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses, sudden_change
+from calib.chain.repeatability import Scattering, fit_scattering
+from calib.chain.score_tests import (
+    ChainErrorHypothesis,
+    find_error_hypotheses,
+    find_errors_despite_scatter,
+    sudden_change,
+)
+from calib.model.least_squares import embedded, inverse_scaled
 from calib.model.verdict import Judged
 
 FOLDS = 5
 CHANCE = 1e-4  # probability of refusing a complete model for its residuals
 CORRELATED = 0.9
 _INFORMATIVE = 2  # degrees of freedom per optional unknown needed to conclude that readings are exact
+_FAULT = 0.1  # of the disagreement that a single cause leaves unexplained at most
+_EITHER_SIDE = 6  # images
+_MANY_WRONG = 0.4  # of the images: more than wrong detections explain
 SIZE = 1e-3  # relative tolerance of a target's size
 
 
@@ -41,6 +51,17 @@ class ChainLimits:
     wrong: float = 0.4
     images: int = 8
     undetermined: tuple[float, float] = (np.radians(2.0), 0.02)
+
+
+@dataclass(frozen=True)
+class ScatterOptions:
+    """How an arm may scatter.
+
+    Attributes:
+        smooth: indices of the unknowns that are smooth errors of its joints, held until the arm is seen to scatter.
+    """
+
+    smooth: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -74,6 +95,9 @@ class ChainCalibration(Judged):
         solve_s: their time.
         limits: of the verdict.
         change: first image that no longer fits those before it; None if there is none.
+        scattering: the scatter of an arm that does not repeat as well as the corners would show; None without.
+        considered: unknowns that exist by their prior, but are not in the model because the images do not show them.
+        known_parts: whether the target's size is an unknown of its own, in the model or considered.
     """
 
     names: tuple[str, ...]
@@ -87,6 +111,9 @@ class ChainCalibration(Judged):
     solve_s: float
     limits: ChainLimits
     change: int | None = None
+    scattering: Scattering | None = None
+    considered: tuple[int, ...] = ()
+    known_parts: bool = False
 
     @property
     def chi2_limit(self) -> float:
@@ -122,19 +149,38 @@ class ChainCalibration(Judged):
 
         It is inflated by `excess`, and by the tolerance of the target's size (`SIZE`), which link errors can absorb.
         """
+        if self.considered:
+            return frozen(self._with_considered())
         covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
         size = next((s for s in self.hypotheses if s.name == "target size" and len(s.others)), None)
-        if size is not None:  # inverse of the blocks with the size as one more unknown
+        if (
+            size is not None and not self.known_parts
+        ):  # inverse of the blocks with the size as one more unknown
             by_size = np.zeros(len(covariance))
             by_size[self.problem.free] = size.others
             covariance += np.outer(by_size, by_size) / (size.sigma**-2 + SIZE**-2)
         return frozen(covariance)
 
+    def _with_considered(self) -> Array:
+        """Mean square errors of the unknowns (count, count), if those considered deviate from zero by their prior.
+
+        The images say where they lie, but the fit has not followed, as that is within chance: the step that it would
+        have made is part of the error.
+        """
+        free = self.problem.free.copy()
+        free[list(self.considered)] = True
+        equations = normal_equations(replace(self.problem, free=free), self.fit)
+        covariance = inverse_scaled(equations.prior[0] + equations.S.sum(axis=0))
+        step = covariance @ (equations.prior[1] + equations.g.sum(axis=0))
+        both = embedded(covariance * max(1.0, self.excess) + np.outer(step, step), free)
+        both[list(self.considered)], both[:, list(self.considered)] = 0.0, 0.0
+        return both
+
     @cached_property
     def residual_std(self) -> Array:
         """Standard deviation of the residuals in x and y with the readings assumed exact, (2,) px."""
         residuals = [
-            (s.pixels - s.projection(self.problem.camera, self.fit.unknowns).pixels)[w > 0.0].reshape(-1, 2)
+            (s.pixels - s.predicted(self.problem.camera, self.fit.unknowns))[w > 0.0].reshape(-1, 2)
             for s, w in zip(self.problem.sightings, self.fit.weights, strict=True)
         ]
         return np.asarray(np.nanstd(np.concatenate(residuals), axis=0))
@@ -177,6 +223,7 @@ def calibrate_chain(
     refined: Callable[[Choice], Choice] = lambda choice: choice,
     readings: Sequence[str] = (),
     step_known: bool = False,
+    scatter: ScatterOptions | None = None,
 ) -> ChainCalibration:
     """Select a model, fit it, cross-validate, and run the score tests; the verdict is not yet made.
 
@@ -190,6 +237,7 @@ def calibrate_chain(
         refined: refines a choice, such as the shape of one of its parts.
         readings: their names, for a single chain.
         step_known: whether `reading_sigma` is certain; otherwise readings are assumed exact if that fits.
+        scatter: how an arm may scatter; None: not at all.
     """
     if not step_known:
         problem = _exact_if_it_fits(problem, parts, limits)
@@ -200,19 +248,61 @@ def calibrate_chain(
     fit = again if again.cost <= choice.fit.cost * (1.0 + 1e-9) else choice.fit
     change = sudden_change(fit.weights[0] == 0.0) if len(fit.weights) == 1 else None
     believed = fit if change is None else replace(fit, weights=(_either_side(choice.problem, fit, change),))
-    return ChainCalibration(
+    hypotheses = find_error_hypotheses(choice.problem, believed, readings)
+    found = ChainCalibration(
         tuple(names),
         lengths,
         choice.problem,
         fit,
         choice.trials,
         cross_validate(choice),
-        find_error_hypotheses(choice.problem, believed, readings),
+        hypotheses,
         again.iterations,
         took,
         limits,
         change,
+        None,
+        _considered(choice.problem, parts),
+        any(part.known for part in parts),
     )
+    if scatter is None or not scatters(found):
+        return found
+    s = fit_scattering(problem, parts, fit, scatter.smooth)
+    return replace(
+        found,
+        problem=s.choice.problem,
+        fit=s.choice.fit,
+        trials=s.choice.trials,
+        held_out=cross_validate(s.choice),
+        hypotheses=find_errors_despite_scatter(
+            s.choice.problem, s.choice.fit, s.base, s.smooth, s.sizes, readings, s.freedom
+        ),
+        change=sudden_change(s.choice.fit.weights[0] == 0.0),
+        scattering=s,
+        considered=_considered(s.choice.problem, parts),
+    )
+
+
+def _considered(problem: Problem, parts: Sequence[Part]) -> tuple[int, ...]:
+    return tuple(i for part in parts if part.known for i in part.unknowns if not problem.free[i])
+
+
+def scatters(c: ChainCalibration) -> bool:
+    """Whether the images disagree by more than chance and any single cause explain, so that the arm scatters."""
+    disagree = c.excess > max(c.excess_limit, 1.0) or sum(map(len, c.wrong)) > _MANY_WRONG * c.images
+    if not disagree:
+        return False
+    causes = [s for s in c.hypotheses if s.sure and _on_both_sides(c, s)]
+    left = [c.fit.excess(c.problem.noise_freedom, s.drop, 1) for s in causes]
+    return not left or min(left) - 1.0 > _FAULT * (c.excess - 1.0)
+
+
+def _on_both_sides(c: ChainCalibration, s: ChainErrorHypothesis) -> bool:
+    """Whether enough images lie before and after a movement: its six unknowns fit any two images."""
+    if s.image < 0:
+        return True
+    used = c.fit.weights[0] > 0.0
+    return min(int(used[: s.image].sum()), int(used[s.image :].sum())) >= _EITHER_SIDE
 
 
 def _either_side(problem: Problem, fit: ChainFit, change: int) -> Array:
@@ -277,7 +367,10 @@ def cross_validate(choice: Choice, folds: int = FOLDS) -> CrossValidation:
             if not len(images):
                 continue
             expected = s.projection(problem.camera, known.unknowns)
-            r, depth = (s.pixels - expected.pixels)[images], expected.in_camera[images, :, 2].mean(axis=1)
+            r, depth = (
+                (s.pixels - expected.pixels - s.shifts(known.unknowns))[images],
+                expected.in_camera[images, :, 2].mean(axis=1),
+            )
             squares += float(np.nansum(r**2))
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]

@@ -9,8 +9,9 @@ import numpy as np
 from scipy import special, stats
 
 from arm.se3 import Array, Bools, Indices
-from calib.chain.fit import ChainFit, Problem, Sightings, normal_equations
+from calib.chain.fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
 from calib.chain.model_selection import largest_rise
+from calib.chain.scatter import Sizes, equations_of, estimate_sizes, reduced
 from calib.model.chain import Evaluated
 from calib.model.least_squares import inverse_scaled
 from calib.model.projection import Projection, along
@@ -88,7 +89,7 @@ def find_error_hypotheses(
     together = [np.concatenate(list(of.values()), axis=-1) for of in columns]
     moves = [np.swapaxes(a.by_unknown[:, problem.free, :3], 1, 2) for a in at]
     shifts = np.concatenate([m[w > 0.0] for m, w in zip(moves, fit.weights, strict=True)])
-    tests = _ScoreTests(problem, fit, together, shifts)
+    tests = _ScoreTests(problem, fit, normal_equations(problem, fit, together), shifts)
     found: list[ChainErrorHypothesis] = []
     place = 0
     for name, of in columns[0].items():
@@ -102,19 +103,74 @@ def find_error_hypotheses(
     return tuple(sorted(found, key=lambda hypothesis: -hypothesis.drop / hypothesis.limit))
 
 
+def find_errors_despite_scatter(
+    problem: Problem,
+    fit: ChainFit,
+    base: Array,
+    smooth: Sequence[int],
+    sizes: Sizes,
+    readings: Sequence[str],
+    freedom: float,
+) -> tuple[ChainErrorHypothesis, ...]:
+    """Test all known model errors of an arm that scatters, the most significant first.
+
+    The sizes of the scatter are estimated anew with each error in the model: what the error explains is not scatter.
+
+    Args:
+        problem: of the fit, of a single chain.
+        fit: without the errors.
+        base: standard deviations of the readings that are known without the scatter, (readings,) rad.
+        smooth: indices of the unknowns that are smooth errors of the arm.
+        sizes: of the scatter, without the errors.
+        readings: their names.
+        freedom: measurements that the sizes were estimated from.
+    """
+    s = problem.sightings[0]
+    at = s.evaluate(fit.unknowns)
+    found: list[ChainErrorHypothesis] = []
+    used = fit.weights[0] > 0.0
+    shifts = np.swapaxes(at.by_unknown[used][:, problem.free, :3], 1, 2)
+    for name, column in _columns(s, at, problem.camera, readings).items():
+        chosen = slice(0, column.shape[-1])
+
+        def tests(of: Sizes, column: Array = column) -> _ScoreTests:
+            data = reduced(problem, fit, base, smooth, column)
+            return _ScoreTests(problem, fit, equations_of(data, of), shifts, freedom)
+
+        moved = "moved" in name
+        first = tests(sizes).movement(name, chosen)[0].image if moved else 0
+        after = (np.arange(len(used)) >= first)[:, None, None, None]
+        better = estimate_sizes(reduced(problem, fit, base, smooth, column * after), begin=sizes)
+        if moved:
+            found += tests(better).movement(name, chosen)
+        else:
+            unit = "of the way from the last pose" if name == "time skew" else ""
+            found.append(tests(better).of(name, unit, chosen))
+    return tuple(sorted(found, key=lambda hypothesis: -hypothesis.drop / hypothesis.limit))
+
+
 class _ScoreTests:
     """Score tests of further unknowns, which may act from some stance on.
 
     Args:
         problem, fit: without them.
-        columns: derivatives of the projected points by them, (n, m, 2, k) px of every chain.
+        equations: of every stance for the free unknowns, then those tested.
         shifts: of the used targets by the free unknowns, (images, 3, free) m.
+        freedom: measurements that the sizes of all errors were estimated from, if the arm's scatter is among them.
     """
 
-    def __init__(self, problem: Problem, fit: ChainFit, columns: Sequence[Array], shifts: Array) -> None:
-        equations, n = normal_equations(problem, fit, columns), int(problem.free.sum())
+    def __init__(
+        self,
+        problem: Problem,
+        fit: ChainFit,
+        equations: NormalEquations,
+        shifts: Array,
+        freedom: float | None = None,
+    ) -> None:
+        n = shifts.shape[2]
         S, g = equations.prior[0] + equations.S.sum(axis=0), equations.prior[1] + equations.g.sum(axis=0)
         self._fit, self._shifts, self._noise_freedom = fit, shifts, problem.noise_freedom
+        self._freedom = freedom
         self._covariance, self._gradient = inverse_scaled(S[:n, :n]), g[:n]
         S_from = np.cumsum(equations.S[::-1, :, n:], axis=0)[::-1]
         self._coupling, self._tested = S_from[:, :n], S_from[:, n:]
@@ -134,6 +190,8 @@ class _ScoreTests:
         # excess scatter of the arm makes every error look significant; what the error explains is not scatter
         scatter = 1.0 + _ACROSS * max(0.0, self._fit.excess(self._noise_freedom, test.drop, k) - 1.0)
         limit = largest_rise(SURE / tries, k, self._noise_freedom) * scatter
+        if self._freedom is not None:
+            limit = largest_rise(SURE / tries, k, self._freedom)
         if k > 1:
             size, sigma = float(np.linalg.norm(amount[:3])), float(np.linalg.norm(sigmas[:3]))
             image = self._first_images[first]

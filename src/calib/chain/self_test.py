@@ -74,6 +74,6 @@ def _twin(problem: Problem, s: Sightings, unknowns: Array, rng: np.random.Genera
         if sigma > 0.0:
             _, back = np.unique(s.reading_ids[:, j], return_inverse=True)
             errors[:, j] = rng.normal(0.0, sigma, back.max() + 1)[back]
-    exact = s.projection(problem.camera, unknowns, errors).pixels
+    exact = s.predicted(problem.camera, unknowns, errors)
     drawn = exact + rng.normal(size=s.pixels.shape) * s.sigma(problem.pixel_sigma)
     return replace(s, pixels=np.where(np.isfinite(s.pixels), drawn, np.nan))

@@ -12,14 +12,14 @@ is farther out belongs to another image, or to an image of another size.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from arm.io.node import Node
-from arm.io.rules import line, numbers
+from arm.io.rules import line, number, numbers
 from arm.io.storage import write_atomic
 from arm.robot.dh import DhTable
 from arm.se3 import Array, frozen
@@ -28,6 +28,11 @@ from vision.camera.model import Camera
 from vision.markers.recorded import read_recorded_camera
 
 FEWEST_CORNERS = 4
+SIZE_RULE, CORNERS_RULE = number("percent", 0, 2), number("px", 0, 2)
+SIZE_WITHIN = 1e-3
+"""Standard deviation of a print's scale, relative, if nobody measured it: 0.06 mm on 60 mm."""
+CORNERS_WITHIN_PX = 0.1
+"""Standard deviation of detected corners' common bias, px: real print has shown 0.13 px."""
 OUTSIDE = 0.01  # of the image's longer side: how far outside a corner may lie
 
 
@@ -43,6 +48,8 @@ class ArmRecording:
         joints: (n, joints) rad; may lie outside the arm's limits.
         pixels: (n, m, 2), NaN where a corner was not detected.
         unit: name of the arm's unit; "" if the file does not give it.
+        size_within: standard deviation of the print's scale, relative.
+        corners_within: standard deviation of a bias of the corners towards the target's middle, px.
     """
 
     camera: Camera
@@ -52,6 +59,8 @@ class ArmRecording:
     joints: Array
     pixels: Array
     unit: str = ""
+    size_within: float = SIZE_WITHIN
+    corners_within: float = CORNERS_WITHIN_PX
 
 
 def read_arm_recording(path: Path) -> ArmRecording:
@@ -68,6 +77,8 @@ def read_arm_recording(path: Path) -> ArmRecording:
     d = dh["d_m"].read(numbers(None))
     others = [dh[key].read(numbers(len(d))) for key in ("a_m", "alpha_rad", "theta_offset_rad")]
     camera = read_recorded_camera(root["camera"])
+    if "covariance" in root["camera"]:
+        camera = replace(camera, lens_covariance=root["camera"]["covariance"].read(numbers((9, 9))))
     points = target_points(root["target"]["points_m"], FEWEST_CORNERS, "points")
     poses = root["poses"].items()
     if not poses:
@@ -83,6 +94,8 @@ def read_arm_recording(path: Path) -> ArmRecording:
         joints,
         pixels,
         root["unit"].read(line()) if "unit" in root else "",
+        root["target"].get("size_within_percent", SIZE_RULE, 100.0 * SIZE_WITHIN) / 100.0,
+        root["target"].get("corners_within_px", CORNERS_RULE, CORNERS_WITHIN_PX),
     )
 
 
@@ -101,6 +114,7 @@ def _corners(node: Node, count: int, size: tuple[int, int]) -> Array:
 
 def recording_json(r: ArmRecording) -> dict[str, Any]:
     """A recording in the format of its file."""
+    covariance = r.camera.lens_covariance
     return {
         "kind": "eye_to_hand_fixed_camera",
         **({"unit": r.unit} if r.unit else {}),
@@ -108,6 +122,7 @@ def recording_json(r: ArmRecording) -> dict[str, Any]:
             "K_px": r.camera.K.tolist(),
             "distortion_k1k2p1p2k3": r.camera.distortion.tolist(),
             "size_px": list(r.camera.size),
+            **({} if covariance is None else {"covariance": covariance.tolist()}),
         },
         "dh": {
             "d_m": r.dh.d.tolist(),
@@ -115,7 +130,12 @@ def recording_json(r: ArmRecording) -> dict[str, Any]:
             "alpha_rad": r.dh.alpha.tolist(),
             "theta_offset_rad": r.dh.theta_offset.tolist(),
         },
-        "target": {"kind": r.kind, "points_m": r.points.tolist()},
+        "target": {
+            "kind": r.kind,
+            "points_m": r.points.tolist(),
+            "size_within_percent": 100.0 * r.size_within,
+            "corners_within_px": r.corners_within,
+        },
         "poses": [
             {
                 "joints_rad": q.tolist(),

@@ -43,7 +43,7 @@ class HandRecord:
         other = {
             "target": before.points.shape != points.shape
             or not np.allclose(before.points, points, atol=1e-9),
-            "camera": before.camera.lens_digest != self.cell.camera.lens_digest,
+            "camera": before.camera.lens_digest != self.cell.nominal_camera.lens_digest,
             "arm": before.dh.digest != A465.digest or before.unit != self.cell.unit.name,
         }
         differing = [name for name, is_other in other.items() if is_other]
@@ -101,11 +101,12 @@ class HandRecord:
     def recording(self) -> ArmRecording:
         """Return the whole recording; its joint angles are by nominal zeros."""
         return ArmRecording(
-            self.cell.camera.at(np.eye(4)),
+            self.cell.nominal_camera.at(np.eye(4)),
             A465,
             self.hand.target.points(),
             self.hand.target.kind,
             frozen(np.array(self.joints)),
             frozen(np.array(self.pixels)),
             self.cell.unit.name,
+            self.hand.size_within,
         )

@@ -67,7 +67,7 @@ def hand_eye_state(cell: Cell) -> CalibrationState:
     unnamed = [
         what
         for what, digest in (("lens", calibration.lens), ("arm", calibration.dh))
-        if digest not in (cell.camera.lens_digest, A465.digest)
+        if digest not in (cell.nominal_camera.lens_digest, A465.digest)
     ]
     if unnamed or "held_out_mm" not in made:
         doubt = f"does not name its {' and '.join(unnamed)}" if unnamed else "without uncertainty"

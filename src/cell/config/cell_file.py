@@ -18,7 +18,7 @@ from arm.io.rules import integer, integers, number, numbers, path, tables, text
 from arm.io.storage import canonical_json, sha256
 from arm.robot.dh import A465
 from arm.robot.shapes import Body, Box
-from arm.se3 import Array, transform
+from arm.se3 import Array, frozen, transform
 from cell.config.board_keys import BoardKeys, boards_of
 from cell.config.bodies import BodyKeys, read_body
 from cell.config.camera_keys import CameraKeys, camera_of
@@ -87,7 +87,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     unit, camera = nominal_unit, nominal_camera
     if calibration is not None:
         unit = unit.calibrated(calibration.joint_offsets)
-        camera = camera.at(calibration.T_base_camera)
+        camera = _calibrated(camera, calibration)
     if rule := unit.beyond_limits(keys.q_start):
         raise root.error_at("q_start_deg", rule)
     _check_padding(keys, root)
@@ -151,6 +151,18 @@ def _check_clearance(keys: CellKeys, root: Node) -> None:
         help = f"{unit}; {exception}" if keys.least_clearance == LEAST_CLEARANCE else unit
         rule = f"must be a number in mm from {1e3 * keys.least_clearance:g} to 100"
         raise root.error_at("motion.clearance_mm", rule, help)
+
+
+def _calibrated(camera: Camera, calibration: ArmCalibration) -> Camera:
+    """Return the camera with the pose, and with the lens as far as the calibration refined it."""
+    camera = camera.at(calibration.T_base_camera)
+    if calibration.intrinsics is None:
+        return camera
+    (fx, fy, cx, cy), distortion = calibration.intrinsics[:4], calibration.intrinsics[4:]
+    K = frozen(np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]))
+    covariance = calibration.covariance
+    left = camera.lens_covariance if covariance is None else covariance[-len(calibration.intrinsics) :, -9:]
+    return replace(camera, K=K, distortion=frozen(distortion), lens_covariance=left)
 
 
 def _calibration(keys: CellKeys, root: Node, unit: Unit, camera: Camera) -> ArmCalibration | None:

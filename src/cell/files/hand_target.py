@@ -15,6 +15,7 @@ from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Box
 from arm.se3 import Array, frozen, inverse, rotation, transform
+from calib.recordings.arm import SIZE_RULE, SIZE_WITHIN
 from cell.config.bodies import pose_of
 from vision.targets.target import KIND, CharucoKeys, CheckerboardKeys, Target, target_of
 
@@ -30,11 +31,13 @@ class HandTarget:
         target: printed target.
         T_flange_target: nominal pose; its origin is the corner of the chessboard.
         plate: size (3,), m, along x, y and z of the printed side, centred on the chessboard.
+        size_within: standard deviation of the print's scale, relative.
     """
 
     target: Target
     T_flange_target: Array
     plate: tuple[float, float, float]
+    size_within: float = SIZE_WITHIN
 
     @property
     def T_target_plate(self) -> Array:
@@ -73,8 +76,9 @@ class HandTarget:
 
 
 class HandKeys(Keys):
-    """Keys of ``[hand]``."""
+    """Keys of ``[hand]``, and the print's tolerance."""
 
+    size_within: float = key("size_within_percent", SIZE_RULE, 100.0 * SIZE_WITHIN)
     centre: Array = key("hand.centre_mm", numbers(3, "mm", -500, 500))
     rpy: Array = key("hand.rpy_deg", numbers(3, "deg", -360, 360))
     plate: tuple[float, float, float] = key("hand.plate_mm", triple("mm", 0.5, 500))
@@ -106,4 +110,4 @@ def read_hand_target(path: Path) -> HandTarget:
         rule = f"must be at least as large as the chessboard, {1e3 * width:g} x {1e3 * height:g} mm"
         raise root.error_at("hand.plate_mm", rule)
     T = mul(pose_of(keys.centre, keys.rpy), transform(t=(-width / 2.0, -height / 2.0, 0.0)))
-    return HandTarget(target, frozen(T), keys.plate)
+    return HandTarget(target, frozen(T), keys.plate, keys.size_within / 100.0)

@@ -71,8 +71,8 @@ def _joint_parameters(h: HandEye) -> list[tuple[str, str, float, Array, Array, A
             ("zero deg", "d mm", "a mm", "alpha deg"),
             (_DEG, 1e3, 1e3, _DEG),
             (h.joint_offsets, *h.link_errors),
-            np.sqrt(np.diag(h.chain.covariance))[_POSES:].reshape(4, joints),
-            h.chain.problem.free[_POSES:].reshape(4, joints),
+            np.sqrt(np.diag(h.chain.covariance))[_POSES : _POSES + 4 * joints].reshape(4, joints),
+            h.chain.problem.free[_POSES : _POSES + 4 * joints].reshape(4, joints),
             strict=True,
         )
     )

@@ -34,7 +34,7 @@ def pictures(c: ChainCalibration, points: Array, wrong: Sequence[int]) -> tuple[
     pixels = c.problem.camera.project(at)
     weights = np.ones(len(pixels))
     weights[list(wrong)] = 0.0
-    there = replace(s, points=points, pixels=pixels, noise=np.ones(len(pixels)))
+    there = replace(s, points=points, pixels=pixels, noise=np.ones(len(pixels)), effects=None)
     problem = replace(c.problem, sightings=[there], pixel_sigma=np.array([0.3, 0.3]))
     return replace(c, problem=problem, fit=replace(c.fit, weights=(weights,))), pixels
 

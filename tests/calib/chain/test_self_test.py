@@ -75,7 +75,8 @@ def with_sightings(c: ChainCalibration, images: int, **changes: object) -> Chain
     """The first images of a calibration, with something changed in them."""
     s = c.problem.sightings[0]
     fewer = {
-        name: getattr(s, name)[:images] for name in ("readings", "reading_ids", "stances", "pixels", "noise")
+        name: getattr(s, name)[:images]
+        for name in ("readings", "reading_ids", "stances", "pixels", "noise", "effects")
     }
     problem = replace(c.problem, sightings=[replace(s, **{**fewer, **changes})])
     weights = (c.fit.weights[0][:images],)

@@ -25,7 +25,7 @@ def off(found, truth):
 
 
 def prediction(found, truth, joints):
-    T = found.chain.problem.sightings[0].chain.evaluate(joints, found.chain.fit.unknowns).T
+    T = replace(found.chain.problem.sightings[0], readings=joints).evaluate(found.chain.fit.unknowns).T
     return np.sqrt(np.mean(np.sum((T - truth.T_camera_target(joints))[:, :3, 3] ** 2, axis=1)))
 
 

@@ -1,5 +1,7 @@
 """Choosing measurements by what they will tell, and poses of an arm by that."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,5 +92,5 @@ def test_the_next_poses_show_the_target_near_those_recorded_and_help_as_much_as_
 
 def predicted_sigma(found, joints):
     s = found.chain.problem.sightings[0]
-    J = s.chain.evaluate(joints, found.chain.fit.unknowns).by_unknown[..., :3]
+    J = replace(s, readings=joints).evaluate(found.chain.fit.unknowns).by_unknown[..., :3]
     return np.sqrt(np.mean(np.einsum("nui,uv,nvi->n", J, found.chain.covariance, J)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib.chain.result import ChainCalibration
-from calib.hand_eye.calibrate import LINKS, HandEye
+from calib.hand_eye.calibrate import LINKS, PRINT, HandEye
 from cell.report.chain_text import (
     hand_eye_json,
     hand_eye_tables,
@@ -56,8 +56,11 @@ def test_how_good_a_chain_is_goes_into_the_result(found: HandEye) -> None:
     assert said["chi2_dof"] == c.fit.chi2_dof
     assert said["held_out"] == {"px": c.held_out.px, "mm": pytest.approx(1e3 * c.held_out.metres)}
     assert (said["images"], said["wrong_images"]) == (30, [[4, 11]])
-    (trial,) = c.trials
-    assert said["model"] == [{"part": LINKS, "in": True, "cost_rise": trial.rise, "limit": trial.limit}]
+    trial, of_print = c.trials
+    assert said["model"] == [
+        {"part": LINKS, "in": True, "cost_rise": trial.rise, "limit": trial.limit},
+        {"part": PRINT, "in": False, "cost_rise": of_print.rise, "limit": of_print.limit},
+    ]
     assert [(p["parameters"], p["correlation"]) for p in said["correlations"]] == [
         ([a, b], r) for a, b, r in c.correlations
     ]
@@ -127,7 +130,7 @@ def test_numbers_of_a_nao_are_in_the_units_of_their_names(found: HandEye) -> Non
     c, si = nao_named(found.chain)
     said = kinematic_json(c, si)
     sigma = np.sqrt(np.diag(c.covariance))
-    held = [12, 17]
+    held = [12, 17, *range(36, len(c.names))]
     assert said["held_at_zero"] == [c.names[i] for i in held]
     free = [i for i in range(len(c.names)) if i not in held]
     assert list(said["parameters"]) == [c.names[i] for i in free]

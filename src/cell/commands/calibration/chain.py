@@ -6,11 +6,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from arm.calibration_file import ArmCalibration, write_arm_calibration
+from arm.calibration_file import COVARIANCE, ArmCalibration, write_arm_calibration
 from arm.controller.unit import UNITS
 from arm.io.storage import write_atomic
 from arm.robot.dh import A465
@@ -20,6 +20,8 @@ from calib.chain.result import ChainCalibration, ChainLimits
 from calib.chain.self_test import SelfTest, self_test
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS, HandEye, calibrate_hand_eye
 from calib.hand_eye.next_poses import next_poses
+from calib.hand_eye.verdict import HandEyeLimits
+from calib.model.intrinsics import vector_of
 from calib.nao.calibrate import NAO_LIMITS, calibrate_nao
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import read_nao_recording
@@ -47,6 +49,8 @@ from cell.report.chain_text import (
 
 _ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
 
+Limits = TypeVar("Limits", bound=ChainLimits)
+
 MARKS = {OUTPUT: (b'id = "hand-eye-', b'"parameters"'), REPORT: (b"<!doctype html",)}
 """Texts at the start of the files that these commands write: an existing file without one is not overwritten."""
 
@@ -71,15 +75,18 @@ class ChainOptions(ResultOptions):
         self.encoder_step()
         return self.checked(inputs, MARKS)
 
-    def limits(self, usual: ChainLimits) -> ChainLimits:
-        """Return the limits of the verdict.
+    def limits(self, usual: Limits) -> Limits:
+        """Return the limits of the verdict; `limit_mm` is that of held-out images, and of the tool in all directions.
 
         Raises:
             InputError: `limit_mm` is out of range.
         """
         if self.limit_mm is None:
             return usual
-        return replace(usual, held_out=checked_limit(self.limit_mm) / 1e3)
+        limit = checked_limit(self.limit_mm) / 1e3
+        if isinstance(usual, HandEyeLimits):
+            return replace(usual, held_out=limit, sideways=limit, height=limit)
+        return replace(usual, held_out=limit)
 
     def encoder_step(self) -> float | None:
         """Return the encoder resolution in rad.
@@ -221,6 +228,14 @@ def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibrat
             "self_test_limits": [round(limit, 4) for limit in test.limits],
         }
     )
+    tool = (
+        {
+            "tool_sideways_mm": round(1e3 * found.tool.sideways, 4),
+            "tool_height_mm": round(1e3 * found.tool.height, 4),
+        }
+        if found.tool.holes
+        else {}
+    )
     return ArmCalibration(
         found.T_base_camera,
         found.joint_offsets,
@@ -235,6 +250,15 @@ def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibrat
             "held_out_mm": round(1e3 * c.held_out.metres, 4),
             "chi2_dof": round(c.fit.chi2_dof, 4),
             "camera_std_mm": round(1e3 * float(np.linalg.norm(found.camera_sigma[0])), 4),
+            **tool,
             **tested,
         },
+        vector_of(found.camera) if found.lens_factor.shape[1] else None,
+        found.joint_scatter,
+        _rounded(found.covariance) if len(found.covariance) == sum(COVARIANCE) else None,
     )
+
+
+def _rounded(covariance: Array) -> Array:
+    """Return the values to nine digits, which is more than they are worth and keeps the file readable."""
+    return np.array([[float(f"{value:.8e}") for value in row] for row in covariance])

@@ -198,7 +198,8 @@ def test_a_calibration_file_has_all_that_a_cell_needs(
     heard = Heard()
     result = hand_eye_step(data, ChainOptions(tmp_path / "c.toml", None, 0.7, 0.5), heard)
     (ask,) = asked
-    assert ask.limits == replace(HAND_EYE_LIMITS, held_out=pytest.approx(0.7e-3))
+    limit = pytest.approx(0.7e-3)
+    assert ask.limits == replace(HAND_EYE_LIMITS, held_out=limit, sideways=limit, height=limit)
     assert ask.step == pytest.approx(np.radians(0.5))
     assert isinstance(ask.recording, ArmRecording)
     assert np.array_equal(ask.recording.pixels, found.recording.pixels)
@@ -218,6 +219,8 @@ def test_a_calibration_file_has_all_that_a_cell_needs(
         "held_out_mm": pytest.approx(1e3 * c.held_out.metres, abs=1e-4),
         "chi2_dof": pytest.approx(c.fit.chi2_dof, abs=1e-4),
         "camera_std_mm": pytest.approx(1e3 * np.linalg.norm(found.camera_sigma[0]), abs=1e-4),
+        "tool_sideways_mm": round(1e3 * found.tool.sideways, 4),
+        "tool_height_mm": round(1e3 * found.tool.height, 4),
         "self_test": "passed",
         "self_test_nees_dof": 1.02,
         "self_test_limits": [0.7, 1.3],
