@@ -24,8 +24,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from nao_paper_bench.kinematics import ON_ITS_BACK, NaoKinematics, masses_off, standing_error
+from nao_paper_bench.limb_campaign import joint_rms_deg, limb_row, one_limb, parts_of, print_limb_rows
 from nao_paper_bench.robot import Servos
-from nao_paper_bench.run import NaoMeasurement, run_measurement
+from nao_paper_bench.run import NaoMeasurement, recording_of, run_measurement
 from nao_paper_bench.stance_design import (
     Plan,
     Sensing,
@@ -46,10 +47,8 @@ from nao_paper_bench.table_2 import (
 from arm.se3 import Array
 from calib.chain.fit import ChainFit, fit_chains
 from calib.nao.backlash import fit_compliance_and_backlash
-from calib.nao.calibrate import BACKLASH, COMPLIANCE, NAO_LIMITS, calibrate_nao
-from calib.nao.calibrate import HEAD as HEAD_PART
+from calib.nao.calibrate import NAO_LIMITS, calibrate_nao
 from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns
-from calib.nao.recording import NaoRecording
 
 PAPER, HEAD, ALL = NaoUnknowns(), NaoUnknowns(head=True), NaoUnknowns(True, True, True)
 SENSING = Sensing(NAO_CAMERA, VERTICES, PAPER_PIXEL_SIGMA, np.full(8, READING_SIGMA))
@@ -67,12 +66,6 @@ class Runs:
     def stances(self, seed: int) -> Plan:
         """24 at random, as many as the paper has."""
         return random_stances(self.pool, 24, SENSING, PAPER, np.random.default_rng([seed, 24]))
-
-
-def joint_rms_deg(fit: ChainFit, truth: NaoKinematics) -> float:
-    """Over the legs' offsets; head, springs and play of the truth may be unknown to the fit and the other way round."""
-    places = [PAPER.names.index(f"{j}_deg") for j in LEG_JOINTS]
-    return float(np.degrees(np.sqrt(np.mean((fit.unknowns[places] - truth.x[places]) ** 2))))
 
 
 def fitted(m: NaoMeasurement, unknowns: NaoUnknowns, reading_sigma: float) -> tuple[ChainFit, float]:
@@ -265,12 +258,8 @@ def verdict(runs: Runs) -> None:
             truth = table_2_robot(true, rng, hard=name == "hard play")
             m = run_measurement(truth, runs.stances(seed), rng)
             c = calibrate_nao(recording_of(m))
-            needed = tuple(
-                t.needed
-                for t in sorted(c.trials, key=lambda t: (HEAD_PART, COMPLIANCE, BACKLASH).index(t.part))
-            )
             accepted += c.accepted
-            chosen += needed == (true.head, true.compliance, true.backlash)
+            chosen += parts_of(c) == (true.head, true.compliance, true.backlash, true.limbs)
             chi2.append(c.fit.chi2_dof)
             plain = fit_chains(m.problem(PAPER, PAPER_PIXEL_SIGMA, READING_SIGMA))
             found_out += (plain.chi2_dof > NAO_LIMITS.chi2_dof) == (true != PAPER)
@@ -286,18 +275,37 @@ def verdict(runs: Runs) -> None:
     )
 
 
-def recording_of(m: NaoMeasurement) -> NaoRecording:
-    """A run as a recording, images without a board left out."""
-    side = np.concatenate([np.full(len(i.stances), SIDES.index(i.side)) for i in m.images])
-    stances, leg, head_q, pixels = (
-        np.concatenate([getattr(i, key) for i in m.images]) for key in ("stances", "leg", "head", "pixels")
-    )
-    seen = np.isfinite(pixels[..., 0]).all(axis=1)
-    board = (NAO_CAMERA, VERTICES, np.asarray(ON_ITS_BACK, dtype=float))
-    return NaoRecording(*board, side[seen], stances[seen], leg[seen], head_q[seen], pixels[seen])
+def limbs(runs: Runs) -> None:
+    """Limbs that are 0.5 mm longer or shorter: chosen, found, and told by a score test."""
+    for kind, true in {"as the paper has it": PAPER, "limbs off": NaoUnknowns(limbs=True)}.items():
+        print_limb_rows(kind, [limb_row(true, seed, runs.stances(seed)) for seed in range(runs.seeds)])
 
 
-ROWS = {"exact": exact, "coarse": coarse, "head": head, "few": few, "soft": soft, "verdict": verdict}
+def soft_limbs(runs: Runs) -> None:
+    """A quarter as many robots with limbs off, head off, springs and hard play."""
+    guess = np.where([("comp" in n or "back" in n) for n in ALL.names], np.radians(0.5), 0.0)
+    plan = plan_stances(runs.pool, 24, SENSING, ALL, guess)
+    few = range(max(1, runs.seeds // 4))
+    kind = "limbs and head off, springs and hard play"
+    print_limb_rows(kind, [limb_row(replace(ALL, limbs=True), seed, plan) for seed in few])
+
+
+def single_limb(runs: Runs) -> None:
+    """One limb 0.5 mm longer, and the score test alone."""
+    one_limb(runs.seeds, runs.stances)
+
+
+ROWS = {
+    "exact": exact,
+    "coarse": coarse,
+    "head": head,
+    "few": few,
+    "soft": soft,
+    "verdict": verdict,
+    "limbs": limbs,
+    "soft-limbs": soft_limbs,
+    "single-limb": single_limb,
+}
 
 
 def main() -> None:

@@ -15,7 +15,6 @@ import pinocchio as pin
 from scipy.stats import norm
 
 from arm.se3 import Array
-from calib.model.from_urdf import chain_from_root
 from calib.nao.backlash import torque_sigmas
 from calib.nao.chain import (
     BACKLASH_NM,
@@ -25,6 +24,7 @@ from calib.nao.chain import (
     SIDES,
     NaoUnknowns,
     gravity_torques,
+    leg_chain,
     nao_chain,
     nao_model,
 )
@@ -90,11 +90,10 @@ class NaoKinematics:
 
     def T_torso_sole(self, side: str, leg: Array, gravity: npt.ArrayLike) -> Array:
         """Poses (n, 4, 4) of the sole in the torso at readings (n, 6) rad."""
-        chain = chain_from_root(nao_model(), f"{side}_sole", {side + j: i for i, j in enumerate(LEG)})
-        return chain.evaluate(self.angles(side, leg, gravity), np.zeros(0)).T
+        return leg_chain(side, self.unknowns).evaluate(self.angles(side, leg, gravity), self.x).T
 
     def _seen(self, side: str, leg: Array, head: Array, gravity: npt.ArrayLike, mounted: bool) -> Array:
-        plain = NaoUnknowns()
+        plain = NaoUnknowns(limbs=self.unknowns.limbs)
         zero = tuple(side + name for side in SIDES for name in (LEG if mounted else (*LEG, *MOUNT)))
         rigid = [0.0 if name.startswith(zero) else self._value(name) for name in plain.names]
         angles = np.column_stack([self.angles(side, leg, gravity), self.heads(head)])

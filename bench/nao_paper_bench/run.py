@@ -12,6 +12,7 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array, frozen
 from calib.chain.fit import Problem, Sightings
 from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
+from calib.nao.recording import NaoRecording
 from cell.sim.target_photos import Shot, photograph_target
 from nao_paper_bench.kinematics import ON_ITS_BACK, NaoKinematics
 from nao_paper_bench.robot import Servos, SimulatedNao
@@ -239,3 +240,14 @@ def run_measurement(
     robot = SimulatedNao(true, resting_posture(), rng, servos)
     nothing = NaoKinematics(NaoUnknowns(), np.zeros(len(NaoUnknowns().names)))
     return measure(robot, plan, see or NoisyVertices(rng), nothing, settles)
+
+
+def recording_of(m: NaoMeasurement) -> NaoRecording:
+    """A run as a recording, images without a board left out."""
+    side = np.concatenate([np.full(len(i.stances), SIDES.index(i.side)) for i in m.images])
+    stances, leg, head_q, pixels = (
+        np.concatenate([getattr(i, key) for i in m.images]) for key in ("stances", "leg", "head", "pixels")
+    )
+    seen = np.isfinite(pixels[..., 0]).all(axis=1)
+    board = (NAO_CAMERA, VERTICES, np.asarray(ON_ITS_BACK, dtype=float))
+    return NaoRecording(*board, side[seen], stances[seen], leg[seen], head_q[seen], pixels[seen])

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from arm.se3 import Array, frozen, transform
 from calib.chain.fit import Problem, Sightings
-from calib.nao.chain import NaoUnknowns
+from calib.nao.chain import LIMBS, NaoUnknowns
 from nao_paper_bench.collision import BOARD_MIDDLE_X, BOARD_SIZE
 from nao_paper_bench.kinematics import NaoKinematics
 from vision.camera.model import Camera
@@ -47,7 +47,8 @@ def table_2_robot(
 ) -> NaoKinematics:
     """A NAO as Table 2 has it, and beyond it as `unknowns` say.
 
-    The head is off by 0.5 and -0.4 deg, compliances are 0.3 to 0.9 deg/Nm, half a backlash is 0.2 to 0.6 deg.
+    The head is off by 0.5 and -0.4 deg, compliances are 0.3 to 0.9 deg/Nm, half a backlash is 0.2 to 0.6 deg, and each
+    limb is 0.5 mm longer or shorter than the model's.
     """
     parts = [TABLE_2]
     if unknowns.head:
@@ -56,6 +57,8 @@ def table_2_robot(
         parts.append(rng.uniform(0.3, 0.9, 12))
     if unknowns.backlash:
         parts.append(rng.uniform(*half_backlash_deg, 12))
+    if unknowns.limbs:
+        parts.append(rng.choice((-0.5, 0.5), 2 * len(LIMBS)))
     return NaoKinematics(unknowns, frozen(np.concatenate(parts) * unknowns.si()), hard, True, masses)
 
 

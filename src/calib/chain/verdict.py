@@ -90,6 +90,9 @@ def describe(hypothesis: ChainErrorHypothesis) -> str:
                 f"a movement of the {hypothesis.name.split()[0]} by about {1e3 * amount:.2f} mm before image "
                 f"{hypothesis.image}; fix it, and take the images again"
             )
+        case limb if limb.startswith("limb "):
+            longer = "longer" if amount > 0.0 else "shorter"
+            return f"a length: {limb} is {1e3 * abs(amount):.2f} +- {1e3 * sigma:.2f} mm {longer} than the model's"
         case _:
             return f"the {hypothesis.name}: off by {100 * amount:+.3f} +- {100 * sigma:.3f} %"
 

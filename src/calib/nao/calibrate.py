@@ -7,23 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.chain.fit import MOST_STEPS, Problem
+from calib.chain.fit import MOST_STEPS, ChainFit, Problem
 from calib.chain.model_selection import Choice, Part, choose_model
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
 from calib.chain.verdict import with_verdict
 from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
+from calib.nao.limbs import LIMB_SIGMA, LimbTest, choose_with_limbs, find_limb_errors, limb_unknowns
 from calib.nao.recording import NaoRecording
 from calib.recordings.encoder_steps import encoder_sigmas
 from calib.recordings.points import plausible_numbers
 
 HEAD, COMPLIANCE, BACKLASH = "offsets of the head", "compliance of the joints", "backlash of the joints"
+LIMBS = "lengths of the limbs"
 WELL_KEPT = 0.95  # fraction of images kept at which no other start is tried
 _ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up
 _CERTAIN = 5.0  # standard deviations above which a sign is certain
 GEARS = np.radians(2.0)  # prior on compliance, rad/Nm, and backlash, rad
-_ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
+_ALL = NaoUnknowns(head=True, compliance=True, backlash=True, limbs=True)
+_GEARS = [i for i, name in enumerate(_ALL.names) if "compliance" in name or "backlash" in name]
 NAO_LIMITS = ChainLimits(held_out=2e-3)
 
 
@@ -34,9 +37,8 @@ def _shaped(
 
     Rejected images are tried again: if backlash is abrupt, images near a change of sides do not fit smooth backlash.
     """
-    gears = [i for i, name in enumerate(_ALL.names) if "compliance" in name or "backlash" in name]
     astray = choice.fit.iterations >= MOST_STEPS and choice.fit.chi2_dof > _ASTRAY
-    if astray or not choice.problem.free[gears].any():
+    if astray or not choice.problem.free[_GEARS].any():
         return choice
     full = replace(full, reading_sigma=choice.problem.reading_sigma)
     tried: list[Choice] = []
@@ -55,14 +57,20 @@ def _kept(choice: Choice) -> float:
 
 @plausible_numbers()
 def calibrate_nao(
-    recording: NaoRecording, limits: ChainLimits = NAO_LIMITS, encoder_step: float | None = None
+    recording: NaoRecording,
+    limits: ChainLimits = NAO_LIMITS,
+    encoder_step: float | None = None,
+    limbs: bool = True,
 ) -> ChainCalibration:
-    """Calibrate camera, legs and boards of a NAO, and head offsets, compliance and backlash if the images show them.
+    """Calibrate camera, legs and boards of a NAO.
+
+    Head offsets, compliance, backlash and limb lengths are in the model if the images show them.
 
     Args:
         recording: images.
         limits: of the verdict.
         encoder_step: rad; default: estimated from the readings.
+        limbs: whether limb lengths may enter the model; otherwise a score test alone tells errors of theirs.
 
     Raises:
         CalibrationRefused: the recording's numbers are implausible.
@@ -79,9 +87,15 @@ def calibrate_nao(
             recorded, np.split(alone.wrong, ends), np.split(alone.noise, ends), strict=True
         )
     ]
-    gears = np.array(["compliance" in name or "backlash" in name for name in names])
+    sigma = np.full(len(names), np.inf)
+    sigma[_GEARS] = GEARS
     seen = {side for number, side in enumerate(SIDES) if (recording.side == number).any()}
     shown = np.array([name[0] in seen or name.startswith(("Cam", "Head")) for name in names])
+    sides = sorted(seen)
+    lengths = limb_unknowns(_ALL, sides)
+    sigma[lengths] = LIMB_SIGMA
+    without = shown.copy()
+    without[lengths] = False
     parts = {
         HEAD: [name.startswith("Head") for name in names],
         COMPLIANCE: ["compliance" in name for name in names],
@@ -91,22 +105,40 @@ def calibrate_nao(
         sightings,
         recording.camera,
         np.zeros(len(names)),
-        np.where(gears, GEARS, np.inf),
+        sigma,
         alone.pixel_sigma,
         encoder_sigmas([s.readings for s in sightings], encoder_step),
-        shown,
+        without,
         alone.freedom,
     )
     optional = [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()]
+
+    def tested(problem: Problem, fit: ChainFit) -> LimbTest:
+        return find_limb_errors(problem, fit, _ALL, sides)
+
+    def shaped(choice: Choice, full: Problem, parts: Sequence[Part]) -> Choice:
+        return _shaped(choice, full, parts, recording, sides)
+
+    def refined(choice: Choice) -> Choice:
+        if not limbs:
+            return shaped(choice, problem, optional)
+        part = Part(LIMBS, tuple(lengths))
+        return choose_with_limbs(choice, problem, optional, part, tested, shaped, _GEARS, limits.chi2_dof)
+
     calibration = calibrate_chain(
         names,
         np.array([name.endswith("_mm") for name in names]),
         problem,
         optional,
         limits,
-        refined=lambda choice: _shaped(choice, problem, optional, recording, sorted(seen)),
+        refined=refined,
         step_known=encoder_step is not None,
     )
+
+    if not calibration.problem.free[lengths].any():
+        more = tested(calibration.problem, calibration.fit).limbs
+        hypotheses = sorted((*calibration.hypotheses, *more), key=lambda one: -one.drop / one.limit)
+        calibration = replace(calibration, hypotheses=tuple(hypotheses))
 
     def in_words(name: str, value: float) -> str:
         unit = name.rpartition("_")[2] if "_per_" not in name else "deg/Nm"

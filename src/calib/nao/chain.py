@@ -1,13 +1,13 @@
 """Kinematic chains of the NAO: from the lower camera to the checkerboards on the soles.
 
 T. Kastner, T. Roefer, T. Laue, "Automatic robot calibration for the NAO" (2014): eqs. 1 to 5 for the chain, Table 1 for
-the unknowns. In addition: offsets of the head joints, compliance and backlash of the leg joints (its future work). What
-is assumed is listed in docs/sources.md, "The NAO and its paper".
+the unknowns. In addition (its future work): offsets of the head joints, compliance and backlash of the leg joints, and
+errors of the limbs' lengths. What is assumed is listed in docs/sources.md, "The NAO and its paper".
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -19,7 +19,7 @@ from arm.former import former_names, renamed_arguments
 from arm.io.storage import data_file
 from arm.se3 import Array, Indices, frozen, transform
 from calib.chain.fit import Gains, Sightings
-from calib.model.chain import Chain, Fixed, Motion, Unknown, joined
+from calib.model.chain import Chain, Element, Fixed, Motion, Unknown, joined
 from calib.model.from_urdf import chain_from_root
 
 LEG = ("HipYawPitch", "HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")
@@ -28,6 +28,7 @@ SIDES = ("L", "R")
 LEG_JOINTS = tuple(side + joint for side in SIDES for joint in LEG)
 CAMERA_TURNS = ("CamYaw", "CamPitch", "CamRoll")
 MOUNT = ("RotZ", "TransX", "TransY")
+LIMBS = ("HipWidth", "HipHeight", "Thigh", "Tibia", "Foot")
 BACKLASH_NM = 0.05  # torque scale over which smooth backlash changes sides (assumed)
 _SAME_STANCE = np.radians(3.0)  # a fit may move readings by a degree meanwhile
 _X, _Y, _Z = np.eye(3)
@@ -44,11 +45,14 @@ class NaoUnknowns:
         head: offsets of both head joints.
         compliance: of every leg joint.
         backlash: half that of every leg joint.
+        limbs: how much longer than the model's each limb is: from the torso out and down to the hip, thigh, tibia, and
+            from the ankle down to the board.
     """
 
     head: bool = False
     compliance: bool = False
     backlash: bool = False
+    limbs: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -59,6 +63,7 @@ class NaoUnknowns:
             *(f"{n}_deg" for n in HEAD if self.head),
             *(f"{n}_compliance_deg_per_Nm" for n in LEG_JOINTS if self.compliance),
             *(f"{n}_backlash_half_deg" for n in LEG_JOINTS if self.backlash),
+            *(f"{s}{n}_mm" for s in SIDES for n in LIMBS if self.limbs),
         ]
 
     def si(self) -> Array:
@@ -94,23 +99,51 @@ def nao_chain(side: str, unknowns: NaoUnknowns) -> Chain:
         }
         return tuple(of(name, gain) for name, gain in gain_of.items() if name in names)
 
-    model = nao_model()
-    columns = {side + joint: i for i, joint in enumerate(LEG)} | {
-        joint: 6 + i for i, joint in enumerate(HEAD)
-    }
-    head = chain_from_root(model, "lower_camera", columns, of_joint)
+    columns = {joint: len(LEG) + i for i, joint in enumerate(HEAD)}
+    head = chain_from_root(nao_model(), "lower_camera", columns, of_joint)
     turns = [
         Motion(frozen(axis), unknowns=(of(f"{name}_deg"),))
         for axis, name in ((_Y, "CamPitch"), (_X, "CamRoll"), (_Z, "CamYaw"))  # eq. 3
     ]
     camera = Chain((*head.elements, *turns, Fixed(_FORWARD)))
-    leg = chain_from_root(model, f"{side}_sole", columns, of_joint)
+    leg = leg_chain(side, unknowns, of_joint)
     mount = [
         Motion(frozen(_Z), unknowns=(of(f"{side}RotZ_deg"),)),  # eq. 4
         Motion(frozen(_X), turns=False, unknowns=(of(f"{side}TransX_mm"),)),
         Motion(frozen(_Y), turns=False, unknowns=(of(f"{side}TransY_mm"),)),
     ]
     return joined([*camera.inverse().elements, *leg.elements, *mount])
+
+
+def leg_chain(
+    side: str, unknowns: NaoUnknowns, unknowns_of: Callable[[str], tuple[Unknown, ...]] = lambda joint: ()
+) -> Chain:
+    """T_torso_sole with the errors of the limbs, if they are unknowns.
+
+    Args:
+        side: L or R.
+        unknowns: to be estimated.
+        unknowns_of: a joint's own, from its name.
+    """
+    longer = _limbs(side, unknowns.names)
+    columns = {side + joint: i for i, joint in enumerate(LEG)}
+    leg = chain_from_root(
+        nao_model(), f"{side}_sole", columns, unknowns_of, lambda joint: longer.get(joint[1:], ())
+    )
+    return Chain((*longer.get("", ()), *leg.elements))
+
+
+def _limbs(side: str, names: Sequence[str]) -> dict[str, tuple[Element, ...]]:
+    """Translations of a leg's limb errors after each joint, by its name without the side; "" for before the first."""
+    out = _Y if side == "L" else -_Y
+    along = {"HipWidth": ("", out), "HipHeight": ("", -_Z)}
+    along |= {"Thigh": ("HipPitch", -_Z), "Tibia": ("KneePitch", -_Z), "Foot": ("AnkleRoll", -_Z)}
+    found: dict[str, tuple[Element, ...]] = {}
+    for limb, (joint, axis) in along.items():
+        if (name := f"{side}{limb}_mm") in names:
+            motion = Motion(frozen(axis), turns=False, unknowns=(Unknown(names.index(name)),))
+            found[joint] = (*found.get(joint, ()), motion)
+    return found
 
 
 def gravity_torques(side: str, legs: Array, gravity: npt.ArrayLike, model: pin.Model | None = None) -> Array:

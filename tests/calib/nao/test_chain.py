@@ -6,7 +6,15 @@ import pytest
 
 from arm.se3 import rot_x, rot_y, rot_z
 from calib.chain.fit import fit_chains
-from calib.nao.chain import LEG_JOINTS, NaoUnknowns, gravity_gains, nao_chain, nao_model
+from calib.nao.chain import (
+    LEG_JOINTS,
+    LIMBS,
+    NaoUnknowns,
+    gravity_gains,
+    leg_chain,
+    nao_chain,
+    nao_model,
+)
 from recorded.nao_scenes import PIXEL_SIGMA, problem, sightings
 
 PAPER, HEAD = NaoUnknowns(), NaoUnknowns(head=True)
@@ -97,6 +105,22 @@ def test_lengths_are_those_of_the_data_sheet():
     camera = data.oMf[model.getFrameId("lower_camera")]
     assert camera.translation == pytest.approx([0.05071, 0.0, 0.1265 + 0.01774], abs=1e-9)
     assert camera.rotation == pytest.approx(rot_y(np.radians(39.7)), abs=1e-9)
+
+
+def test_a_limb_is_longer_outwards_and_downwards():
+    unknowns = NaoUnknowns(limbs=True)
+    x = np.zeros(len(unknowns.names))
+    longer = dict(zip(LIMBS, 1e-3 * np.array([1.0, 2.0, 4.0, 8.0, 16.0]), strict=True))
+    for side, out in (("L", 1.0), ("R", -1.0)):
+        x[:] = 0.0
+        x[[unknowns.names.index(f"{side}{limb}_mm") for limb in LIMBS]] = list(longer.values())
+        sole = leg_chain(side, unknowns).evaluate(np.zeros((1, 8)), x).T[0, :3, 3]
+        assert sole == pytest.approx([0.0, out * 0.051, -0.085 - 0.100 - 0.1029 - 0.04519 - 0.030], abs=1e-9)
+        bent = np.zeros((1, 8))
+        bent[0, 3] = np.pi / 2.0  # the knee
+        sole = leg_chain(side, unknowns).evaluate(bent, x).T[0, :3, 3]
+        tibia = -(0.1029 + 0.04519 + 0.024)
+        assert sole == pytest.approx([tibia, out * 0.051, -0.085 - 0.100 - 0.006], abs=1e-9)
 
 
 def test_torques_are_those_of_gravity_as_it_acts():

@@ -47,7 +47,7 @@ from cell.report.chain_text import (
     self_test_json,
 )
 
-_ALL = NaoUnknowns(head=True, compliance=True, backlash=True)
+_ALL = NaoUnknowns(head=True, compliance=True, backlash=True, limbs=True)
 
 Limits = TypeVar("Limits", bound=ChainLimits)
 

@@ -1,0 +1,144 @@
+"""Errors of a NAO's limb lengths: a score test that names them without a fit, and when they enter the model.
+
+A leg has five: from the torso out and down to the hip, thigh, tibia, and from the ankle down to the board. Other
+lengths are held at the data sheet: the neck and the camera's position in the head, which act as the same shift of both
+hips, and offsets along the knee's axis and across thigh and tibia, which act as mounts and joint offsets do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib.chain.fit import MOST_STEPS, ChainFit, Problem, normal_equations
+from calib.chain.model_selection import MEANINGLESS, Choice, Part, Trial, choose_model, largest_rise
+from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses
+from calib.model.least_squares import inverse_scaled
+from calib.model.projection import Projection, along
+from calib.model.score_test import score_test
+from calib.nao.chain import LIMBS, SIDES, NaoUnknowns
+
+LIMB_SIGMA = 0.5e-3  # m, prior of a limb's error (docs/sources.md, "The NAO and its paper")
+LIMB_NAMES = tuple(f"{side}{limb}_mm" for side in SIDES for limb in LIMBS)
+
+
+@dataclass(frozen=True, eq=False)
+class LimbTest:
+    """Score test of all limbs together.
+
+    Attributes:
+        limbs: error of each one shown, with all others in the model, the most significant first.
+        drop: of the cost, if the model included all.
+        limit: drop that meaningless limbs exceed with probability `MEANINGLESS`.
+    """
+
+    limbs: tuple[ChainErrorHypothesis, ...]
+    drop: float
+    limit: float
+
+
+def limb_unknowns(unknowns: NaoUnknowns, sides: Sequence[str]) -> list[int]:
+    """Indices of the limbs of the legs `sides`, each L or R."""
+    return [unknowns.names.index(n) for n in LIMB_NAMES if n[0] in sides]
+
+
+def find_limb_errors(
+    problem: Problem, fit: ChainFit, unknowns: NaoUnknowns, sides: Sequence[str]
+) -> LimbTest:
+    """Test the limbs in one linear step from a fit without them, in which all that was fitted may change.
+
+    Args:
+        problem: of the fit, with limbs among its unknowns but not free.
+        fit: without limb errors.
+        unknowns: of the problem.
+        sides: legs of the images, L and R.
+    """
+    limbs = limb_unknowns(unknowns, sides)
+    at = [s.evaluate(fit.unknowns, e) for s, e in zip(problem.sightings, fit.errors, strict=True)]
+    columns = [
+        along(Projection(problem.camera, a.T, s.points).by_target, a.by_unknown[:, limbs])
+        for s, a in zip(problem.sightings, at, strict=True)
+    ]
+    equations, n = normal_equations(problem, fit, columns), int(problem.free.sum())
+    S, g = equations.prior[0] + equations.S.sum(axis=0), equations.prior[1] + equations.g.sum(axis=0)
+    S[n:, n:] += np.eye(len(limbs)) / LIMB_SIGMA**2
+    test = score_test(inverse_scaled(S[:n, :n]), g[:n], S[:n, n:], S[n:, n:], g[n:])
+    # excess cost of an incomplete model makes every limb look significant; what the limbs explain is not excess
+    excess = max(1.0, fit.excess(problem.noise_freedom, test.drop, len(limbs)))
+    one = largest_rise(MEANINGLESS / len(limbs), 1, problem.noise_freedom) * excess
+    shifts = np.concatenate([a.by_unknown[w > 0.0, :, :3] for a, w in zip(at, fit.weights, strict=True)])
+    net = shifts[:, limbs] + np.einsum("fl,ifk->ilk", test.others, shifts[:, problem.free])
+    sigmas = np.sqrt(np.diag(test.covariance))
+    found = [
+        ChainErrorHypothesis(
+            f"limb {unknowns.names[i].removesuffix('_mm')}",
+            float(test.amount[k]),
+            float(sigmas[k]),
+            "m",
+            float((test.amount[k] / sigmas[k]) ** 2),
+            one,
+            float(abs(test.amount[k]) * np.sqrt(np.mean(np.sum(net[:, k] ** 2, axis=1)))),
+            -1,
+            test.others[:, k],
+        )
+        for k, i in enumerate(limbs)
+    ]
+    limit = largest_rise(MEANINGLESS, len(limbs), problem.noise_freedom) * excess
+    return LimbTest(tuple(sorted(found, key=lambda limb: -limb.drop)), test.drop, limit)
+
+
+def choose_with_limbs(
+    choice: Choice,
+    full: Problem,
+    parts: Sequence[Part],
+    limbs: Part,
+    tested: Callable[[Problem, ChainFit], LimbTest],
+    shaped: Callable[[Choice, Problem, Sequence[Part]], Choice],
+    gears: Sequence[int],
+    enough: float,
+) -> Choice:
+    """Put limbs in the model if the images show them, and choose all its parts anew; otherwise it stays as it was.
+
+    Args:
+        choice: without limbs.
+        full: problem with all parts free but the limbs.
+        parts: its other parts.
+        limbs: the part of the limbs.
+        tested: score test of the limbs at a choice.
+        shaped: finds the shape of a choice's backlash, from the problem with all parts free; the same choice if it has
+            neither compliance nor backlash.
+        gears: unknowns of compliance and backlash.
+        enough: cost per degree of freedom of a complete model.
+    """
+    free, more = full.free.copy(), [*parts, limbs]
+    free[list(limbs.unknowns)] = True
+
+    def longer(at: Choice) -> tuple[Trial, Choice | None]:
+        """Choose among all parts, if limbs explain more than chance, and than any other cause, leaves over."""
+        test = tested(at.problem, at.fit)
+        others = [s.drop for s in find_error_hypotheses(at.problem, at.fit) if "moved" not in s.name]
+        trial = Trial(limbs.name, max(test.drop - max(others), 0.0), test.limit)
+        together = replace(full, free=free, reading_sigma=at.problem.reading_sigma)
+        return trial, choose_model(together, more) if trial.needed else None
+
+    def kept(one: Choice) -> bool:
+        return bool(one.problem.free[limbs.unknowns[0]])
+
+    if choice.fit.iterations >= MOST_STEPS:  # a fit that does not converge says nothing about limbs
+        return shaped(choice, full, parts)
+    trial, other = longer(choice)
+    together = replace(full, free=free)
+    complete = other is not None and kept(other) and other.fit.chi2_dof < enough
+    if other is not None and complete and not other.problem.free[list(gears)].any():
+        return other  # compliance and backlash, if the choice has them, only stood in for limbs
+    without = shaped(choice, full, parts)
+    if without is not choice:
+        trial, other = longer(without)
+    if other is not None:
+        other = shaped(other, together, more)
+        if kept(other):
+            return other
+        trial = next(t for t in other.trials if t.part == limbs.name)
+    return replace(without, trials=(*without.trials, trial))
