@@ -18,15 +18,15 @@ from calib.camera.bundle_adjustment import (
     residual_of,
 )
 from calib.camera.cross_validation import cross_validate
-from calib.camera.flat_views import FlatCalibration, FlatViews, Lift
-from calib.camera.initial_guess import initial_guess
+from calib.camera.flat_views import NOMINAL, FlatCalibration, FlatViews, Lift
+from calib.camera.initial_guess import initial_guess, pose_of
 from calib.camera.next_views import NextView, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
 from calib.camera.score_tests import error_hypotheses
 from calib.camera.verdict import with_verdict
 from calib.camera.view_selection import TargetPhoto, outlying_corner, outlying_views, unusable
 from calib.camera.working_volume import working_volume
-from calib.model.intrinsics import NAMES, lens_parameter_jacobian, vector_of
+from calib.model.intrinsics import NAMES, camera_of, lens_parameter_jacobian, vector_of
 from calib.model.optimal_design import OptimalDesign
 from calib.model.projection import Projection
 from vision.camera.model import Camera
@@ -76,7 +76,7 @@ def calibrate_camera(
     known_lifts = [(lifts or {}).get(photos[i].name) for i in found.index]
     lain = None
     if any(known_lifts) or (flat and _tilted(found.bundle, limits.tilt) < limits.tilted):
-        _require_parallel(found, known_lifts, photos, limits.tilt)
+        _require_parallel(found, known_lifts, photos, size, limits.tilt)
         lain = FlatViews(found.views, target, size, known_lifts, corner_sigma).solve()
         found = replace(found, bundle=_laid(found, lain))
     distances = work or _distances(found.bundle, found.views)
@@ -126,13 +126,21 @@ def _tilted(bundle: Bundle, tilt: float) -> int:
 
 
 def _require_parallel(
-    found: _Found, lifts: Sequence[Lift | None], photos: Sequence[TargetPhoto], tilt: float
+    found: _Found,
+    lifts: Sequence[Lift | None],
+    photos: Sequence[TargetPhoto],
+    size: tuple[int, int],
+    tilt: float,
 ) -> None:
     if not any(lifts):
         return
-    middle = np.median([T[:3, 2] for T in found.bundle.poses], axis=0)
+    # foreshortening hardly depends on the focal length, which least squares may get very wrong here
+    f = NOMINAL * size[0]
+    camera = camera_of(np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, *np.zeros(5)]), size)
+    poses = [pose_of(view, camera) for view in found.views]
+    middle = np.median([T[:3, 2] for T in poses], axis=0)
     middle /= np.linalg.norm(middle)
-    for i, T in zip(found.index, found.bundle.poses, strict=True):
+    for i, T in zip(found.index, poses, strict=True):
         off = float(np.arccos(np.clip(middle @ T[:3, 2], -1.0, 1.0)))
         if off > tilt:
             raise CalibrationRefused(
