@@ -7,7 +7,7 @@
 VENV := .venv
 # A Python with pip: the one of VENV has none, and may be the first that is found if VENV is active.
 PYTHON ?= $(firstword $(wildcard $(addsuffix /python3,$(filter-out $(CURDIR)/$(VENV)/bin,$(subst :, ,$(PATH))))) python3)
-TASK ?= scenes/task2.toml
+TASK ?= scenes/realistic/task2.toml
 
 # The path to this folder, or VENV, may hold spaces: quoted in recipes, escaped where they name targets.
 BIN := "$(VENV)"/bin

@@ -52,6 +52,7 @@ TOGETHER = (  # pages that one reader follows one after the other: each goes on 
 IN_ITS_OWN_TEST = {  # pages whose commands another test types, in full
     "docs/interop.md": "tests/cell/files/test_pose_list.py",
     "docs/python.md": "tests/plan/test_api.py",
+    "docs/simulated-cell.md": "tests/cell/collect/test_realistic_cell.py",
 }
 POOL = 60  # poses from which those for a target in the hand are chosen
 GIVEN = {  # what the Python of a page has from its reader

@@ -54,7 +54,7 @@ def _make(folder: Path, python: str, *words: str) -> subprocess.CompletedProcess
 def test_make_run_works_in_a_path_with_spaces(tmp_path: Path) -> None:
     ran = _make(tmp_path / "my cell of today", NEW)
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert "a465 run scenes/task2.toml" in ran.stdout.splitlines()
+    assert "a465 run scenes/realistic/task2.toml" in ran.stdout.splitlines()
     assert (tmp_path / "my cell of today/.venv/installed").is_file()
 
 
