@@ -10,7 +10,7 @@ import pytest
 
 from arm.io.storage import data_file
 from cell.files.world import World
-from cell.sim.camera import TrueCamera, drift
+from cell.sim.camera import TrueCamera, drift, shaken
 from pictures.rendered import changed, corners, marker_camera, nominal_board, world_with
 from render.renderer import PlacedBoard
 from vision.camera.model import Camera, Image, read_camera
@@ -60,6 +60,13 @@ def test_sway_is_that_of_the_middle_of_the_image(world: World) -> None:
     assert moves[:, 0].std(axis=0) == pytest.approx([0.5, 0.5], rel=0.1)
     turns = (moves[:, 1, 1] - moves[:, 0, 1]) / (1800.0 - lab.K[0, 2])
     assert turns.std() == pytest.approx(np.radians(0.01), rel=0.15)
+
+
+def test_a_shaken_camera_shifts_the_middle_of_its_image() -> None:
+    lab = read_camera(data_file("scenes/cameras/lab.toml"))
+    middle = np.append(lab.normalised(lab.K[:2, 2]), 1.0)
+    seen_now = lab.project(np.linalg.inv(shaken(lab, np.array([2.0, -1.0]), 0.01)[:3, :3]) @ middle)
+    assert seen_now - lab.K[:2, 2] == pytest.approx([2.0, -1.0], abs=0.02)
 
 
 def test_drift_is_slow_and_of_unit_variance() -> None:
