@@ -29,9 +29,10 @@ def _world(name: str) -> World:
     return read_world(REALISTIC / name, 0.036)
 
 
-def test_both_sessions_are_of_one_cell() -> None:
+@pytest.mark.parametrize("session", ["lens-world.toml", "calibration-world.toml"])
+def test_all_sessions_are_of_one_cell(session: str) -> None:
     """What is built is the same; noise and sway differ."""
-    run, calibration = _world("task2.world.toml"), _world("calibration-world.toml")
+    run, calibration = _world("task2.world.toml"), _world(session)
     assert run.build_seed == calibration.build_seed
     assert run.seed != calibration.seed
     for part in ("table", "prints", "made", "arm"):
