@@ -15,7 +15,8 @@ from cell.sim.target_photos import random_poses
 from pictures.targets import CHARUCO, SIZE, bent, camera, photos, quality, seen, taken
 
 
-@pytest.mark.parametrize("tilt", [pytest.param(0.03, marks=pytest.mark.slow), 0.11])
+@pytest.mark.slow
+@pytest.mark.parametrize("tilt", [0.03, 0.11])
 def test_views_that_face_the_camera_are_refused_and_no_distance_is_advised(tilt):
     c = calibrate_camera(photos(taken(6, tilt=tilt)), CHARUCO, SIZE)
     assert not c.accepted

@@ -75,6 +75,7 @@ def test_the_limit_of_chi2_allows_for_chance_in_few_images_only():
     assert (ratio > 0.6 * chi2_limit(limits, 16, 32, 16.0)).mean() > 1e-3
 
 
+@pytest.mark.slow
 def test_an_arm_that_scatters_more_than_cubes_allow_is_refused_and_no_other():
     rng = np.random.default_rng(7)
     truth = draw_truth(rng)

@@ -110,6 +110,7 @@ def collected(once: Collected, tmp_path: Path) -> Collected:
     )
 
 
+@pytest.mark.slow  # a whole collection
 @pytest.mark.xdist_group("collect")
 def test_zeros_and_camera_are_found_and_the_cell_has_them(collected: Collected) -> None:
     result = collected.result
@@ -144,6 +145,7 @@ def test_zeros_and_camera_are_found_and_the_cell_has_them(collected: Collected) 
         assert ((pixels > 0.0) & (pixels < known.camera.size)).all()
 
 
+@pytest.mark.slow  # a whole collection
 @pytest.mark.xdist_group("collect")
 def test_what_was_interrupted_goes_on_without_the_calibration_that_is_missing(collected: Collected) -> None:
     whole = json.loads(collected.recording.read_text())
@@ -168,6 +170,7 @@ def test_what_was_interrupted_goes_on_without_the_calibration_that_is_missing(co
     assert read_cell(collected.scenes / "cell.toml").calibration is not None
 
 
+@pytest.mark.slow  # a whole collection
 @pytest.mark.xdist_group("collect")
 def test_a_target_that_was_put_in_anew_is_told_before_anything_is_added(collected: Collected) -> None:
     world = collected.scenes / "task2.world.toml"
@@ -180,6 +183,7 @@ def test_a_target_that_was_put_in_anew_is_told_before_anything_is_added(collecte
     assert collected.recording.read_bytes() == before
 
 
+@pytest.mark.slow  # a whole collection
 @pytest.mark.xdist_group("collect")
 def test_nothing_opens_for_a_recording_that_is_complete(collected: Collected) -> None:
     console = Heard()
@@ -190,7 +194,7 @@ def test_nothing_opens_for_a_recording_that_is_complete(collected: Collected) ->
     assert result["id"] == collected.result["id"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # a whole collection
 @pytest.mark.xdist_group("collect")
 def test_the_arm_behind_a_port_is_collected_from_with_photographs_of_a_folder(
     collected: Collected, monkeypatch: pytest.MonkeyPatch

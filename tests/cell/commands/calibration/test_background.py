@@ -26,6 +26,7 @@ def _holes(seen: dict[str, Any]) -> np.ndarray[Any, Any]:
     return np.array([h["T_base_hole"] for b in seen["scenes"][0]["boards"] for h in b["holes"]])[:, :3, 3]
 
 
+@pytest.mark.slow
 def test_a_turned_camera_is_corrected_or_refused(scenes: Path, capsys: pytest.CaptureFixture[str]) -> None:
     world, output = specked_world(scenes), scenes / "background.npz"
     result = background_step(scenes / "task2.toml", BackgroundSource(world=world), output, True, Console())
