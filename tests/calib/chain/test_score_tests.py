@@ -21,7 +21,7 @@ def test_the_cause_is_named(name):
     told = describe(hypothesis)
     assert told in " ".join((*c.reasons, *c.remarks))
     s = c.problem.sightings[0]
-    T = s.chain.evaluate(recording.joints, c.fit.unknowns).T
+    T = s.evaluate(c.fit.unknowns).T
     off = np.sqrt(np.mean(np.sum((T - truth.T_camera_target(recording.joints))[:, :3, 3] ** 2, axis=1)))
     if c.accepted:
         assert off < 1.1 * c.limits.held_out, "accepted only if targets are where they are predicted"
