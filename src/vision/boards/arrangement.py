@@ -26,7 +26,7 @@ def arrangement(board: Board, corners: Corners, camera: Camera, limit_px: float)
     if second is None:
         return None
     low, high = board.marker_ids
-    x, y = 1e3 * second
+    x, y = np.rint(1e3 * second) + 0.0  # no -0
     expected = 1e3 * board.marker_corners()[1].mean(axis=0)
     return (
         f"marker {high} is at {x:.0f}, {y:.0f} mm from marker {low}, not {expected[0]:g}, {expected[1]:g} mm: it "

@@ -102,7 +102,7 @@ def misfit(
     limits: BoardLimits,
 ) -> Iterator[ImpossibleError]:
     """Doubt the marker size, or else the arrangement of the markers."""
-    other = fit_marker_size(board, fit, camera, floor_px) if np.isfinite(residual_px) else None
+    other = fit_marker_size(board, fit, camera, floor_px)
     allowed = max(limits.size_m, 1.5 * SAME_PRINT * board.tolerance)  # three standard deviations of prints
     if (
         other is not None
@@ -118,12 +118,8 @@ def misfit(
             fitting_size=other.size,
             residual_px=residual_px,
         )
-    elif not residual_px <= limits.residual_px:  # NaN if no pose in front of the camera fits
-        low, high = board.marker_ids
-        found = arrangement(board, corners, camera, limits.residual_px)
-        why = found or (
-            f"are markers {low} and {high} both on this board, {low} at its origin, and in the same orientation?"
-        )
+    elif not residual_px <= limits.residual_px:
+        found, why = _why_misfit(board, corners, camera, limits)
         yield ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "
             f"{limits.residual_px:g}); {why}",
@@ -132,6 +128,35 @@ def misfit(
             limit_px=limits.residual_px,
             arrangement=found,
         )
+
+
+def no_pose(board: Board, corners: Corners, camera: Camera, limits: BoardLimits) -> ImpossibleError:
+    """Return the doubt about a board without a pose in front of the camera that its corners fit."""
+    found, why = _why_misfit(board, corners, camera, limits)
+    outlines = corners.median().reshape(2, 4, 2)
+    seen = " and ".join(
+        f"marker {name} at {x:.0f}, {y:.0f} px"
+        for name, (x, y) in zip(board.marker_ids, outlines.mean(axis=1), strict=True)
+    )
+    return ImpossibleError(
+        f"board {board.name}: {seen} fit it in no pose in front of the camera; {why}; also check K_px and distortion "
+        "of the camera file",
+        board=board.name,
+        markers_px=outlines.mean(axis=1).tolist(),
+        arrangement=found,
+    )
+
+
+def _why_misfit(
+    board: Board, corners: Corners, camera: Camera, limits: BoardLimits
+) -> tuple[str | None, str]:
+    """Return the arrangement of the markers that explains the corners, if there is one, and what to tell."""
+    low, high = board.marker_ids
+    found = arrangement(board, corners, camera, limits.residual_px)
+    asked = (
+        f"are markers {low} and {high} both on this board, {low} at its origin, and in the same orientation?"
+    )
+    return found, found or asked
 
 
 def ambiguous(

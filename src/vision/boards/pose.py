@@ -18,7 +18,7 @@ from arm.errors import ImpossibleError
 from arm.former import former_names
 from arm.poses import BoardPose
 from arm.se3 import Array, angle_between, frozen
-from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, uncertain
+from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, no_pose, uncertain
 from vision.boards.corner_noise import mean_corner_variance
 from vision.boards.marker_size import DETERMINED
 from vision.boards.pose_fit import Corners, Fit, fit_again, fit_pose, planar_poses, pose_jacobian
@@ -97,6 +97,10 @@ def assess_board(
     if isinstance(corners, ImpossibleError):
         return BoardAssessment(None, (corners,))
     hypotheses = _Hypotheses.of(corners, camera)
+    if not hypotheses.best.valid:
+        return BoardAssessment(
+            None, (*moved(board, corners, limits), no_pose(board, corners, camera, limits))
+        )
     floor = max(COMMON_MODE_PX[m.method] for frame in frames for m in frame if m.id in board.marker_ids)
     both = (hypotheses.best, hypotheses.second)
     errors = [_shared(board, fit, frames, camera) for fit in both]
@@ -114,23 +118,25 @@ def assess_board(
         tilt_log_odds = log_odds_of_tilts(poses[0], poses[1], tilts)
     first = log_odds + tilt_log_odds >= 0.0
     chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
-    used = chosen.mean_residual_px[chosen.shares > 0.0]
-    residual_px = float(np.sqrt(np.mean(used**2))) if len(used) else np.nan
+    residual_px = float(np.sqrt(np.mean(chosen.mean_residual_px[chosen.shares > 0.0] ** 2)))
     doubts = [
         *moved(board, corners, limits),
         *misfit(board, corners, chosen, camera, residual_px, floor, limits),
-        *ambiguous(board, hypotheses.angle, abs(log_odds + tilt_log_odds), hypotheses.ratio, limits),
     ]
-    if pose is not None:
-        doubts += uncertain(pose, limits)
-        if tilts:
-            pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
+    if (
+        residual_px <= limits.residual_px
+    ):  # a pose that does not fit tells nothing of its tilt or its uncertainty
+        odds = abs(log_odds + tilt_log_odds)
+        doubts += ambiguous(board, hypotheses.angle, odds, hypotheses.ratio, limits)
+        doubts += [] if pose is None else uncertain(pose, limits)
+    if pose is not None and tilts:
+        pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
     return BoardAssessment(pose, tuple(doubts))
 
 
 def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
     """Effect of the errors that corners share, (16, k) px; None if there are no such errors, or no pose."""
-    if not np.isfinite(fit.mean_residual_px).all():
+    if not fit.valid:
         return None
     sides = np.zeros((2, 4))
     markers = [m for frame in frames for m in frame]

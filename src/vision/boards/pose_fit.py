@@ -66,8 +66,13 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Minimised sum of squared residuals of the mean corners, weighted by their shares, px^2."""
-        return float(self.shares @ (self.mean_residual_px**2).sum(axis=-1))
+        """Minimised sum of squared residuals of the mean corners, weighted by shares, px^2; inf without a pose."""
+        return float(self.shares @ (self.mean_residual_px**2).sum(axis=-1)) if self.valid else np.inf
+
+    @property
+    def valid(self) -> bool:
+        """Whether all corners are in front of the camera and some are used; else there is no pose."""
+        return bool(np.isfinite(self.mean_residual_px).all() and self.shares.any())
 
     @property
     def freedom(self) -> int:
@@ -118,7 +123,7 @@ def fit_pose(corners: Corners, start: Array, camera: Camera) -> Fit:
 def _without_bad_frames(corners: Corners, used: Bools, start: Array, camera: Camera) -> Fit:
     """Fit the corners `used` (frames, n), with less weight or none for those that differ from the other frames."""
     fit = fit_weighted(corners, used.astype(float), start, camera, done=NEAR)
-    if len(used) == 1 or not np.isfinite(fit.mean_residual_px).all():  # or behind the camera
+    if len(used) == 1 or not fit.valid:  # or behind the camera
         return fit_again(fit, corners.points, fit.T_camera_board, camera)
     pixels = np.nan_to_num(corners.pixels)
     # judge outliers by the median over frames first: with three frames or more it is already free of them
@@ -197,7 +202,7 @@ def _spread(distances: Array) -> float:
 
 def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
     """Index of the corner without which all others fit much better, if there is one (leave-one-out F test)."""
-    if fit.freedom < 4 or not np.isfinite(fit.mean_residual_px).all():
+    if fit.freedom < 4 or not fit.valid:
         return None
     root = np.sqrt(fit.shares)[:, None]
     A = root[..., None] * pose_jacobian(fit.T_camera_board, points, camera)

@@ -63,6 +63,30 @@ def test_markers_of_other_boards_are_left_alone() -> None:
     assert np.array_equal(a.covariance, b.covariance)
 
 
+def test_markers_that_fit_in_no_pose_in_front_of_the_camera_are_told_in_one_line() -> None:
+    """Of a lens with k1 alone, which folds far outside the image, and markers that touch at a corner."""
+    K = np.array([[4740.0, 0.0, 959.5], [0.0, 4740.0, 599.5], [0.0, 0.0, 1.0]])
+    camera = replace(CAMERA, K=K, distortion=np.array([-0.25, 0.0, 0.0, 0.0, 0.0]), size=(1920, 1200))
+    first = np.array([[700, 400], [860, 400], [860, 560], [700, 560]], dtype=float)
+    markers = [Marker(1, frozen(first), "lines"), Marker(2, frozen(first + 160.0), "lines")]
+    seen = assess_board(BOARD, [markers], camera)
+    assert seen.pose is None
+    (doubt,) = seen.doubts
+    assert doubt.data["markers_px"] == [[780.0, 480.0], [940.0, 640.0]]
+    assert "marker 1 at 780, 480 px and marker 2 at 940, 640 px fit it in no pose in front" in str(doubt)
+    assert "marker 2 is at 36, -36 mm from marker 1, not 180, 140 mm" in str(doubt)
+    assert "check K_px and distortion" in str(doubt)
+    assert "nan" not in str(doubt)
+
+
+def test_a_board_that_does_not_fit_is_told_in_one_line() -> None:
+    """Its tilt and its uncertainty are not worth a word."""
+    rng = np.random.default_rng(6)
+    frames = seen_corners(replace(BOARD, second_marker=(0.12, 0.10)), random_pose(rng, 7.0), CAMERA, rng)
+    (doubt,) = assess_board(BOARD, frames, CAMERA).doubts
+    assert "marker 2 is at 120, 100 mm from marker 1" in str(doubt)
+
+
 @pytest.mark.parametrize("hidden", [0, 1])
 def test_a_missing_marker_is_named(hidden: int) -> None:
     rng = np.random.default_rng(5)
