@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm.robot.dh import DhTable
-from arm.se3 import Array, apply, frozen, inverse, rot_x, skew, transform
+from arm.se3 import Array, Bools, Indices, apply, frozen, inverse, skew, transform
 from calib.hand_eye.chain import OFFSETS, arm_chain
 from calib.hand_eye.result import NO_TOOL, HandEye, ToolError
 from calib.model.projection import Projection
@@ -35,10 +35,10 @@ def tool_error(found: HandEye, holes: Array | None = None, T_flange_tool: Array 
     """
     holes = image_holes(found) if holes is None else holes
     dh = found.recording.dh
-    reached = [(hole, q) for hole in holes if (q := _pointing_down(found, hole, T_flange_tool)) is not None]
-    if not reached:
+    joints, reached = _pointing_down(found, holes, T_flange_tool)
+    if not len(reached):
         return NO_TOOL
-    points, joints = (np.array(of) for of in zip(*reached, strict=True))
+    points = holes[reached]
     at = arm_chain(dh, np.eye(4), T_flange_tool).evaluate(joints, np.zeros(OFFSETS + 4 * dh.joints))
     R = at.T[:, :3, :3]
     by_arm = np.swapaxes(at.by_unknown[:, OFFSETS:, :3] @ np.swapaxes(R, 1, 2), 1, 2)
@@ -89,31 +89,40 @@ def _by_camera(found: HandEye, holes: Array) -> tuple[Array, Array]:
     return np.array(by_camera), np.array(by_lens)
 
 
-def _pointing_down(found: HandEye, hole: Array, T_flange_tool: Array) -> Array | None:
-    """Readings (joints,) with the tool at a hole, pointing down, by damped least squares; None if there are none."""
+def _pointing_down(found: HandEye, holes: Array, T_flange_tool: Array) -> tuple[Array, Indices]:
+    """Readings (k, joints) with the tool at k of the holes (n, 3), pointing down; and which holes those are, (k,).
+
+    By damped least squares from several of the recorded poses; of those that arrive, the one that bends least.
+    """
     dh, recorded = found.recording.dh, found.recording.joints
     starts = recorded[np.unique(np.linspace(0, len(recorded) - 1, _STARTS).astype(int))]
-    return _reach(dh, starts, transform(rot_x(np.pi), hole), T_flange_tool)
+    q = np.tile(starts, (len(holes), 1))
+    arrived = _reach(dh, q, np.repeat(holes, len(starts), axis=0), T_flange_tool)
+    bend = np.where(arrived, np.abs(np.arctan2(np.sin(q), np.cos(q))).max(axis=1), np.inf)
+    bend = bend.reshape(len(holes), len(starts))
+    reached = np.flatnonzero(np.isfinite(bend).any(axis=1))
+    return q.reshape(*bend.shape, -1)[reached, np.argmin(bend[reached], axis=1)], reached
 
 
-def _reach(dh: DhTable, starts: Array, wanted: Array, T_flange_tool: Array) -> Array | None:
+def _reach(dh: DhTable, q: Array, holes: Array, T_flange_tool: Array) -> Bools:
+    """Move readings q (n, joints), in place, until the tool points down at holes (n, 3); which have arrived, (n,)."""
     chain, none = arm_chain(dh, np.eye(4), T_flange_tool), np.zeros(OFFSETS + 4 * dh.joints)
-    q = starts.copy()
-    for _ in range(_STEPS):
-        at = chain.evaluate(q, none)
-        R = at.T[:, :3, :3]
-        back = np.swapaxes(R, 1, 2)
-        off = (back @ (wanted[:3, 3] - at.T[:, :3, 3])[..., None])[..., 0]
-        lean = np.cross(np.array([0.0, 0.0, 1.0]), back @ wanted[:3, 2])[:, :2]
+    arrived, moving = np.zeros(len(q), dtype=bool), np.arange(len(q))
+    for _ in range(_STEPS + 1):
+        at = chain.evaluate(q[moving], none)
+        back = np.swapaxes(at.T[:, :3, :3], 1, 2)
+        off = (back @ (holes[moving] - at.T[:, :3, 3])[..., None])[..., 0]
+        down = -back[:, :, 2]
+        lean = np.stack([-down[:, 1], down[:, 0]], axis=1)
         residual = np.hstack([off, lean])
-        J = np.swapaxes(at.by_reading, 1, 2)[:, :5]
+        there = (np.abs(residual).max(axis=1) < _REACHED) & (down[:, 2] > 0.0)
+        arrived[moving[there]] = True
+        J = np.swapaxes(at.by_reading, 1, 2)[~there, :5]
+        moving, residual = moving[~there], residual[~there]
+        if not len(moving):
+            break
         H = np.swapaxes(J, 1, 2) @ J + 1e-6 * np.eye(J.shape[2])
-        step = np.linalg.solve(H, (np.swapaxes(J, 1, 2) @ residual[..., None]))[..., 0]
+        step = np.linalg.solve(H, np.swapaxes(J, 1, 2) @ residual[..., None])[..., 0]
         longest = np.abs(step).max(axis=1, keepdims=True)
-        q = q + step * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-12))
-    facing = np.einsum("nij,j->ni", back, wanted[:3, 2])[:, 2] > 0.0
-    good = np.flatnonzero((np.abs(residual).max(axis=1) < _REACHED) & facing)
-    if not len(good):
-        return None
-    bend = np.abs(np.arctan2(np.sin(q[good]), np.cos(q[good]))).max(axis=1)
-    return np.asarray(q[good[int(np.argmin(bend))]])
+        q[moving] += step * np.minimum(1.0, _LONGEST / np.maximum(longest, 1e-12))
+    return arrived

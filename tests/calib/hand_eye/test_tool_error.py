@@ -30,9 +30,13 @@ def test_the_tool_misses_by_what_is_told(links: bool) -> None:
     assert told.holes == len(HOLES)
     assert told.scatter == 0.0
     misses = []
-    for hole in HOLES:
-        q = _pointing_down(found, hole, TOOL)
-        assert q is not None
+    beyond = np.array([(3.0, 0.0, 0.05)])
+    joints, reached = _pointing_down(found, np.concatenate([beyond, HOLES]), TOOL)
+    assert reached.tolist() == [1, 2, 3]
+    for hole, q in zip(HOLES, joints, strict=True):
+        at = arm_chain(NOMINAL, np.eye(4), TOOL).evaluate(q[None], np.zeros(OFFSETS + 24)).T[0]
+        assert at[:3, 3] == pytest.approx(hole, abs=2e-4)
+        assert at[:3, 2] == pytest.approx([0.0, 0.0, -1.0], abs=3e-4)
         x = np.zeros(OFFSETS + 24)
         x[OFFSETS:] = np.concatenate([found.joint_offsets, *found.link_errors])
         believed = arm_chain(NOMINAL, np.eye(4), TOOL).evaluate(q[None], x).T[0, :3, 3]
