@@ -288,9 +288,14 @@ def _considered(problem: Problem, parts: Sequence[Part]) -> tuple[int, ...]:
 
 
 def scatters(c: ChainCalibration) -> bool:
-    """Whether the images disagree by more than chance and any single cause explain, so that the arm scatters."""
-    disagree = c.excess > max(c.excess_limit, 1.0) or sum(map(len, c.wrong)) > _MANY_WRONG * c.images
-    if not disagree:
+    """Whether the images disagree by more than chance and any single cause explain, so that the arm scatters.
+
+    A cause that explains the few images that are left does not explain why the others were rejected.
+    """
+    many = sum(map(len, c.wrong)) > _MANY_WRONG * c.images
+    if many and c.change is None:
+        return True
+    if not many and c.excess <= max(c.excess_limit, 1.0):
         return False
     causes = [s for s in c.hypotheses if s.sure and _on_both_sides(c, s)]
     left = [c.fit.excess(c.problem.noise_freedom, s.drop, 1) for s in causes]

@@ -11,7 +11,7 @@ import calib.chain.result as chain_calibration
 from arm.se3 import Array, frozen
 from calib.chain.fit import Sightings, fit_chains
 from calib.chain.model_selection import Choice
-from calib.chain.result import FOLDS, ChainCalibration, cross_validate
+from calib.chain.result import FOLDS, ChainCalibration, cross_validate, scatters
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from calib.model.projection import Projection
@@ -147,3 +147,21 @@ def test_every_image_is_held_out_once_and_with_all_of_its_stance(
     for fold in out:
         assert np.ptp(stances[fold]) >= FOLDS  # from all over the recording
         assert all(fold[stances == k].all() or not fold[stances == k].any() for k in np.unique(stances))
+
+
+def test_a_cause_that_explains_the_images_that_are_left_does_not_explain_the_others(
+    plain: ChainCalibration,
+) -> None:
+    n = len(plain.problem.sightings[0].readings)
+    cost = plain.fit.cost + 20.0 * plain.fit.freedom
+    cause = replace(plain.hypotheses[0], drop=cost - plain.fit.cost, amount=1e-3, limit=1.0, image=-1)
+
+    def judged(used: Array, change: int | None) -> bool:
+        fit = replace(plain.fit, cost=cost, weights=(used.astype(float),))
+        return scatters(replace(plain, fit=fit, hypotheses=(cause,), change=change))
+
+    assert not scatters(plain)
+    assert not judged(np.ones(n, dtype=bool), None), "the cause explains all"
+    every_other = np.arange(n) % 2 == 0
+    assert judged(every_other, None)
+    assert not judged(np.arange(n) < n // 2, n // 2), "one half does not fit the other: something moved"
