@@ -6,6 +6,7 @@ the cell file and the whole zone for boards.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from calib.recordings.arm import FEWEST_CORNERS
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
 from cell.collect.recipe_270 import POSES, recipe_poses
 from cell.collect.record import HandRecord
+from cell.collect.sway import Sway
 from cell.console import Console
 from cell.scene.build import unseen_scene
 from cell.session.homed import initialise_without_homing
@@ -27,7 +29,7 @@ from cell.task.run import TaskRun
 from driver.mars.stopping import STILL_COUNTS, farthest
 from plan.pick_place.go_to import plan_joint_motion
 from plan.scene import Scene
-from vision.camera.frame_source import FrameSource
+from vision.camera.model import Image
 from vision.targets.target import TargetFinder
 
 FEWEST_POSES = HAND_EYE_LIMITS.images
@@ -139,11 +141,14 @@ class Collector:
         run: run in an open cell.
         record: recording to extend.
         scene: cell with the target in the gripper.
+        sway: of the camera, None if it is not measured.
         console: output.
     """
 
-    def __init__(self, run: TaskRun, record: HandRecord, scene: Scene, console: Console) -> None:
-        self.run, self.record, self.scene, self.console = run, record, scene, console
+    def __init__(
+        self, run: TaskRun, record: HandRecord, scene: Scene, sway: Sway | None, console: Console
+    ) -> None:
+        self.run, self.record, self.scene, self.sway, self.console = run, record, scene, sway, console
         self.finder = TargetFinder(record.hand.target)
 
     def initialise_arm(self) -> None:
@@ -160,9 +165,26 @@ class Collector:
         mars.set_registers(cell.speed_registers, cell.acceleration_registers)
         self.run.homed = True
 
-    def home(self) -> None:
-        """Return to q_start with the target in the gripper."""
-        self._drive(self.run.task.cell.q_start, "return to q_start")
+    def home(self) -> bool:
+        """Return to q_start with the target in the gripper; return whether a plan was found."""
+        return self._drive(self.run.task.cell.q_start, "return to q_start")
+
+    def begin_sway(self) -> None:
+        """Take the background before the first pose, with the arm at q_start, unless there is one."""
+        if self.sway is None or self.sway.is_measured or len(self.record):
+            return
+        if self.home():
+            self.run.connection.mars.link.wait(SETTLE_S)
+            self.sway.begin(self.run.connection.frames)
+
+    def photographs(self) -> Sequence[Image]:
+        """Return photographs of now, without the camera's sway since the first pose.
+
+        Raises:
+            ImpossibleError: the camera has moved too far.
+        """
+        images = self.run.connection.frames.grab(self.run.task.cell.photographs)
+        return images if self.sway is None else self.sway.steadied(images)
 
     def require_same_hold(self) -> None:
         """Repeat a recorded pose to verify that the mount of the target is unchanged.
@@ -259,21 +281,22 @@ class Collector:
 
     def _look(self) -> tuple[tuple[int, ...] | None, Array]:
         """Return the counts, None if the arm was not at rest, and the corners (m, 2), px, averaged over the frames."""
-        mars, cell = self.run.connection.mars, self.run.task.cell
+        mars = self.run.connection.mars
         mars.link.wait(SETTLE_S)
         counts = mars.settled_counts()
-        corners = seen_corners(self.run.connection.frames, self.finder, cell.photographs)
+        corners = seen_corners(self.photographs(), self.finder)
         still = farthest(counts, mars.settled_counts()) <= STILL_COUNTS
         return (counts if still else None), corners
 
 
-def seen_corners(frames: FrameSource, finder: TargetFinder, count: int) -> Array:
-    """Return the corners (m, 2), px, of a target at rest, averaged over `count` frames.
+def seen_corners(images: Sequence[Image], finder: TargetFinder) -> Array:
+    """Return the corners (m, 2), px, of a target at rest, averaged over the images.
 
-    A corner is NaN unless it was detected in more than half of the frames.
+    A corner is NaN unless it was detected in more than half of them.
     """
+    count = len(images)
     shown = np.full((count, finder.target.corners, 2), np.nan)
-    for k, image in enumerate(frames.grab(count)):
+    for k, image in enumerate(images):
         view = finder.find(image)
         if view is not None:
             shown[k, view.ids] = view.corners_px

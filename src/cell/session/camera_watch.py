@@ -29,8 +29,13 @@ def camera_watch(cell: Cell) -> CameraWatch | None:
     """
     if cell.background_file is None:
         return None
-    background = read_background(cell.background_file, cell.camera)
-    return CameraWatch(background, _distance(cell), cell.camera_moved)
+    return watch_with(read_background(cell.background_file, cell.camera), cell)
+
+
+def watch_with(background: Background, cell: Cell) -> CameraWatch:
+    """Return the watch that compares the camera of a cell with a background at its table."""
+    height = distance_to_plane(cell.camera.T_base_camera, cell.table_z)
+    return CameraWatch(background, height, cell.camera_moved)
 
 
 def take_background(cell: Cell, images: Sequence[Image]) -> tuple[Background, Observation]:
@@ -61,10 +66,6 @@ def shift_words(shift: CameraShift | None) -> str | None:
         f"the camera has moved by {shift.describe()} since its calibration, which is corrected "
         f"({shift.seen} features of the background agree)"
     )
-
-
-def _distance(cell: Cell) -> float:
-    return distance_to_plane(cell.camera.T_base_camera, cell.table_z)
 
 
 def _covered(cell: Cell, seen: Observation) -> Iterator[Array]:

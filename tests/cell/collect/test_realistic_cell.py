@@ -21,7 +21,7 @@ from typed.command_line import a465
 from typed.doc_commands import ROOT
 
 REALISTIC = data_file("scenes/realistic")
-SAME_MM = 0.15
+SIGMAS = 2.0  # standard deviations of the tool by which two sessions may differ
 MADE = ("camera.toml", "calibration.toml", "calibration.background.npz")
 
 
@@ -29,13 +29,12 @@ def _world(name: str) -> World:
     return read_world(REALISTIC / name, 0.036)
 
 
-@pytest.mark.parametrize("session", ["lens-world.toml", "calibration-world.toml"])
-def test_all_sessions_are_of_one_cell(session: str) -> None:
-    """What is built is the same; noise and sway differ."""
-    run, calibration = _world("task2.world.toml"), _world(session)
+def test_both_sessions_are_of_one_cell() -> None:
+    """What is built is the same, and errors are as large; noise and sway differ."""
+    run, calibration = _world("task2.world.toml"), _world("calibration-world.toml")
     assert run.build_seed == calibration.build_seed
     assert run.seed != calibration.seed
-    for part in ("table", "prints", "made", "arm"):
+    for part in ("image", "table", "prints", "made", "arm"):
         assert str(getattr(run, part)) == str(getattr(calibration, part))
     assert np.array_equal(run.joint_offsets, calibration.joint_offsets)
     assert run.camera is not None
@@ -46,7 +45,8 @@ def test_all_sessions_are_of_one_cell(session: str) -> None:
 def test_the_demonstration_is_calibrated_and_has_errors() -> None:
     cell, world = read_task(REALISTIC / "task2.toml").cell, _world("task2.world.toml")
     assert cell.calibration is not None
-    assert np.degrees(cell.calibration.joint_offsets[1:5]) == pytest.approx([0.3, -0.3, 0.3, -0.3], abs=0.01)
+    offsets = np.degrees(cell.calibration.joint_offsets[1:5])  # with the mean of eccentricity and sag
+    assert offsets == pytest.approx([0.3, -0.3, 0.3, -0.3], abs=0.03)
     assert cell.camera.lens_digest != world.camera.lens_digest  # type: ignore[union-attr]
     image, arm = world.image, world.arm
     assert min(image.sway, image.drift, image.corner_scatter, world.table.specks, world.prints.border) > 0.0
@@ -64,6 +64,13 @@ def _seen_tools(cell: Cell, tools: list[Array], of: Cell) -> Array:
         T_base_tool = cell.robot().T_base_tool(cell.unit.positions(of.unit.counts(q)))
         found.append(1e3 * (inverse(cell.camera.T_base_camera) @ T_base_tool)[:3, 3])
     return np.array(found)
+
+
+def _told_mm(cell: Cell) -> float:
+    """Standard deviation of the tool in the holes, mm, all directions."""
+    assert cell.calibration is not None
+    made = cell.calibration.made
+    return float(np.hypot(made["tool_sideways_mm"], made["tool_height_mm"]))
 
 
 @pytest.mark.slow
@@ -91,7 +98,7 @@ def test_the_commands_of_the_page_find_the_shipped_calibration(
     down = transform(rot_x(np.pi))
     tools = [transform(t=(x, y, z)) @ down for x in (0.42, 0.54) for y in (-0.15, 0.15) for z in (0.06, 0.15)]
     apart = _seen_tools(made, tools, shipped) - _seen_tools(shipped, tools, shipped)
-    assert np.linalg.norm(apart, axis=1).max() < SAME_MM
+    assert np.linalg.norm(apart, axis=1).max() < SIGMAS * np.hypot(_told_mm(shipped), _told_mm(made))
 
 
 @pytest.mark.slow

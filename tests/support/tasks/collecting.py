@@ -32,7 +32,7 @@ def photographed(view: HandView, q: Array) -> Array:
     simulated.in_hand = view.hand
     counts = cell.unit.counts(q)
     camera = SimulatedCamera(simulated, cell.camera, lambda: counts, cell.dictionary)
-    return seen_corners(camera, TargetFinder(view.hand.target), 1)
+    return seen_corners(camera.grab(1), TargetFinder(view.hand.target))
 
 
 def require_shown_whole(view: HandView, q: Array) -> None:

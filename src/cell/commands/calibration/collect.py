@@ -13,6 +13,7 @@ from arm.io.storage import keep_apart
 from arm.se3 import Array
 from cell.collect.collector import Choice, CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
+from cell.collect.sway import Sway
 from cell.commands.calibration.background import background_after_hand_eye
 from cell.commands.calibration.chain import ChainOptions, solve_hand_eye
 from cell.commands.run import Confirm, opened
@@ -112,6 +113,8 @@ def _add(
     if len(record):
         console.step(f"{record.file}: continuing with {len(record)} recorded poses")
     scene = hand_scene(record)
+    by_hand = where.images is not None
+    sway = None if by_hand else Sway(record.file.with_suffix(".background.npz"), task.cell, console)
     choices: list[Choice] = []
 
     def choose_and_confirm(run: TaskRun) -> None:
@@ -124,14 +127,16 @@ def _add(
         with opened(task, console, where, speed, folder, Control(), choose_and_confirm) as run:
             if run.connection.simulated is not None:
                 run.connection.simulated.hold(record.hand)
-            collector = Collector(run, record, scene, console)
+            collector = Collector(run, record, scene, sway, console)
             collector.initialise_arm()
+            collector.begin_sway()
             if len(record):
                 collector.require_same_hold()
             taken = collector.collect(choices[0].q, nearest_first=not options.recipe)
             collector.home()
-            by_hand = where.images is not None
-            images = [] if by_hand else run.connection.frames.grab(task.cell.photographs)
+            images = [] if by_hand else list(collector.photographs())
+            if sway is not None:
+                sway.report()
     except ExecutionStopped as error:
         if not len(record) or error.data.get("reason") == CHANGED:
             raise
