@@ -268,13 +268,18 @@ def other_targets(photos: Photos) -> None:
     """A sheet of another dictionary and of the old layout."""
     print("\n## image_012: ChArUco 10 x 14, DICT_4X4_100, legacy layout\n")
     image = photos.image("hoop_arm/image_012.png")
-    for dictionary in ("DICT_4X4_50", "DICT_4X4_100"):
-        target = Target("charuco", 10, 14, 0.020, 0.015, dictionary)
-        try:
-            view = TargetFinder(target).find(image)
-            print(f"- as {dictionary}: {0 if view is None else len(view.ids)} corners of {target.corners}")
-        except A465Error as error:
-            print(f"- as {dictionary}: {error}")
+    for rows, dictionary, legacy in (
+        (14, "DICT_4X4_100", True),
+        (14, "DICT_4X4_100", False),
+        (10, "DICT_4X4_50", True),
+        (10, "DICT_4X4_50", False),
+    ):
+        target = Target("charuco", 10, rows, 0.020, 0.015, dictionary, legacy)
+        finder = TargetFinder(target)
+        view = finder.find(image)
+        said = finder.seen_instead(image) if view is None else finder.read_in_part(image)
+        corners = 0 if view is None else len(view.ids)
+        print(f"- as {target.label()}: {corners} corners of {target.corners}{said and f'; refused: {said}'}")
 
 
 def conditions() -> str:

@@ -92,7 +92,7 @@ class TargetSolid:
         row_at = y / np.float32(target.square) + np.float32(target.rows / 2.0)
         column, row = np.floor(column_at).astype(np.intp), np.floor(row_at).astype(np.intp)
         inside = (column >= 0) & (column < target.columns) & (row >= 0) & (row < target.rows)
-        white = (column + row) % 2 == 1
+        white = (column + row + target.white_first) % 2 == 1
         region = np.where(inside, white, 2).astype(np.uint8)
         if not len(self._modules):
             return region

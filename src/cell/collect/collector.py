@@ -150,6 +150,8 @@ class Collector:
     ) -> None:
         self.run, self.record, self.scene, self.sway, self.console = run, record, scene, sway, console
         self.finder = TargetFinder(record.hand.target)
+        self._last: Image | None = None
+        self._is_whole = False
 
     def initialise_arm(self) -> None:
         """Home the arm, unless it was homed before. The jaws are not moved: they may hold the plate."""
@@ -223,6 +225,7 @@ class Collector:
 
         Raises:
             ImpossibleError: the target is not found in most poses.
+            InputError: it is a part of a larger print, or the gripper holds another print.
             ExecutionStopped: motion stopped; earlier poses are in the file.
         """
         order = nearest_order(self.run.q_now(), wanted) if nearest_first else range(len(wanted))
@@ -234,9 +237,17 @@ class Collector:
                 continue
             failed += 1
             if failed >= MOST_FAILED and failed > taken:
+                target = self.record.hand.target
+                instead = "" if self._last is None else self.finder.seen_instead(self._last, loose=False)
+                if instead:
+                    raise InputError(
+                        f"{failed} of {number} poses do not show the target ({target.label()}); the last image shows "
+                        f"{instead}",
+                        instead=instead,
+                    )
                 raise ImpossibleError(
-                    f"{failed} of {number} poses failed: is the target {self.record.hand.target.label()}, lit, and "
-                    "mounted about as the target file says?",
+                    f"{failed} of {number} poses failed: is the target {target.label()}, lit, and mounted about as the "
+                    "target file says?",
                     failed=failed,
                     poses=number,
                 )
@@ -253,10 +264,24 @@ class Collector:
         elif shown < FEWEST_CORNERS:
             found = "left out, the target was not seen"
         else:
+            self._require_whole()
             self.record.add(counts, corners)
             found = f"{shown} corners"
         self.console.step(f"{name}: {found}, {len(self.record)} recorded")
         return counts is not None and shown >= FEWEST_CORNERS
+
+    def _require_whole(self) -> None:
+        """Check once that the target is no part of a larger print.
+
+        Raises:
+            InputError: it is.
+        """
+        if self._is_whole or self._last is None:
+            return
+        if part := self.finder.read_in_part(self._last):
+            target = self.record.hand.target
+            raise InputError(f"the image shows more than the target ({target.label()}): {part}", instead=part)
+        self._is_whole = True
 
     def _drive(self, q: Array, what: str) -> bool:
         """Plan, certify and execute the motion to a configuration; return False if no plan was found."""
@@ -284,7 +309,8 @@ class Collector:
         mars = self.run.connection.mars
         mars.link.wait(SETTLE_S)
         counts = mars.settled_counts()
-        corners = seen_corners(self.photographs(), self.finder)
+        images = self.photographs()
+        self._last, corners = images[-1], seen_corners(images, self.finder)
         still = farthest(counts, mars.settled_counts()) <= STILL_COUNTS
         return (counts if still else None), corners
 

@@ -158,7 +158,7 @@ def _written(default: Any) -> str:
         return f"[{', '.join(map(_written, default))}]"
     if default is None or default is REQUIRED:
         return ""
-    return toml_value(default) if isinstance(default, str) else f"{default:g}"
+    return toml_value(default) if isinstance(default, str | bool) else f"{default:g}"
 
 
 def _sentences(text: Mapping[str, str]) -> str:

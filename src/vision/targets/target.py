@@ -16,15 +16,15 @@ import numpy as np
 
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integers, number, text
+from arm.io.rules import flag, integers, number, text
 from arm.se3 import Array, Indices, frozen
 from vision.camera.frame_source import Image
 from vision.markers.dictionaries import dictionary_names, predefined
+from vision.targets.marker_print import MarkerPrint, family
 
 _SADDLE_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 0.001)
 FEWEST_CORNERS = 6
 """Fewer do not give a pose fit for calibration."""
-FEWEST_MARKERS = 3  # of another board; large dictionaries give false detections in any clutter
 KIND = text("charuco", "checkerboard")
 
 
@@ -38,6 +38,8 @@ class Target:
         square: edge of a square, m.
         marker: edge of a marker's black square, m; 0 without markers.
         dictionary: of the markers, OpenCV's name; "" without.
+        legacy: made for OpenCV before 4.6, whose ChArUco boards with an even number of rows have a white square, with
+            a marker, at the top left.
     """
 
     kind: Literal["charuco", "checkerboard"] = "charuco"
@@ -46,6 +48,7 @@ class Target:
     square: float = 0.030
     marker: float = 0.022
     dictionary: str = "DICT_5X5_100"
+    legacy: bool = False
 
     @property
     def size(self) -> tuple[float, float]:
@@ -63,16 +66,24 @@ class Target:
         flat = np.stack([x.ravel(), y.ravel(), np.zeros(self.corners)], axis=-1)
         return frozen(self.square * flat)
 
+    @property
+    def white_first(self) -> bool:
+        """Whether the square at the top left is white."""
+        return self.legacy and self.rows % 2 == 0
+
     def marker_squares(self) -> list[tuple[int, int]]:
         """Column and row of the white square of each marker, in the order of their ids."""
-        return [(i, j) for j in range(self.rows) for i in range(self.columns) if (i + j) % 2]
+        return [
+            (i, j) for j in range(self.rows) for i in range(self.columns) if (i + j + self.white_first) % 2
+        ]
 
     def label(self) -> str:
         """A short description."""
         squares = f"{self.columns} x {self.rows} squares of {1e3 * self.square:g} mm"
         if self.kind == "checkerboard":
             return f"checkerboard, {squares}"
-        return f"ChArUco, {squares}, markers {1e3 * self.marker:g} mm {self.dictionary}"
+        layout = ", legacy layout" if self.legacy else ""
+        return f"ChArUco, {squares}, markers {1e3 * self.marker:g} mm {self.dictionary}{layout}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +116,7 @@ class CharucoKeys(CheckerboardKeys):
 
     marker: float = key("marker_mm", number("mm", 0.1, 1000))
     dictionary: str = key("dictionary", Rule("one of OpenCV's dictionaries", text(*dictionary_names()).read))
+    legacy: bool = key("legacy", flag(), False)
 
 
 def read_target(path: Path) -> Target:
@@ -134,7 +146,7 @@ def target_of(keys: CheckerboardKeys, root: Node) -> Target:
         return Target("checkerboard", columns, rows, keys.square, 0.0, "")
     if keys.marker >= keys.square:
         raise root.error_at("marker_mm", f"must be less than square_mm = {1e3 * keys.square:g}")
-    target = Target("charuco", columns, rows, keys.square, keys.marker, keys.dictionary)
+    target = Target("charuco", columns, rows, keys.square, keys.marker, keys.dictionary, keys.legacy)
     known = len(predefined(keys.dictionary).bytesList)
     if len(target.marker_squares()) > known:
         rule = f"need {len(target.marker_squares())} markers; {keys.dictionary} has {known}"
@@ -152,6 +164,7 @@ class TargetFinder:
             board = cv2.aruco.CharucoBoard(
                 (target.columns, target.rows), target.square, target.marker, predefined(target.dictionary)
             )
+            board.setLegacyPattern(target.legacy)
             self._charuco = cv2.aruco.CharucoDetector(board)
 
     def find(self, image: Image) -> TargetView | None:
@@ -180,24 +193,54 @@ class TargetFinder:
             np.empty(0, dtype=np.intp),
         )
 
-    def seen_instead(self, image: Image) -> str:
-        """Describe what an image shows instead, with a remedy: its mirror image, other markers; "" if neither."""
-        if self.target.kind != "charuco":
-            return ""
-        if self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
+    def seen_instead(self, image: Image, loose: bool = True) -> str:
+        """Describe what an image shows instead, with a remedy: its mirror image, another print; "" if neither.
+
+        Args:
+            image: without the target.
+            loose: whether markers that are on no ChArUco board count as another print.
+        """
+        is_charuco = self.target.kind == "charuco"
+        if is_charuco and self.find(np.ascontiguousarray(image[:, ::-1])) is not None:
             return "its mirror image: print it again, or take the image without a mirror"
-        best, name = FEWEST_MARKERS - 1, ""
-        # a larger dictionary of a family begins with the markers of the smaller ones: prefer the smallest
-        for dictionary in sorted(dictionary_names(), key=lambda d: len(predefined(d).bytesList)):
-            detector = cv2.aruco.ArucoDetector(predefined(dictionary))
-            _, ids, _ = detector.detectMarkers(image)
-            if ids is not None and len(ids) > best:
-                best, name = (
-                    len(ids),
-                    f"{len(ids)} markers of {dictionary} (ids {int(ids.min())} to {int(ids.max())}): give the board's "
-                    "own file with --target",
-                )
-        return name
+        shown = MarkerPrint.in_image(image)
+        if shown is None or not (shown.layout or (is_charuco and loose)):
+            return ""
+        return f"{shown.words()}: {self._remedy(shown)}"
+
+    def read_in_part(self, image: Image) -> str:
+        """Describe the larger print that has the target as its upper rows, with a remedy; "" if there is none.
+
+        Such a print has the target's markers where the target has them, and its other corners would be left out.
+        """
+        target = self.target
+        shown = MarkerPrint.in_image(image, target.dictionary) if target.kind == "charuco" else None
+        if shown is None or (layout := shown.layout) is None or layout.rows <= target.rows:
+            return ""
+        same = (layout.columns, layout.white_first) == (target.columns, target.white_first)
+        return f"{shown.words()}: {self._remedy(shown)}" if same else ""
+
+    def _remedy(self, shown: MarkerPrint) -> str:
+        """What to change in the target file to read a print."""
+        layout, target = shown.layout, self.target
+        if layout is None:
+            return "give the board's own file with --target"
+        is_charuco = target.kind == "charuco"
+        has_all = is_charuco and len(predefined(target.dictionary).bytesList) > shown.ids.max()
+        # the image may show some rows only, but a legacy board has an even number
+        fits = layout.columns == target.columns and layout.rows <= target.rows
+        fits &= not (layout.white_first and target.rows % 2)
+        needed = {
+            'kind = "charuco"': not is_charuco,
+            f"squares = [{layout.columns}, {layout.rows}]": not fits,
+            f'dictionary = "{shown.dictionary}"': not has_all
+            or family(shown.dictionary) != family(target.dictionary),
+            f"legacy = {str(layout.white_first).lower()}": layout.white_first != target.white_first,
+        }
+        keys = [text for text, differs in needed.items() if differs]
+        if not keys:
+            return "the target, too small or too blurred for its corners; take it nearer, and in focus"
+        return f"the file of --target needs {', '.join(keys)}"
 
 
 def _find_charuco(detector: cv2.aruco.CharucoDetector, grey: Image) -> TargetView | None:

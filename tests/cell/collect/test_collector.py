@@ -7,6 +7,7 @@ import shutil
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,17 +17,18 @@ import cell.collect.pose_pool
 import cell.collect.recipe_270
 import cell.commands.calibration.collect
 import cell.session.connection
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
 from arm.se3 import angle_between
 from calib.hand_eye.calibrate import HAND_EYE_LIMITS
 from calib.recordings.arm import read_arm_recording, recording_json
-from cell.collect.collector import SAME_POSE, CollectOptions, not_taken
+from cell.collect.collector import SAME_POSE, CollectOptions, Collector, not_taken
 from cell.collect.pose_pool import HandView, hand_pool, nearest_order
 from cell.collect.record import HandRecord
 from cell.commands.calibration.chain import ChainOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.config.cell_file import read_cell
+from cell.console import Console
 from cell.files.hand_target import read_hand_target
 from cell.files.task import read_task
 from cell.scene.build import unseen_scene
@@ -34,10 +36,12 @@ from cell.session.connection import WhichCell, join, simulated_cell
 from cell.sim.photo_folder import FolderCamera
 from driver.emulator import Emulator
 from driver.line.clock import Clock
+from pictures.seen_targets import photograph
 from tasks.collecting import FAST
 from typed.command_line import a465, replace_in
 from typed.heard import Heard
-from vision.camera.model import read_camera
+from vision.camera.model import Image, read_camera
+from vision.targets.target import Target
 
 HAND = data_file("scenes/targets/hand.toml")
 
@@ -61,6 +65,37 @@ def test_poses_that_were_taken_are_not_chosen_again() -> None:
     nearly = q[[1, 4]] + 0.9 * SAME_POSE
     assert np.array_equal(not_taken(q, nearly), q[[0, 2, 3, 5]])
     assert np.array_equal(not_taken(q, q[:0]), q)
+
+
+class Still:
+    """A run of an arm at rest whose camera has one image, and its recording, which stays empty."""
+
+    def __init__(self, image: Image, target: Target) -> None:
+        mars = SimpleNamespace(link=SimpleNamespace(wait=lambda s: None), settled_counts=lambda: (0,) * 6)
+        frames = SimpleNamespace(grab=lambda count: [image] * count)
+        self.connection = SimpleNamespace(mars=mars, frames=frames)
+        self.task = SimpleNamespace(cell=SimpleNamespace(photographs=1))
+        self.hand = SimpleNamespace(target=target)
+
+    def __len__(self) -> int:
+        return 0
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        (Target(rows=3), r"more than the target .* 17 markers .* needs squares = \[7, 5\]"),
+        (Target(columns=8), r"5 of 5 poses do not show .*; the last image shows 17 markers .*\[7, 5\]"),
+    ],
+    ids=["in part", "not at all"],
+)
+def test_a_hand_target_of_another_print_is_named(
+    monkeypatch: pytest.MonkeyPatch, target: Target, said: str
+) -> None:
+    monkeypatch.setattr(Collector, "_drive", lambda *_: True)
+    still: Any = Still(photograph(Target(), 4)[0], target)
+    with pytest.raises(InputError, match=said):
+        Collector(still, still, still, None, Console(as_json=True)).collect(np.zeros((9, 6)), False)
 
 
 def test_the_next_pose_is_the_nearest() -> None:

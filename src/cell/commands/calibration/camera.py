@@ -161,8 +161,8 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
         The detections, and width and height of the images, px.
 
     Raises:
-        InputError: there is no such folder, it has no images, one cannot be read, their sizes differ, or none shows
-            the target (the message names what they show instead).
+        InputError: there is no such folder, it has no images, one cannot be read, their sizes differ, none shows the
+            target (the message names what they show instead), or it is a part of what they show.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder of images", path=str(folder))
@@ -195,6 +195,13 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
             + (f"; {files[0].name} shows {instead}" if instead else ""),
             path=str(folder),
             instead=instead,
+        )
+    fullest = max(photos, key=lambda photo: 0 if photo.view is None else len(photo.view.marker_ids))
+    if part := finder.read_in_part(read_grey(folder / fullest.name)):
+        raise InputError(
+            f"{folder}: its images show more than the target ({target.label()}); {fullest.name} shows {part}",
+            path=str(folder),
+            instead=part,
         )
     return photos, (first.shape[1], first.shape[0])
 

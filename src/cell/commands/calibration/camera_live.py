@@ -123,7 +123,7 @@ def take_views(
         clock: time source, s.
 
     Raises:
-        InputError: the folder cannot be created or written.
+        InputError: the folder cannot be created or written, or the target is a part of the print.
         CameraError: the camera delivers no frame.
         CalibrationRefused: the target was never seen.
     """
@@ -138,19 +138,22 @@ def take_views(
         hand.advice = lambda: guided.advice
     number = _resume(folder, finder, guided, console)
     taken, since = 0, clock()
-    said = since
+    said, last = since, first
     console.say(f"show the target {guided.advice.words}")
     while not guided.advice.done and len(guided.photos) < MOST_VIEWS:
         if clock() - since > quiet_s:
             if not guided.photos:
+                instead = finder.seen_instead(last)
                 raise CalibrationRefused(
-                    f"no view of the target in {quiet_s:.0f} s; is it the one of the target file ({target.label()})?",
+                    f"no view of the target in {quiet_s:.0f} s; is it the one of the target file ({target.label()})?"
+                    + (f" the last image shows {instead}" if instead else ""),
                     target=target.label(),
                 )
             console.say(f"no new view for {quiet_s:.0f} s: continuing with {len(guided.photos)}")
             break
         if (image := _next(source, len(guided.photos), console)) is None:
             break
+        last = image
         wrong = guided.consider(TargetPhoto.of(f"live-{number + 1:03d}.png", image, finder))
         if wrong:
             console.progress(f"{guided.advice.words}", min(len(guided.photos) / limits.views, 1.0), wrong)
@@ -158,6 +161,8 @@ def take_views(
                 said = clock()
                 console.say(f"waiting: {wrong}")
             continue
+        if not taken and (part := finder.read_in_part(image)):
+            raise InputError(f"the image shows more than the target ({target.label()}): {part}", instead=part)
         number, taken, since = number + 1, taken + 1, clock()
         write_png(folder / f"live-{number:03d}.png", image)
         _print_advice(guided, limits, console)

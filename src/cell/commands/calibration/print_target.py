@@ -64,7 +64,7 @@ def _dark(target: Target) -> Iterator[tuple[float, float, float]]:
     square, marker = 1e3 * target.square, 1e3 * target.marker
     for j in range(target.rows):
         for i in range(target.columns):
-            if (i + j) % 2 == 0:
+            if (i + j + target.white_first) % 2 == 0:
                 yield i * square, j * square, square
     if target.kind != "charuco":
         return

@@ -157,6 +157,11 @@ def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path:
     target.write_text('squares = [7, 5]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_4X4_50"\n')
     assert "markers of DICT_5X5_50" in wrong(mixed, target=target)
     assert "is read by this command" in wrong(mixed, target=target, output=target)
+    target.write_text('squares = [7, 3]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_5X5_100"\n')
+    said = wrong(mixed, target=target)
+    assert "its images show more than the target (ChArUco, 7 x 3 squares of 30 mm" in said
+    assert "target-001.png shows 15 markers of DICT_5X5_50 (ids 0 to 16) on a board of 7 x 5 squares" in said
+    assert said.endswith("the file of --target needs squares = [7, 5]")
 
 
 def test_what_is_written_is_no_photograph_no_folder_and_not_twice_the_same(

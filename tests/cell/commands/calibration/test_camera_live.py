@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import CalibrationRefused, CameraError
+from arm.errors import CalibrationRefused, CameraError, InputError
 from arm.io.storage import data_file
 from calib.camera.result import CalibrationLimits
 from cell.commands.calibration.camera_live import take_views
@@ -71,11 +71,13 @@ class Nobody:
 
 
 def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsys) -> None:
-    def session(folder: Path, views: list[Image]) -> int:
+    def session(folder: Path, views: list[Image], target: Target | None = None) -> int:
         console = Console(as_json=True)
         camera, limits = Nobody(views), CalibrationLimits()
         try:
-            return take_views(folder, Target(), camera, None, None, limits, console, 5.0, lambda: camera.now)
+            return take_views(
+                folder, target or Target(), camera, None, None, limits, console, 5.0, lambda: camera.now
+            )
         finally:
             assert camera.now <= 1.0 + 2.0 * len(views) + 6.0
 
@@ -87,6 +89,9 @@ def test_a_session_without_anybody_ends(photographs: Path, tmp_path: Path, capsy
     assert session(tmp_path / "one", [read_grey(photographs / "target-001.png")]) == 1
     assert "no new view for 5 s: continuing with 1" in capsys.readouterr().err
     assert [p.name for p in (tmp_path / "one").iterdir()] == ["live-001.png"]
+    with pytest.raises(InputError, match=r"shows more than the target .* needs squares = \[7, 5\]"):
+        session(tmp_path / "part", [read_grey(photographs / "target-001.png")], Target(rows=3))
+    assert not list((tmp_path / "part").iterdir())
 
 
 def test_a_recording_ends_a_session_with_the_views_it_gave(

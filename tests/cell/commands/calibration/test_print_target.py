@@ -36,6 +36,7 @@ def drawn(svg: str) -> tuple[np.ndarray, np.ndarray]:
         Target(square=0.012, marker=0.009),
         Target("charuco", 5, 7, 0.020, 0.014, "DICT_4X4_50"),
         Target("checkerboard", 8, 5, 0.015, 0.0, ""),
+        Target("charuco", 5, 6, 0.020, 0.014, "DICT_4X4_50", legacy=True),
     ],
 )
 def test_the_drawing_is_found_as_the_target(target: Target) -> None:
