@@ -7,14 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.chain.fit import MOST_STEPS, ChainFit, Problem
+from calib.chain.fit import ChainFit, Problem, fit_chains
 from calib.chain.model_selection import Choice, Part, choose_model
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
 from calib.chain.verdict import with_verdict
 from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
-from calib.nao.limbs import LIMB_SIGMA, LimbTest, choose_with_limbs, find_limb_errors, limb_unknowns
+from calib.nao.limbs import (
+    LIMB_SIGMA,
+    LimbTest,
+    choose_with_limbs,
+    find_limb_errors,
+    is_astray,
+    limb_trial,
+    limb_unknowns,
+)
 from calib.nao.recording import NaoRecording
 from calib.recordings.encoder_steps import encoder_sigmas
 from calib.recordings.points import plausible_numbers
@@ -22,7 +30,6 @@ from calib.recordings.points import plausible_numbers
 HEAD, COMPLIANCE, BACKLASH = "offsets of the head", "compliance of the joints", "backlash of the joints"
 LIMBS = "lengths of the limbs"
 WELL_KEPT = 0.95  # fraction of images kept at which no other start is tried
-_ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up
 _CERTAIN = 5.0  # standard deviations above which a sign is certain
 GEARS = np.radians(2.0)  # prior on compliance, rad/Nm, and backlash, rad
 _ALL = NaoUnknowns(head=True, compliance=True, backlash=True, limbs=True)
@@ -37,8 +44,7 @@ def _shaped(
 
     Rejected images are tried again: if backlash is abrupt, images near a change of sides do not fit smooth backlash.
     """
-    astray = choice.fit.iterations >= MOST_STEPS and choice.fit.chi2_dof > _ASTRAY
-    if astray or not choice.problem.free[_GEARS].any():
+    if is_astray(choice.fit) or not choice.problem.free[_GEARS].any():
         return choice
     full = replace(full, reading_sigma=choice.problem.reading_sigma)
     tried: list[Choice] = []
@@ -119,22 +125,36 @@ def calibrate_nao(
     def shaped(choice: Choice, full: Problem, parts: Sequence[Part]) -> Choice:
         return _shaped(choice, full, parts, recording, sides)
 
+    part = Part(LIMBS, tuple(lengths))
+    longer = replace(problem, free=shown)
+
+    def limbs_explain() -> bool:
+        paper = without.copy()
+        paper[[i for one in optional for i in one.unknowns]] = False
+        plain = replace(problem, free=paper)
+        fit = fit_chains(plain)
+        return limb_trial(plain, fit, tested(plain, fit), LIMBS).needed
+
+    # limbs that are off distort compliance and backlash, whose fit then takes long: try them first
+    first = limbs and limbs_explain()
+
     def refined(choice: Choice) -> Choice:
-        if not limbs:
-            return shaped(choice, problem, optional)
-        part = Part(LIMBS, tuple(lengths))
-        return choose_with_limbs(choice, problem, optional, part, tested, shaped, _GEARS, limits.chi2_dof)
+        if first:
+            if choice.fit.chi2_dof < limits.chi2_dof and not choice.problem.free[_GEARS].any():
+                return choice
+            choice = choose_model(replace(problem, reading_sigma=choice.problem.reading_sigma), optional)
+        choice = shaped(choice, problem, optional)
+        return choose_with_limbs(choice, longer, optional, part, tested, shaped) if limbs else choice
 
     calibration = calibrate_chain(
         names,
         np.array([name.endswith("_mm") for name in names]),
-        problem,
-        optional,
+        longer if first else problem,
+        [*optional, part] if first else optional,
         limits,
         refined=refined,
         step_known=encoder_step is not None,
     )
-
     if not calibration.problem.free[lengths].any():
         more = tested(calibration.problem, calibration.fit).limbs
         hypotheses = sorted((*calibration.hypotheses, *more), key=lambda one: -one.drop / one.limit)

@@ -21,6 +21,7 @@ from calib.model.score_test import score_test
 from calib.nao.chain import LIMBS, SIDES, NaoUnknowns
 
 LIMB_SIGMA = 0.5e-3  # m, prior of a limb's error (docs/sources.md, "The NAO and its paper")
+_ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up
 LIMB_NAMES = tuple(f"{side}{limb}_mm" for side in SIDES for limb in LIMBS)
 
 
@@ -89,56 +90,43 @@ def find_limb_errors(
     return LimbTest(tuple(sorted(found, key=lambda limb: -limb.drop)), test.drop, limit)
 
 
+def is_astray(fit: ChainFit) -> bool:
+    """Whether a fit did not converge, and is so far off that it says nothing."""
+    return fit.iterations >= MOST_STEPS and fit.chi2_dof > _ASTRAY
+
+
+def limb_trial(problem: Problem, fit: ChainFit, test: LimbTest, part: str) -> Trial:
+    """Whether limbs explain more than chance, and than any other single cause, such as a wrong target size."""
+    others = [s.drop for s in find_error_hypotheses(problem, fit) if "moved" not in s.name]
+    return Trial(part, max(test.drop - max(others), 0.0), test.limit)
+
+
 def choose_with_limbs(
-    choice: Choice,
+    without: Choice,
     full: Problem,
     parts: Sequence[Part],
     limbs: Part,
     tested: Callable[[Problem, ChainFit], LimbTest],
     shaped: Callable[[Choice, Problem, Sequence[Part]], Choice],
-    gears: Sequence[int],
-    enough: float,
 ) -> Choice:
-    """Put limbs in the model if the images show them, and choose all its parts anew; otherwise it stays as it was.
+    """Put limbs in a model with compliance and backlash if the images show them; otherwise it stays as it was.
 
     Args:
-        choice: without limbs.
-        full: problem with all parts free but the limbs.
+        without: choice without limbs.
+        full: problem with all parts free, limbs too.
         parts: its other parts.
         limbs: the part of the limbs.
-        tested: score test of the limbs at a choice.
-        shaped: finds the shape of a choice's backlash, from the problem with all parts free; the same choice if it has
-            neither compliance nor backlash.
-        gears: unknowns of compliance and backlash.
-        enough: cost per degree of freedom of a complete model.
+        tested: score test of the limbs at a fit.
+        shaped: finds the shape of a choice's backlash, from the problem with all parts free.
     """
-    free, more = full.free.copy(), [*parts, limbs]
-    free[list(limbs.unknowns)] = True
-
-    def longer(at: Choice) -> tuple[Trial, Choice | None]:
-        """Choose among all parts, if limbs explain more than chance, and than any other cause, leaves over."""
-        test = tested(at.problem, at.fit)
-        others = [s.drop for s in find_error_hypotheses(at.problem, at.fit) if "moved" not in s.name]
-        trial = Trial(limbs.name, max(test.drop - max(others), 0.0), test.limit)
-        together = replace(full, free=free, reading_sigma=at.problem.reading_sigma)
-        return trial, choose_model(together, more) if trial.needed else None
-
-    def kept(one: Choice) -> bool:
-        return bool(one.problem.free[limbs.unknowns[0]])
-
-    if choice.fit.iterations >= MOST_STEPS:  # a fit that does not converge says nothing about limbs
-        return shaped(choice, full, parts)
-    trial, other = longer(choice)
-    together = replace(full, free=free)
-    complete = other is not None and kept(other) and other.fit.chi2_dof < enough
-    if other is not None and complete and not other.problem.free[list(gears)].any():
-        return other  # compliance and backlash, if the choice has them, only stood in for limbs
-    without = shaped(choice, full, parts)
-    if without is not choice:
-        trial, other = longer(without)
-    if other is not None:
-        other = shaped(other, together, more)
-        if kept(other):
+    if is_astray(without.fit):
+        return without
+    trial = limb_trial(without.problem, without.fit, tested(without.problem, without.fit), limbs.name)
+    if trial.needed:
+        more = [*parts, limbs]
+        together = replace(full, reading_sigma=without.problem.reading_sigma)
+        other = shaped(choose_model(together, more), together, more)
+        if other.problem.free[limbs.unknowns[0]]:
             return other
         trial = next(t for t in other.trials if t.part == limbs.name)
     return replace(without, trials=(*without.trials, trial))
