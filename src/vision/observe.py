@@ -62,7 +62,8 @@ def look(
         InputError: no image, an image of another size than the camera's, a marker that belongs to none of `boards`, or
             a marker in view twice.
         ImpossibleError: the images are black, the camera has moved too far (`CameraWatch.steady`), or (unless
-            `arm_in_view`) both markers of a board are in view but its pose is refused. Such a board is in the cell, so
+            `arm_in_view`) both markers of a board are in view but its pose is refused, or not all of them are in the
+            region for which the lens was calibrated. Such a board is in the cell, so
             it cannot be ignored like a missing one.
     """
     if not images:
@@ -85,6 +86,7 @@ def look(
             missing[board.name] = _why_missing(board, hidden)
             continue
         try:
+            _require_in_region(board, frames, camera)
             pose = estimate_board_pose(board, frames, camera, limits, tilts)
         except ImpossibleError as error:
             if not arm_in_view:
@@ -97,6 +99,30 @@ def look(
         found.append(ObservedBoard(pose, cubes))
     half_seen = tuple(b.name for b in boards if b.name in missing and detected & set(b.marker_ids))
     return Observation(tuple(found), missing, half_seen, tuple(images), frames, shift)
+
+
+def _require_in_region(board: Board, frames: Sequence[Sequence[Marker]], camera: Camera) -> None:
+    """Check that a board is in the part of the image for which the lens was calibrated.
+
+    Raises:
+        ImpossibleError: it is not; data: marker and its corner.
+    """
+    if camera.region is None:
+        return
+    left, top, right, bottom = camera.region
+    for marker in (m for frame in frames for m in frame if m.id in board.marker_ids):
+        outside = ((marker.corners_px < (left, top)) | (marker.corners_px > (right, bottom))).any(axis=1)
+        if outside.any():
+            x, y = marker.corners_px[outside][0]
+            raise ImpossibleError(
+                f"board {board.name}: a corner of marker {marker.id} is at {x:.0f}, {y:.0f} px, but the lens was "
+                f"calibrated for {left:g}, {top:g} to {right:g}, {bottom:g} px only (intrinsics.region_px); move the "
+                "board there, or calibrate the lens for the whole image",
+                board=board.name,
+                marker=marker.id,
+                corner_px=[float(x), float(y)],
+                region_px=list(camera.region),
+            )
 
 
 def with_camera_uncertainty(pose: BoardPose, camera: Camera, shift: CameraShift) -> BoardPose:

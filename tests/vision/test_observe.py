@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -117,6 +118,22 @@ def test_a_board_that_the_arm_may_cover_is_missing_with_its_reason() -> None:
     seen = look(shot.images, CAMERA, [lab_board("01-02", 0.035), B], DICTIONARY, CUBE, arm_in_view=True)
     assert [p.board.name for p in seen.poses] == [B.name]
     assert "marker size" in seen.missing[A.name]
+
+
+def test_a_board_outside_the_region_of_the_lens_is_refused() -> None:
+    shot = two_boards()
+    known = look(shot.images[:1], CAMERA, [A, B], DICTIONARY, CUBE)
+    right = max(m.corners_px[:, 0].max() for m in known.frames[0] if m.id in A.marker_ids)
+    camera = replace(CAMERA, region=(0.0, 0.0, right - 5.0, 1200.0))
+    with pytest.raises(
+        ImpossibleError, match=r"board 01-02: a corner of marker \d is at .* px only"
+    ) as caught:
+        look(shot.images[:1], camera, [A, B], DICTIONARY, CUBE)
+    assert caught.value.data["region_px"] == list(camera.region or ())
+    seen = look(shot.images[:1], camera, [A, B], DICTIONARY, CUBE, arm_in_view=True)
+    assert "calibrate the lens for the whole image" in seen.missing["01-02"]
+    within = replace(CAMERA, region=(0.0, 0.0, 1920.0, 1200.0))
+    assert len(look(shot.images[:1], within, [A, B], DICTIONARY, CUBE).poses) == 2
 
 
 def test_bad_photographs() -> None:

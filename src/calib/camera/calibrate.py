@@ -29,7 +29,7 @@ from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import NAMES, camera_of, lens_parameter_jacobian, vector_of
 from calib.model.optimal_design import OptimalDesign
 from calib.model.projection import Projection
-from vision.camera.model import Camera
+from vision.camera.model import Camera, Region
 from vision.targets.target import FEWEST_CORNERS, Target
 
 FEWEST_VIEWS = 3  # needed to compute anything
@@ -48,6 +48,7 @@ def calibrate_camera(
     limits: CalibrationLimits | None = None,
     lifts: Mapping[str, Lift] | None = None,
     flat: bool = True,
+    region: Region | None = None,
 ) -> CameraCalibration:
     """Fit the intrinsics to images of a target, and judge the fit.
 
@@ -59,6 +60,7 @@ def calibrate_camera(
         work: nearest and farthest working distance from the camera, m; default: those of the views.
         limits: for acceptance.
         lifts: of the images with these names, in which the target lies on a box; it lies on one plane in all others.
+        region: part of the image that matters: left, top, right, bottom, px; default: all of it.
         flat: whether to estimate an honest interval of the focal length where too few views are tilted (seconds).
 
     Raises:
@@ -80,13 +82,13 @@ def calibrate_camera(
         lain = FlatViews(found.views, target, size, known_lifts, corner_sigma).solve()
         found = replace(found, bundle=_laid(found, lain))
     distances = work or _distances(found.bundle, found.views)
-    volume = working_volume(found.bundle.camera, *distances)
+    volume = working_volume(found.bundle.camera, *distances, region)
     informations = information(found.bundle, found.views)
     prior = np.diag((found.bundle.corner_sigma / found.bundle.prior.sigma) ** 2)
     if lain is None and len(found.index) > limits.most_views:
         design = OptimalDesign(np.array(informations), prior, volume.worth)
         found = _best(found, sorted(design.best(limits.most_views, exchange=False).places), reasons)
-        volume = working_volume(found.bundle.camera, *distances)
+        volume = working_volume(found.bundle.camera, *distances, region)
         informations = information(found.bundle, found.views)
     bundle = found.bundle
     if lain is None:

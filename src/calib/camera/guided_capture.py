@@ -9,6 +9,7 @@ from arm.se3 import Array
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits, CameraCalibration
 from calib.camera.view_selection import LEAST_BLUR_PX, LEAST_CONTRAST, SATURATED, TargetPhoto, corner_shift
+from vision.camera.model import Region
 from vision.targets.target import Target, TargetView
 
 STILL_PX = 0.5  # largest shift of the corners between two frames of a target held still
@@ -47,6 +48,7 @@ class GuidedViews:
         size: of the images, px.
         work: nearest and farthest working distance, m; default: those of the views.
         limits: for acceptance.
+        region: part of the image that matters, px; default: all of it.
     """
 
     def __init__(
@@ -55,10 +57,11 @@ class GuidedViews:
         size: tuple[int, int],
         work: tuple[float, float] | None = None,
         limits: CalibrationLimits | None = None,
+        region: Region | None = None,
     ) -> None:
         self.photos: list[TargetPhoto] = []
         self._advice: Advice | None = None
-        self._target, self._size, self._work = target, size, work
+        self._target, self._size, self._work, self._region = target, size, work, region
         self._limits = limits or CalibrationLimits()
         self._last: TargetView | None = None
 
@@ -96,7 +99,13 @@ class GuidedViews:
             CalibrationRefused: too few views.
         """
         return calibrate_camera(
-            self.photos, self._target, self._size, work=self._work, limits=self._limits, flat=False
+            self.photos,
+            self._target,
+            self._size,
+            work=self._work,
+            limits=self._limits,
+            flat=False,
+            region=self._region,
         )
 
     def _next(self) -> Advice:

@@ -33,8 +33,20 @@ def with_verdict(c: CameraCalibration) -> CameraCalibration:
 
 
 def coverage(c: CameraCalibration) -> float:
-    """Fraction of the image's `CELLS` that contain corners of used views, 0 to 1."""
-    return float((cells(c) > 0).mean())
+    """Fraction of the image's `CELLS` that contain corners of used views, of those whose middle matters, 0 to 1."""
+    left, top, right, bottom = c.work.region or (0.0, 0.0, *c.camera.size)
+    (columns, rows), (width, height) = CELLS, c.camera.size
+    x, y = (np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows
+    matters = ((top <= y) & (y <= bottom))[:, None] & ((left <= x) & (x <= right))
+    return float((cells(c) > 0)[matters].mean()) if matters.any() else 1.0
+
+
+def where(c: CameraCalibration) -> str:
+    """The part of the image that matters, in words."""
+    if c.work.region is None:
+        return "the image"
+    left, top, right, bottom = c.work.region
+    return f"the image from {left:g}, {top:g} to {right:g}, {bottom:g} px"
 
 
 def cells(c: CameraCalibration) -> Indices:
@@ -132,10 +144,14 @@ def describe(hypothesis: ErrorHypothesis) -> str:
 def _accuracy(c: CameraCalibration) -> Iterator[str]:
     worst = 1e3 * float(c.work_sigmas.max())
     helps = f"; take a view {c.next[0].words}" if c.next else ""
+    of_region = "" if c.work.region is None else f" in {where(c)}"
+    or_less = (
+        ", or give the part of the image that matters with --work-region" if c.work.region is None else ""
+    )
     if worst > c.limits.work_mm:
         yield (
-            f"points at {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm have a standard deviation of "
-            f"{worst:.3g} mm, the limit is {c.limits.work_mm:g} mm{helps}"
+            f"points at {1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm{of_region} have a standard deviation of "
+            f"{worst:.3g} mm, the limit is {c.limits.work_mm:g} mm{helps}{or_less}"
         )
     if c.corner_sigma > c.limits.corner_px:
         yield (
@@ -153,7 +169,7 @@ def _images(c: CameraCalibration) -> Iterator[str]:
     covered = coverage(c)
     if covered < COVERED:
         yield (
-            f"corners lie in {100 * covered:.0f} % of the image; the rest is extrapolated: show the target near the "
+            f"corners lie in {100 * covered:.0f} % of {where(c)}; the rest is extrapolated: show the target near the "
             "edges too"
         )
     overexposed = [

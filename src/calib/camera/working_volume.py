@@ -14,7 +14,7 @@ import numpy as np
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, Bools, by_twist
 from calib.model.intrinsics import lens_parameter_jacobian
-from vision.camera.model import Camera
+from vision.camera.model import Camera, Region
 
 COLUMNS, ROWS, LAYERS = 9, 6, 3
 FEWEST = 4  # rays needed to determine the extrinsics
@@ -28,7 +28,9 @@ class WorkingVolume:
         near, far: distances from the camera, m.
         points: (n, 3) m, at most LAYERS * ROWS * COLUMNS.
         effect: shift across the line of sight, m, per unit of each intrinsic, with refitted extrinsics, (2 n, 9).
-        seen: where in the image the distortion has an inverse, (ROWS, COLUMNS); elsewhere there are no points.
+        seen: where in the region the distortion has an inverse, (ROWS, COLUMNS); elsewhere there are no points.
+        blind: fraction of the image in which the distortion has no inverse.
+        region: part of the image that matters: left, top, right, bottom, px; None for all of it.
     """
 
     near: float
@@ -36,11 +38,8 @@ class WorkingVolume:
     points: Array
     effect: Array
     seen: Bools
-
-    @property
-    def blind(self) -> float:
-        """Fraction of the image in which the distortion has no inverse."""
-        return float(1.0 - self.seen.mean())
+    blind: float
+    region: Region | None = None
 
     def sigmas(self, covariance: Array) -> Array:
         """Standard deviation of each point across the line of sight, (n,) m, for a covariance (9, 9)."""
@@ -57,8 +56,8 @@ class WorkingVolume:
         return np.asarray(np.linalg.qr(self.effect / np.sqrt(len(self.points)))[1].T)
 
 
-def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
-    """Fill the image with points at depths from `near` to `far` m.
+def working_volume(camera: Camera, near: float, far: float, region: Region | None = None) -> WorkingVolume:
+    """Fill the image, or a `region` of it, with points at depths from `near` to `far` m.
 
     Distortion extrapolated from the middle of the image may not be monotonic towards the corners. Pixels without a ray
     are left out.
@@ -66,11 +65,9 @@ def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
     Raises:
         CalibrationRefused: the distortion has no inverse almost everywhere.
     """
-    width, height = camera.size
-    u, v = np.meshgrid(
-        (np.arange(COLUMNS) + 0.5) * width / COLUMNS - 0.5, (np.arange(ROWS) + 0.5) * height / ROWS - 0.5
-    )
-    rays = camera.normalised(np.stack([u.ravel(), v.ravel()], axis=-1))
+    whole = (0.0, 0.0, float(camera.size[0]), float(camera.size[1]))
+    blind = 1.0 - float(np.isfinite(_rays(camera, whole)).all(axis=-1).mean())
+    rays = _rays(camera, region or whole)
     finite = np.isfinite(rays).all(axis=-1)
     if finite.sum() < FEWEST:
         raise CalibrationRefused(
@@ -88,4 +85,14 @@ def working_volume(camera: Camera, near: float, far: float) -> WorkingVolume:
     by_pose = by_twist(by_point, points).reshape(-1, 6)
     absorbed, *_ = np.linalg.lstsq(by_pose, by_intrinsics, rcond=None)
     effect = by_intrinsics - by_pose @ absorbed
-    return WorkingVolume(near, far, points, effect, finite.reshape(ROWS, COLUMNS))
+    return WorkingVolume(near, far, points, effect, finite.reshape(ROWS, COLUMNS), blind, region)
+
+
+def _rays(camera: Camera, region: Region) -> Array:
+    """Undistorted points (ROWS * COLUMNS, 2) of a grid that fills a region; NaN where there is no inverse."""
+    left, top, right, bottom = region
+    u, v = np.meshgrid(
+        left + (np.arange(COLUMNS) + 0.5) * (right - left) / COLUMNS - 0.5,
+        top + (np.arange(ROWS) + 0.5) * (bottom - top) / ROWS - 0.5,
+    )
+    return camera.normalised(np.stack([u.ravel(), v.ravel()], axis=-1))

@@ -58,6 +58,13 @@ def calibrate_lens(
         tuple[float, float] | None,
         Option(help="Nearest and farthest working distance from the camera; default: as in the views."),
     ] = None,
+    work_region: Annotated[
+        tuple[float, float, float, float] | None,
+        Option(
+            metavar="LEFT TOP RIGHT BOTTOM",
+            help="Part of the image that matters, px; default: all of it. `look` refuses boards outside.",
+        ),
+    ] = None,
     limit_mm: Annotated[
         float | None, Option(help="Largest accepted standard deviation at the work points; default 0.3.")
     ] = None,
@@ -94,7 +101,15 @@ def calibrate_lens(
         from cell.commands.calibration.camera import LensOptions, camera_step
 
         options = LensOptions(
-            output, report, limit_mm, target, tuple(hold or ()), work_mm, most_views, tuple(lift or ())
+            output,
+            report,
+            limit_mm,
+            target,
+            tuple(hold or ()),
+            work_mm,
+            most_views,
+            tuple(lift or ()),
+            work_region,
         )
         result = camera_step(images, options, live, camera, simulated, console)
     _finish(result, output, console)

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.se3 import Array
 from calib.camera.result import CalibrationView, CameraCalibration
-from calib.camera.verdict import CELLS, cells, coverage, describe
+from calib.camera.verdict import CELLS, cells, coverage, describe, where
 from calib.camera.working_volume import COLUMNS, LAYERS, ROWS
 from cell.report.html import Table, render
 from cell.report.lens_text import VIEW_COLUMNS, intrinsics_rows, left_out, rms_mm, view_row
@@ -40,7 +40,7 @@ def lens_page(c: CameraCalibration, source: str) -> str:
             (f"{c.cross.sigma_px:.3f} px", "of views held out"),
             (f"{1e3 * c.work_sigmas.max():.3f} mm", f"worst work point (limit {c.limits.work_mm:g} mm)"),
             (f"{rms_mm(c.work_sigmas):.3f} mm", "mean work point"),
-            (f"{100 * coverage(c):.0f} %", "of the image covered"),
+            (f"{100 * coverage(c):.0f} %", f"of {where(c)} covered"),
         ),
         corners=_corners(c),
         work=_work(c),

@@ -8,7 +8,7 @@ import numpy as np
 
 from arm.se3 import Array
 from calib.camera.result import CalibrationView, CameraCalibration
-from calib.camera.verdict import coverage, marker_share
+from calib.camera.verdict import coverage, marker_share, where
 from calib.model.intrinsics import NAMES, vector_of
 from cell.console import Console
 from cell.report.verdict_text import print_verdict, verdict_json
@@ -61,10 +61,10 @@ def print_lens(c: CameraCalibration, console: Console) -> None:
     console.say(f"corners:     {c.corner_sigma:.3f} px (held-out views {c.cross.sigma_px:.3f} px)")
     console.say(
         f"work points: {rms_mm(c.work_sigmas):.3f} mm, at worst {worst:.3f} mm (one standard deviation, "
-        f"{1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm away)"
+        f"{1e3 * c.work.near:.0f} to {1e3 * c.work.far:.0f} mm away, in {where(c)})"
     )
     console.say(
-        f"coverage:    {100 * coverage(c):.0f} % of the image, {len(c.used)} of {len(c.views)} views used"
+        f"coverage:    {100 * coverage(c):.0f} % of {where(c)}, {len(c.used)} of {len(c.views)} views used"
     )
     advice = ["views that would help most:", *(f"  {view.words}" for view in c.next)]
     print_verdict(c, console, advice if c.next and not c.accepted else ())
@@ -84,6 +84,7 @@ def lens_json(c: CameraCalibration) -> dict[str, Any]:
         "work": {
             "near_mm": 1e3 * c.work.near,
             "far_mm": 1e3 * c.work.far,
+            "region_px": None if c.work.region is None else list(c.work.region),
             "std_mm": rms_mm(c.work_sigmas),
             "worst_std_mm": 1e3 * float(c.work_sigmas.max()),
             "jackknife_mm": rms_mm(c.cross.work_sigmas),

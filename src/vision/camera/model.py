@@ -29,6 +29,10 @@ from vision.camera.frame_source import FrameSource, Image, ImageFolder
 __all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "read_intrinsics", "write_camera"]
 
 
+Region = tuple[float, float, float, float]
+"""Part of an image: left, top, right, bottom, px."""
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A calibrated camera.
@@ -40,6 +44,7 @@ class Camera:
         T_base_camera: extrinsics, 4x4.
         calibration: origin of the values, from the camera file (id, date, ...); not in the digest.
         lens_covariance: of fx fy cx cy k1 k2 p1 p2 k3, (9, 9), or None if unknown; not in the digest.
+        region: part of the image for which the lens was calibrated, or None for all of it; not in the digest.
     """
 
     K: Array
@@ -48,6 +53,7 @@ class Camera:
     T_base_camera: Array
     calibration: Mapping[str, Any] = field(default_factory=dict)
     lens_covariance: Array | None = None
+    region: Region | None = None
 
     def __post_init__(self) -> None:
         for name in ("K", "distortion", "T_base_camera", "lens_covariance"):
@@ -145,6 +151,15 @@ def _intrinsic_matrix(node: Node) -> Array:
 INTRINSIC_MATRIX = Rule(numbers((3, 3), "px").words, _intrinsic_matrix)
 
 
+def _region(node: Node) -> Region:
+    left, top, right, bottom = numbers(4, "px").read(node)
+    if not (left < right and top < bottom):
+        raise node.error("must be [left, top, right, bottom] in px, with left < right and top < bottom")
+    return float(left), float(top), float(right), float(bottom)
+
+
+REGION = Rule(numbers(4, "px").words, _region)
+
 FARTHEST = 20.0  # m along each axis from the base to a camera; more is a pose in other units
 
 
@@ -155,6 +170,7 @@ class CameraKeys(Keys):
     K: Array = key("intrinsics.K_px", INTRINSIC_MATRIX)
     distortion: Array = key("intrinsics.distortion_k1k2p1p2k3", numbers(5))
     covariance: Array | None = key("intrinsics.covariance", numbers((9, 9)), None)
+    region: Region | None = key("intrinsics.region_px", REGION, None)
     T_base_camera: Array | None = key("pose.T_base_camera", rigid(), None)
     calibration: Mapping[str, Any] = key("calibration", table(), {})
     # poses of the target, for people and for later calibrations
@@ -198,7 +214,9 @@ def _read(path: Path, placed: bool) -> Camera:
             "its last column is in metres",
         )
     size = (keys.size[0], keys.size[1])
-    camera = Camera(keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance)
+    camera = Camera(
+        keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance, keys.region
+    )
     if not _has_inverse(camera):
         raise root.error_at(
             "intrinsics.distortion_k1k2p1p2k3",
@@ -238,6 +256,8 @@ def write_camera(
     ]
     if camera.lens_covariance is not None:
         lines += ["# of fx fy cx cy k1 k2 p1 p2 k3", f"covariance = {toml_rows(camera.lens_covariance)}"]
+    if camera.region is not None:
+        lines += [f"region_px = {list(camera.region)}"]
     if placed:
         lines += ["", "[pose]", f"T_base_camera = {toml_rows(camera.T_base_camera)}"]
     if camera.calibration:

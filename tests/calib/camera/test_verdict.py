@@ -9,6 +9,7 @@ from arm.errors import CalibrationRefused
 from arm.se3 import rotation, transform
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits
+from calib.camera.verdict import coverage, where
 from calib.camera.view_selection import TargetPhoto
 from cell.report.camera import lens_page
 from cell.sim.target_photos import random_poses
@@ -24,14 +25,19 @@ def test_views_that_face_the_camera_are_refused_and_no_distance_is_advised(tilt)
     assert c.next == ()
 
 
-def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
-    rng = np.random.default_rng(7)
-    middle = [
+def middle_poses(rng):
+    """Of a target in the middle of the image, tilted."""
+    return [
         transform(
             R := rotation([*rng.uniform(-0.4, 0.4, 2), 0.0]), [0.02, 0.01, 1.1] - R @ [0.105, 0.075, 0.0]
         )
         for _ in range(12)
     ]
+
+
+def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
+    rng = np.random.default_rng(7)
+    middle = middle_poses(rng)
     c = calibrate_camera(photos([seen(T, rng) for T in middle]), CHARUCO, SIZE)
     assert not c.accepted
     assert any("the limit is 0.3 mm; take a view in the" in reason for reason in c.reasons)
@@ -45,6 +51,26 @@ def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
     left = np.sqrt(np.mean(again.work_sigmas**2) / np.mean(c.work_sigmas**2))
     promised = np.prod([1.0 - v.gain for v in c.next])
     assert left == pytest.approx(promised, rel=0.5)
+
+
+def test_views_that_do_not_fill_the_corners_are_accepted_for_the_part_that_they_fill():
+    """Refused for the whole image, with the option; the same fit is accepted for the region in which corners lie."""
+    rng = np.random.default_rng(7)
+    views = photos([seen(T, rng) for T in middle_poses(rng)])
+    whole = calibrate_camera(views, CHARUCO, SIZE)
+    assert any("or give the part of the image that matters with --work-region" in r for r in whole.reasons)
+    corners = np.concatenate([p.view.corners_px for p in views])
+    region = (*map(float, np.quantile(corners, 0.1, axis=0)), *map(float, np.quantile(corners, 0.9, axis=0)))
+    part = calibrate_camera(views, CHARUCO, SIZE, region=region)
+    assert part.accepted
+    assert np.array_equal(part.camera.K, whole.camera.K)
+    assert np.array_equal(part.covariance, whole.covariance)
+    assert coverage(part) == 1.0
+    assert coverage(whole) < 0.5
+    assert not any("corners lie in" in remark for remark in part.remarks)
+    strict = calibrate_camera(views, CHARUCO, SIZE, region=region, limits=CalibrationLimits(work_mm=1e-3))
+    assert any(f"mm in {where(strict)} have a standard deviation" in r for r in strict.reasons)
+    assert not any("--work-region" in r for r in strict.reasons)
 
 
 def test_too_few_views_are_refused_with_what_became_of_each():

@@ -40,6 +40,23 @@ def test_one_standard_deviation_of_a_change_is_that_change():
     )
 
 
+def test_a_region_has_points_in_it_only_and_a_smaller_effect():
+    whole, part = (
+        working_volume(camera(), 0.9, 1.3),
+        working_volume(camera(), 0.9, 1.3, (480.0, 300.0, 960.0, 900.0)),
+    )
+    pixels = camera().project(part.points)
+    assert pixels.min(axis=0) == pytest.approx([480.0 - 0.5 + 480.0 / 18, 300.0 - 0.5 + 600.0 / 12])
+    assert pixels.max(axis=0) == pytest.approx([960.0 - 0.5 - 480.0 / 18, 900.0 - 0.5 - 600.0 / 12])
+    assert part.shifts(CHANGE).max() < 0.5 * whole.shifts(CHANGE).max()
+    turning = camera_of(np.array([*vector_of(camera())[:4], 0.0, -60.0, 0.0, 0.0, 0.0]), camera().size)
+    middle = working_volume(turning, 0.9, 1.3, (900.0, 550.0, 1000.0, 650.0))
+    assert middle.seen.all()
+    assert (
+        middle.blind == working_volume(turning, 0.9, 1.3).blind > 0.0
+    )  # a camera file needs the inverse everywhere
+
+
 def test_places_where_the_lens_has_no_inverse_have_no_points():
     """Radial terms that turn back at a radius: what is left has the same effect as before; nothing left is refused."""
     lens = camera_of(np.array([*vector_of(camera())[:4], 0.0, -60.0, 0.0, 0.0, 0.0]), camera().size)

@@ -35,7 +35,7 @@ from vision.camera.video.settings import VideoSettings
 
 NOT_OFFERED = (
     *("calibration", "background", "tool.urdf", "look.basler.features", "look.video.features", "camera"),
-    *("intrinsics.covariance", "views"),
+    *("intrinsics.covariance", "intrinsics.region_px", "views"),
 )
 KEY = re.compile(r"^(\w+) = ")
 

@@ -55,6 +55,11 @@ def test_a_written_file_reads_back_to_the_last_bit(tmp_path: Path) -> None:
     again = read_camera(tmp_path / "camera.toml")
     assert again.digest == camera.digest
     assert again.calibration == camera.calibration
+    assert again.region is None
+    part = replace(camera, region=(100.0, 50.5, 1800.0, 1100.0))
+    write_camera(tmp_path / "camera.toml", part)
+    assert read_camera(tmp_path / "camera.toml").region == part.region
+    assert part.digest == camera.digest
 
 
 def test_the_printed_pose_is_made_a_rotation() -> None:
@@ -84,6 +89,7 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         ("0.02629, 0.99788, -0.05940", "0.99788, 0.02629, -0.05940", "pose.T_base_camera"),
         ("1.19294", "1192.94", "pose.T_base_camera.*1192.94 m from the base.*metres"),
         ("size_px", "size_pix", "did you mean|the file has intrinsics.size_pix"),
+        ("[pose]", "region_px = [9, 0, 8, 7]\n[pose]", "intrinsics.region_px.*left < right and top < bottom"),
         ("[pose]", "[place]", "pose"),
         ("[calibration]", "[calibraton]", "calibraton.*not a known key"),
     ],

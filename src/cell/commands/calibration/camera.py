@@ -20,7 +20,7 @@ from cell.console import Console
 from cell.report.camera import lens_page
 from cell.report.lens_text import lens_json, print_lens
 from vision.camera.frame_source import IMAGE_SUFFIXES, Image, read_grey
-from vision.camera.model import write_camera
+from vision.camera.model import Region, write_camera
 from vision.markers.exposure import darkness
 from vision.targets.target import Target, TargetFinder, read_target
 
@@ -38,6 +38,7 @@ class LensOptions(ResultOptions):
         work_mm: nearest and farthest working distance.
         most_views: largest number of views to fit; the others are held out.
         lift: IMAGE=HEIGHT_MM or IMAGE=HEIGHT_MM+-STD_MM, of images in which the target lies on a box.
+        work_region: part of the image that matters: left, top, right, bottom, px.
     """
 
     target: Path | None = None
@@ -45,6 +46,7 @@ class LensOptions(ResultOptions):
     work_mm: tuple[float, float] | None = None
     most_views: int | None = None
     lift: tuple[str, ...] = ()
+    work_region: Region | None = None
 
     def limits(self) -> CalibrationLimits:
         """Return the limits of the verdict.
@@ -75,6 +77,26 @@ class LensOptions(ResultOptions):
                 "--work-mm", list(self.work_mm), "must be two distances in mm, the nearer one first"
             )
         return near / 1e3, far / 1e3
+
+    def region(self, size: tuple[int, int]) -> Region | None:
+        """Return the part of the image that matters, px.
+
+        Args:
+            size: of the images, px.
+
+        Raises:
+            InputError: it is empty, or not in the image.
+        """
+        if self.work_region is None:
+            return None
+        left, top, right, bottom = self.work_region
+        if not (0.0 <= left < right <= size[0] and 0.0 <= top < bottom <= size[1]):
+            raise option_error(
+                "--work-region",
+                list(self.work_region),
+                f"must be left, top, right and bottom of a part of the image of {size[0]} x {size[1]} px",
+            )
+        return self.work_region
 
     def lifts(self, names: Sequence[str]) -> dict[str, Lift]:
         """Return the heights at which the target lies in images.
@@ -137,13 +159,16 @@ def camera_step(
         from cell.commands.calibration.camera_live import open_source, take_views
 
         with open_source(camera, simulated, target, console) as (source, hand):
-            take_views(images, target, source, hand, work, limits, console)
+            take_views(images, target, source, hand, work, limits, console, region=options.region)
     elif camera is not None or simulated is not None:
         raise InputError("--camera and --simulated need --live; without it, the images in IMAGES are used")
     photos, size = find_target(images, target, console)
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     lifts = options.lifts([p.name for p in photos])
-    calibration = calibrate_camera(photos, target, size, held=hold, work=work, limits=limits, lifts=lifts)
+    region = options.region(size)
+    calibration = calibrate_camera(
+        photos, target, size, held=hold, work=work, limits=limits, lifts=lifts, region=region
+    )
     print_lens(calibration, console)
     options.write_report(lambda: lens_page(calibration, images.name), console)
     if output is not None and calibration.accepted:
@@ -230,5 +255,5 @@ def write_lens(path: Path, c: CameraCalibration) -> None:
         for v in c.used
         if v.T_camera_target is not None
     ]
-    camera = replace(c.camera, calibration=calibration, lens_covariance=c.covariance)
+    camera = replace(c.camera, calibration=calibration, lens_covariance=c.covariance, region=c.work.region)
     write_camera(path, camera, placed=False, views=views)

@@ -19,6 +19,7 @@ from cell.console import Console
 from cell.sim.target_photos import TargetCamera, target_pose
 from cell.task.look import write_png
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, read_grey
+from vision.camera.model import Region
 from vision.targets.target import Target, TargetFinder
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ def take_views(
     console: Console,
     quiet_s: float = QUIET_S,
     clock: Callable[[], float] = time.monotonic,
+    region: Callable[[tuple[int, int]], Region | None] = lambda size: None,
 ) -> int:
     """Guide until the views suffice, and write each view to the folder; return the number of new views.
 
@@ -121,9 +123,11 @@ def take_views(
         console: output.
         quiet_s: wall time without a new view after which the session ends, s.
         clock: time source, s.
+        region: gives the part of the image that matters, px, for the images' size.
 
     Raises:
-        InputError: the folder cannot be created or written, or the target is a part of the print.
+        InputError: the folder cannot be created or written, the region is not in the image, or the target is a part of
+            the print.
         CameraError: the camera delivers no frame.
         CalibrationRefused: the target was never seen.
     """
@@ -133,7 +137,8 @@ def take_views(
         raise InputError(f"{folder}: cannot be created: {error.strerror}", path=str(folder)) from error
     finder = TargetFinder(target)
     (first,) = source.grab(1)
-    guided = GuidedViews(target, (first.shape[1], first.shape[0]), work, limits)
+    size = (first.shape[1], first.shape[0])
+    guided = GuidedViews(target, size, work, limits, region(size))
     if hand is not None:
         hand.advice = lambda: guided.advice
     number = _resume(folder, finder, guided, console)

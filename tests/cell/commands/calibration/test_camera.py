@@ -105,7 +105,7 @@ def test_a_refusal_writes_the_report_and_no_camera(photographs: Path, tmp_path: 
 
 
 @pytest.mark.slow
-def test_held_numbers_and_options_reach_the_fit(photographs: Path) -> None:
+def test_held_numbers_and_options_reach_the_fit(photographs: Path, tmp_path: Path) -> None:
     told, _ = a465(
         "calibrate",
         "camera",
@@ -117,9 +117,15 @@ def test_held_numbers_and_options_reach_the_fit(photographs: Path) -> None:
         "--work-mm",
         900,
         1100,
+        "--work-region",
+        *(100, 60, 860, 540),
+        "-o",
+        tmp_path / "part.toml",
         "--json",
     )
     found = json.loads(told)
+    assert found["work"]["region_px"] == [100.0, 60.0, 860.0, 540.0]
+    assert read_intrinsics(tmp_path / "part.toml").region == (100.0, 60.0, 860.0, 540.0)
     assert found["parameters"]["k3"] == {"value": 0.0, "std": None}
     assert [found["work"][k] for k in ("near_mm", "far_mm")] == pytest.approx([900.0, 1100.0])
     told, _ = a465("calibrate", "camera", photographs, "--limit-mm", 0.0001, "--json", code=5)
@@ -157,6 +163,10 @@ def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path:
     target.write_text('squares = [7, 5]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_4X4_50"\n')
     assert "markers of DICT_5X5_50" in wrong(mixed, target=target)
     assert "is read by this command" in wrong(mixed, target=target, output=target)
+    whole = wrong(mixed, work_region=(10.0, 0.0, 961.0, 600.0))
+    assert "--work-region [10.0, 0.0, 961.0, 600.0]: must be left, top, right and bottom" in whole
+    assert "of a part of the image of 960 x 600 px" in whole
+    assert "--work-region" in wrong(mixed, work_region=(10.0, 500.0, 900.0, 400.0))
     target.write_text('squares = [7, 3]\nsquare_mm = 30\nmarker_mm = 22\ndictionary = "DICT_5X5_100"\n')
     said = wrong(mixed, target=target)
     assert "its images show more than the target (ChArUco, 7 x 3 squares of 30 mm" in said

@@ -105,7 +105,10 @@ def test_a_recording_ends_a_session_with_the_views_it_gave(
 
     views = [read_grey(photographs / "target-001.png")]
     limits = CalibrationLimits()
-    assert take_views(tmp_path / "one", Target(), Recording(views), None, None, limits, Console(True)) == 1
+    sizes: list[tuple[int, int]] = []
+    one = tmp_path / "one", Target(), Recording(views), None, None, limits, Console(True)
+    assert take_views(*one, region=sizes.append) == 1
+    assert sizes == [(960, 600)]
     assert "the recording is at its end: continuing with 1" in capsys.readouterr().err
     empty = np.full((600, 960), 90, np.uint8)
     with pytest.raises(CameraError, match="the recording has no more frames"):
