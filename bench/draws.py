@@ -18,8 +18,8 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.files.task import Task, read_task
 from cell.files.world import board_placement
-from cell.scene.build import build_scene, hole_station
-from cell.task.planning import reach_of
+from cell.scene.build import build_scene
+from cell.task.planning import hole_stations, reach_of
 from plan.cartesian.line import follow_line
 from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints
@@ -102,9 +102,9 @@ def _served(task: Task, seen: Observation) -> bool:
         return False
     cell = task.cell
     robot, limits = cell.robot(), cell.limits
+    stations = {station.name: station for station in hole_stations(task, seen)}
     for board in seen.boards:
         for hole in board.pose.holes:
-            station = hole_station(cell, hole)
             free: dict[str, HoleState] = {
                 h.name: "empty"
                 for b in seen.boards
@@ -114,7 +114,8 @@ def _served(task: Task, seen: Observation) -> bool:
             scene = build_scene(cell, seen.with_states(free))
             world = World(robot, (*scene.bodies, *scene.cubes))
             if not any(
-                _clear(robot, limits, world, station, c, cell.offset) for c in table[hole.name].feasible()
+                _clear(robot, limits, world, stations[hole.name], c, cell.offset)
+                for c in table[hole.name].feasible()
             ):
                 return False
     return True

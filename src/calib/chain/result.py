@@ -265,9 +265,14 @@ def calibrate_chain(
         _considered(choice.problem, parts),
         any(part.known for part in parts),
     )
-    if scatter is None or not scatters(found):
+    if scatter is None:
+        return found
+    sure = scatters(found)
+    if not sure and not any(trial.needed for trial in found.trials):
         return found
     s = fit_scattering(problem, parts, fit, scatter.smooth)
+    if not sure and _size(parts, s.choice) >= _size(parts, choice):
+        return found
     return replace(
         found,
         problem=s.choice.problem,
@@ -285,6 +290,12 @@ def calibrate_chain(
 
 def _considered(problem: Problem, parts: Sequence[Part]) -> tuple[int, ...]:
     return tuple(i for part in parts if part.known for i in part.unknowns if not problem.free[i])
+
+
+def _size(parts: Sequence[Part], choice: Choice) -> int:
+    """Number of unknowns of the parts that a model needs. Errors of links can take in a small scatter, with many."""
+    needed = {trial.part for trial in choice.trials if trial.needed}
+    return sum(len(part.unknowns) for part in parts if part.name in needed)
 
 
 def scatters(c: ChainCalibration) -> bool:

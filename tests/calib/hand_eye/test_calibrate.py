@@ -7,8 +7,9 @@ import pytest
 
 from arm.errors import CalibrationRefused
 from arm.se3 import angle_between, frozen
-from calib.hand_eye.calibrate import GAUGES, LINKS, calibrate_hand_eye
+from calib.hand_eye.calibrate import GAUGES, LINKS, PRINT, calibrate_hand_eye
 from calib.hand_eye.chain import OFFSETS
+from calib.hand_eye.image_effects import SIZE
 from recorded.arm_sets import TARGETS, draw_truth, recipe, recorded, spoilt, wide
 
 
@@ -162,3 +163,18 @@ def test_an_arm_that_no_cell_would_take_is_refused():
     assert np.degrees(found.joint_offsets[1]) == pytest.approx(6.0, abs=0.05)
     (reason,) = found.chain.reasons
     assert "zero of J2 is off by 6 deg, at most 5 is plausible" in reason
+
+
+def test_a_camera_that_sways_a_little_is_not_taken_for_wrong_links():
+    """Links, with 18 unknowns, could take in what sways by 0.04 px, and with it a print that is 0.2 % small."""
+    rng = np.random.default_rng(0)
+    truth = draw_truth(rng)
+    joints = wide(truth, TARGETS["charuco"], 24, rng)
+    small = truth.pixels(joints, 0.998 * TARGETS["charuco"])
+    sway = 0.06 * rng.standard_normal((24, 1, 2))
+    pixels = small + sway + 0.13 * rng.standard_normal(small.shape)
+    found = calibrate_hand_eye(replace(recorded(truth, joints, "charuco", rng), pixels=frozen(pixels)))
+    assert [trial.part for trial in found.chain.trials if trial.needed] == [PRINT]
+    size = found.chain.names.index(SIZE)
+    assert 0.001 * found.chain.fit.unknowns[size] == pytest.approx(-0.002, abs=2e-4)
+    assert off(found, truth)[0] < 4.0 * np.linalg.norm(found.camera_sigma[0])

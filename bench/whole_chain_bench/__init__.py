@@ -1,0 +1,1 @@
+"""The whole chain in drawn worlds, from the lens to the tool in the holes, and its linear bound."""
