@@ -7,6 +7,7 @@ them no longer stand where they stood; they are moved by hand to the line that n
 from __future__ import annotations
 
 from mutants_bench.by_hand_driver import ROWS as DRIVER
+from mutants_bench.by_hand_measuring import ROWS as MEASURING
 from mutants_bench.by_hand_plan import ROWS as PLAN
 from mutants_bench.mutant import Mutant
 
@@ -183,5 +184,5 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
 
 BY_HAND = tuple(
     Mutant(name, file, old, new, what, tests)
-    for name, file, old, new, what, tests in (*_ROWS, *DRIVER, *PLAN)
+    for name, file, old, new, what, tests in (*_ROWS, *DRIVER, *PLAN, *MEASURING)
 )

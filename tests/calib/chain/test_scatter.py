@@ -46,6 +46,19 @@ def test_no_scatter_is_found_where_there_is_none() -> None:
     assert estimate_sizes(drawn(3, [0.0, 0.0])).scatter.max() < 0.1 * RAD
 
 
+def test_errors_of_readings_that_are_known_are_no_scatter() -> None:
+    data = replace(drawn(6, [RAD, RAD]), base=np.full(2, RAD))
+    assert estimate_sizes(data).scatter.max() < 0.5 * RAD
+
+
+def test_images_of_no_weight_are_as_if_not_taken() -> None:
+    data, half = drawn(7, [RAD, RAD / 2.0]), np.tile([1.0, 0.0], 60)
+    taken = {name: getattr(data, name)[::2] for name in ("images", "y", "F", "M")}
+    assert estimate_sizes(data, half).scatter == pytest.approx(
+        estimate_sizes(replace(data, **taken)).scatter, rel=1e-3
+    )
+
+
 def test_wrong_images_do_not_pass_for_scatter() -> None:
     data = drawn(4, [RAD, RAD])
     y = data.y.copy()
