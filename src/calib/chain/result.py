@@ -271,7 +271,7 @@ def calibrate_chain(
     if not sure and not any(trial.needed for trial in found.trials):
         return found
     s = fit_scattering(problem, parts, fit, scatter.smooth)
-    if not sure and _size(parts, s.choice) >= _size(parts, choice):
+    if not sure and not _explains_with_less(s, problem, parts, choice, limits):
         return found
     return replace(
         found,
@@ -292,8 +292,22 @@ def _considered(problem: Problem, parts: Sequence[Part]) -> tuple[int, ...]:
     return tuple(i for part in parts if part.known for i in part.unknowns if not problem.free[i])
 
 
+def _explains_with_less(
+    s: Scattering, problem: Problem, parts: Sequence[Part], other: Choice, limits: ChainLimits
+) -> bool:
+    """Whether a small scatter does what another model does with more unknowns, such as errors of the links.
+
+    Small: without scatter too, the residuals are within the limit of the verdict. Then the images do not tell a few
+    hundredths of a pixel of sway from links that move by as little, and links take errors of the print in with it.
+    """
+    if _size(parts, s.choice) >= _size(parts, other):
+        return False
+    bare = replace(problem, free=s.choice.problem.free & problem.free)
+    return fit_chains(bare, s.choice.fit.weights).chi2_dof <= limits.chi2_dof
+
+
 def _size(parts: Sequence[Part], choice: Choice) -> int:
-    """Number of unknowns of the parts that a model needs. Errors of links can take in a small scatter, with many."""
+    """Number of unknowns of the parts that a model needs."""
     needed = {trial.part for trial in choice.trials if trial.needed}
     return sum(len(part.unknowns) for part in parts if part.name in needed)
 
