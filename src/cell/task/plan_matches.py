@@ -58,9 +58,7 @@ def require_match(task: Task, plan: Plan) -> None:
     for key in differing:
         if key == "limits" and registers:
             shown.append(f"limits: {', '.join(registers)}")
-        elif not (
-            changed and key in _FROM_FILES
-        ):  # a changed file explains the differences that follow from it
+        elif not (changed and key in _FROM_FILES):  # a changed file explains what follows from it
             of = f" ({cell.camera_file.name})" if key == "calibration" else ""
             shown.append(_difference(key, then.get(key), now.get(key)) + of)
     raise ImpossibleError(

@@ -151,6 +151,7 @@ class StreamRun:
             self._take(reply)
         feed.require_verified()
         feed.require_loaded()
+        self._pause_or_resume()
         next_poll = self.polls.next_at(feed.poll_s, self._repeat_s(), self.watch.doubtful)
         if self._needs_dwell():
             self._dwell()
@@ -175,7 +176,7 @@ class StreamRun:
 
     def _needs_dwell(self) -> bool:
         """Whether a dwell is due: at the beginning, and after the unit has executed all segments that it had."""
-        return not self._holds() and self.sent < self.total and (not self.feed.dwells or self._dry)
+        return self.hold is None and self.sent < self.total and (not self.feed.dwells or self._dry)
 
     def _dwell(self) -> None:
         self.mars.reference = None  # known again when the stream has ended
@@ -195,7 +196,7 @@ class StreamRun:
         return max(self.feed.timeline.begins(self.sent) - self.link.clock.now(), 0.0)
 
     def _may_send(self) -> bool:
-        if self.sent == self.total or self._holds() or self._dry or not self.feed.dwells:
+        if self.sent == self.total or self.hold is not None or self._dry or not self.feed.dwells:
             return False
         if not self.running.known and (
             not self.link.echoes or self.link.clock.now() > self.feed.stands_until
@@ -212,8 +213,8 @@ class StreamRun:
         """Whether the unit has executed all that was sent although there are more segments."""
         return self.sent < self.total and self.begun > self.sent
 
-    def _holds(self) -> bool:
-        """Whether a pause holds the next segment back."""
+    def _pause_or_resume(self) -> None:
+        """Begin a pause that was asked for, or end one that is over. While it lasts, no segment is sent."""
         if self.hold is None and self.control.paused:
             self.hold = Pause(self.mars, self.control, self.path.start)
             self.hold.begin(self._ahead())
@@ -224,7 +225,6 @@ class StreamRun:
             self.begun_at = self.link.clock.now()
             if self._dry:
                 self._restretch()
-        return self.hold is not None
 
     def _restretch(self) -> None:
         """Apply the present override to the remaining segments. The arm is at rest, so its speed does not jump."""

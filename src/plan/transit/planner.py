@@ -46,6 +46,9 @@ _ALMOST = 1.1
 # Number of earlier paths to reuse, and the distance of their samples, rad summed over the joints.
 _REMEMBERED, _SAMPLE_TRAVEL = 6, 0.2
 _DIFFERENT = 0.7  # s of travel between corners of paths that count as different
+_LARGEST_OFFSET_S = (
+    8.0  # s of travel of random configurations beside the straight line: the range of slow joints
+)
 _WORSE = 1.5  # times the fastest path found: slower ones are skipped
 _LIFTS = (0.04, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4)  # m, by which the tool is lifted or moved towards the base
 
@@ -169,7 +172,7 @@ class TransitPlanner:
         return self.remembered(found if self.proved(found) else path)
 
     def fastest_certified(self, paths: Iterable[Array], enough: float) -> Array | None:
-        """Optimise paths and return the fastest one that is certified, or None.
+        """Optimise paths, and return the first one that is certified in order of their estimated time, or None.
 
         No further path is optimised once one takes at most `enough` s.
         """
@@ -274,8 +277,7 @@ class TransitPlanner:
         """Draw random configurations (m, n) about the straight line."""
         n, count = len(start), self.budget.corners
         along = self.rng.uniform(0.0, 1.0, (count, 1))
-        # offsets in s of travel, up to about the whole range of the slow joints
-        size = 8.0 * self.rng.uniform(0.0, 1.0, (count, 1)) ** 2
+        size = _LARGEST_OFFSET_S * self.rng.uniform(0.0, 1.0, (count, 1)) ** 2
         offset = self.rng.normal(size=(count, n)) * size * self.limits.velocity
         return np.clip(start + along * (goal - start) + offset, self.limits.lower, self.limits.upper)
 
