@@ -100,8 +100,9 @@ def calibrate_camera(
     undetermined = _undetermined(bundle.camera, covariance, free, corner_sigma)
     # the flat fit has these errors among its unknowns
     hypotheses = () if lain is not None else tuple(error_hypotheses(bundle, found.views, target))
-    shifts = [volume.shifts(s.intrinsics_change) for s in hypotheses if s.sure]
-    variances = volume.sigmas(covariance) ** 2 + sum(shift**2 for shift in shifts)
+    # each established error moves the lens as if it had been an unknown of the fit
+    for change in (s.intrinsics_change for s in hypotheses if s.sure):
+        covariance = covariance + np.outer(change, change)
     calibration = CameraCalibration(
         bundle.camera,
         frozen(covariance),
@@ -110,7 +111,7 @@ def calibrate_camera(
         _calibration_views(photos, reasons, found, target),
         target,
         volume,
-        frozen(np.sqrt(variances)),
+        frozen(volume.sigmas(covariance)),
         cross_validate(bundle, found.views, volume),
         hypotheses,
         {name: _most_informative(name, bundle.camera, target, known, distances) for name in undetermined},

@@ -16,6 +16,7 @@ from calib.model.projection import Projection
 from calib.model.score_test import score_test
 from vision.targets.target import Target
 
+BIASED_CORNERS = "biased corners"
 SURE = 5.0  # standard deviations from which a model error counts as present
 
 
@@ -25,7 +26,7 @@ class ErrorHypothesis:
     """A model error and the evidence for it in the residuals.
 
     Attributes:
-        name: bent target, stretched target, changed focus.
+        name: bent target, stretched target, biased corners, changed focus.
         amount: its estimate.
         sigma: standard deviation of `amount`.
         unit: of both.
@@ -60,6 +61,8 @@ def error_hypotheses(bundle: Bundle, views: Sequence[View], target: Target) -> l
     bent = [p.by_point[..., 2:] * _bulges(p.points[:, :2] / half - 1.0)[:, None] for p in fitted]
     # rows are further apart than columns by a relative amount, as some printers make them
     stretched = [p.by_point[..., 1:2] * p.points[:, 1, None, None] for p in fitted]
+    # corners lie towards the middle of their view, as light, blur and ink may shift them
+    biased = [inwards(p.pixels)[..., None] for p in fitted]
     # the focal length changes linearly from the first view to the last, by a relative amount
     times = np.linspace(-0.5, 0.5, len(views))
     refocused = [
@@ -69,9 +72,16 @@ def error_hypotheses(bundle: Bundle, views: Sequence[View], target: Target) -> l
     found = (
         _tested(bundle, fitted, "bent target", "m", bent),
         _tested(bundle, fitted, "stretched target", "", stretched),
+        _tested(bundle, fitted, BIASED_CORNERS, "px", biased),
         _tested(bundle, fitted, "changed focus", "", refocused, to_the_end),
     )
     return sorted((h for h in found if h is not None), key=lambda h: -h.sigmas)
+
+
+def inwards(pixels: Array) -> Array:
+    """Unit vectors (n, 2) from points (n, 2) px to their middle; shorter within 1 px of it."""
+    away = pixels.mean(axis=0) - pixels
+    return np.asarray(away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1.0))
 
 
 def _bulges(xy: Array) -> Array:

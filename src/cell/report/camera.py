@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.se3 import Array
 from calib.camera.result import CalibrationView, CameraCalibration
+from calib.camera.score_tests import ErrorHypothesis
 from calib.camera.verdict import CELLS, cells, coverage, describe, where
 from calib.camera.working_volume import COLUMNS, LAYERS, ROWS
 from cell.report.html import Table, render
@@ -134,13 +135,18 @@ def _poses(c: CameraCalibration) -> dict[str, Any] | None:
     }
 
 
+def _amount(s: ErrorHypothesis) -> str:
+    if s.unit == "px":
+        return f"{s.amount:+.3f} +- {s.sigma:.3f} px"
+    scale, unit = (1e3, "mm") if s.unit == "m" else (100.0, "%")
+    return f"{scale * s.amount:{'.3f' if unit == 'mm' else '+.3f'}} +- {scale * s.sigma:.3f} {unit}"
+
+
 def _suspects(c: CameraCalibration) -> Table:
     rows = [
         (
             s.name,
-            f"{1e3 * s.amount:.3f} +- {1e3 * s.sigma:.3f} mm"
-            if s.unit == "m"
-            else f"{100 * s.amount:+.3f} +- {100 * s.sigma:.3f} %",
+            _amount(s),
             f"{s.sigmas:.1f}",
             f"{rms_mm(c.work.shifts(s.intrinsics_change)):.4f} mm",
         )

@@ -9,8 +9,10 @@ from arm.errors import CalibrationRefused
 from arm.se3 import rotation, transform
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.result import CalibrationLimits
+from calib.camera.score_tests import inwards
 from calib.camera.verdict import coverage, where
 from calib.camera.view_selection import TargetPhoto
+from calib.model.intrinsics import vector_of
 from cell.report.camera import lens_page
 from cell.sim.target_photos import random_poses
 from pictures.targets import CHARUCO, SIZE, bent, camera, photos, quality, seen, taken
@@ -103,9 +105,33 @@ def test_views_over_hours_and_views_that_are_too_bright_are_remarked():
 def test_a_small_bend_is_told_but_does_not_refuse():
     c = calibrate_camera(photos(taken(18, count=20, shape=bent(0.08e-3))), CHARUCO, SIZE)
     assert c.accepted
-    alone = c.work.sigmas(c.covariance)
+    bend = next(h for h in c.hypotheses if h.name == "bent target")
+    change = np.outer(bend.intrinsics_change, bend.intrinsics_change)
+    alone = c.work.sigmas(c.covariance - change)
     assert np.mean(c.work_sigmas**2) > 1.5 * np.mean(alone**2)  # what the bend moves is in it
+    assert c.work_sigmas**2 == pytest.approx(alone**2 + c.work.shifts(bend.intrinsics_change) ** 2)
     assert any("the target is bent by 0.0" in r and "their error includes this" in r for r in c.remarks)
+
+
+def test_corners_biased_inwards_are_told_and_in_the_standard_deviations():
+    """Of 0.3 px: named with their amount; the lens is not refused for them, and its covariance covers what they do."""
+    scores = []
+    for seed in range(2):
+        views = [
+            replace(view, corners_px=view.corners_px + 0.3 * inwards(view.corners_px))
+            for view in taken(40 + seed)
+        ]
+        c = calibrate_camera(photos(views), CHARUCO, SIZE)
+        assert c.accepted
+        remark = next(r for r in c.remarks if "corners are seen" in r)
+        assert "px nearer to the middle of each view than they are: use even light" in remark
+        bias = next(h for h in c.hypotheses if h.name == "biased corners")
+        assert bias.amount == pytest.approx(0.3, abs=5.0 * bias.sigma)
+        off = vector_of(c.camera) - vector_of(camera())
+        scores.append(np.mean(c.work.shifts(off) ** 2) / np.mean(c.work_sigmas**2))
+        assert np.mean(c.work.shifts(bias.intrinsics_change) ** 2) > 0.3 * np.mean(c.work_sigmas**2)
+    assert np.mean(scores) < 2.0
+    assert "+0.3" in lens_page(c, "biased")
 
 
 def test_distances_that_do_not_fit_the_work_are_remarked():
