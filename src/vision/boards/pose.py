@@ -113,25 +113,33 @@ def assess_board(
     costs = [fit.cost / variance if f is None else f.cost for f, fit in zip(fits, both, strict=True)]
     log_odds = (costs[1] - costs[0]) / 2.0
     tilt_log_odds = 0.0
-    undecided = hypotheses.angle > limits.flip_rad and log_odds < limits.log_odds
+    angle = _angle(fits, hypotheses)
+    undecided = angle > limits.flip_rad and log_odds < limits.log_odds
     if tilts and undecided and poses[0] is not None and poses[1] is not None:
         tilt_log_odds = log_odds_of_tilts(poses[0], poses[1], tilts)
-    first = log_odds + tilt_log_odds >= 0.0
+    first = angle <= MERGED_RAD or log_odds + tilt_log_odds >= 0.0
     chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
     residual_px = float(np.sqrt(np.mean(chosen.mean_residual_px[chosen.shares > 0.0] ** 2)))
     doubts = [
         *moved(board, corners, limits),
         *misfit(board, corners, chosen, camera, residual_px, floor, limits),
     ]
-    if (
-        residual_px <= limits.residual_px
-    ):  # a pose that does not fit tells nothing of its tilt or its uncertainty
+    # A pose that does not fit says nothing of its tilt or its uncertainty.
+    if residual_px <= limits.residual_px:
         odds = abs(log_odds + tilt_log_odds)
-        doubts += ambiguous(board, hypotheses.angle, odds, hypotheses.ratio, limits)
+        doubts += ambiguous(board, angle, odds, hypotheses.ratio, limits)
         doubts += [] if pose is None else uncertain(pose, limits)
     if pose is not None and tilts:
         pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
     return BoardAssessment(pose, tuple(doubts))
+
+
+def _angle(fits: Sequence[Fitted | None], hypotheses: _Hypotheses) -> float:
+    """Angle between the two solutions, rad; 0 if, with shared errors, both end up in the same one."""
+    first, second = fits
+    if first is None or second is None:
+        return hypotheses.angle
+    return float(angle_between(first.T_camera_board[:3, :3], second.T_camera_board[:3, :3]))
 
 
 def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:

@@ -124,6 +124,14 @@ def test_one_bad_corner_is_no_movement() -> None:
         assert assess_board(BOARD, [spoiled(frames[0], rng), *frames[1:]], CAMERA).accepted
 
 
+def test_a_mirrored_solution_that_ends_up_in_the_first_is_no_second_one() -> None:
+    """With markers that may be displaced, the refined mirrored solution can run into the true one."""
+    board, rng = replace(BOARD, tolerance=2e-4), np.random.default_rng(253)
+    frames = seen_corners(board, random_pose(rng, 15.0), CAMERA, rng, noise_px=0.2)
+    seen = assess_board(board, frames, CAMERA, tilts=tuple(np.radians([0.0, 7.0, 15.0])))
+    assert seen.accepted, seen.doubts[0]
+
+
 def test_a_tilt_that_cannot_be_told_is_refused() -> None:
     """From 8 m both planar solutions fit noisy corners alike; from 1 m never."""
     far = CAMERA.at(transform(CAMERA.T_base_camera[:3, :3], (0.46, 0.0, 8.0)))
