@@ -40,6 +40,8 @@ SQUARE, SECOND = 0.040, (0.075, -0.075)  # m, of the wire board
 TOLERATED = 0.15  # px between the background's shift and the board's own
 LARGE = 0.65  # px of a board's shift that must be reported
 NOISE = 2.0  # grey levels added to the same photograph
+FLAT_SHEET = Target("charuco", 5, 5, 0.025, 0.018, "DICT_4X4_50")
+LARGE_SHEET = Target("charuco", 10, 14, 0.020, 0.015, "DICT_4X4_100", legacy=True)
 
 
 @dataclass(frozen=True)
@@ -241,9 +243,40 @@ def _in_camera(pose: BoardPose) -> Array:
     return np.asarray(R @ pose.covariance @ R.T)
 
 
+def borders(photos: Photos, camera: Camera) -> None:
+    """Borders of ChArUco markers, as markers are measured, against the corners of the squares around them."""
+    table(
+        "Borders of markers against the corners of squares",
+        "print",
+        "markers",
+        "outwards px, scatter of markers",
+    )
+    flat_names = sorted(n for n in photos.catalog if n.startswith("charuco_flat/"))
+    for target, names in ((FLAT_SHEET, flat_names), (LARGE_SHEET, ["hoop_arm/image_012.png"])):
+        finder, squares = TargetFinder(target), target.marker_squares()
+        off: list[float] = []
+        for image in (photos.image(name) for name in names):
+            view = finder.find(image)
+            if view is None:
+                continue
+            H, _ = cv2.findHomography(camera.normalised(view.corners_px), target.points()[view.ids, :2])
+            for marker in detect_markers(image, camera, target.dictionary):
+                if marker.method == "lines" and marker.id < len(squares):
+                    on_print = cv2.perspectiveTransform(camera.normalised(marker.corners_px)[:, None], H)[
+                        :, 0
+                    ]
+                    edge, edge_px = _edge(np.asarray(on_print, dtype=float)), _edge(marker.corners_px)
+                    off.append((1.0 - target.marker / edge) * edge_px / 2.0)
+        print(f"| {target.label()} | {len(off)} | {np.mean(off):+.3f}, {np.std(off):.3f} |")
+
+
+def _edge(corners: Array) -> float:
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=-1).mean())
+
+
 def flat(photos: Photos) -> None:
     """The flat ChArUco sheet: refused, and what it says of the focal length."""
-    target = Target("charuco", 5, 5, 0.025, 0.018, "DICT_4X4_50")
+    target = FLAT_SHEET
     print(f"\n## {target.label()}, flat on the table, 15 views\n")
     finder = TargetFinder(target)
     names = sorted(n for n in photos.catalog if n.startswith("charuco_flat/"))
@@ -293,7 +326,7 @@ def conditions() -> str:
     )
 
 
-TABLES = ("markers", "boards", "background", "still", "flat", "targets")
+TABLES = ("markers", "boards", "background", "still", "borders", "flat", "targets")
 
 
 def main() -> None:
@@ -314,6 +347,8 @@ def main() -> None:
             background(photos, camera, options.noisy)
         elif name == "still":
             still(photos, camera)
+        elif name == "borders":
+            borders(photos, camera)
         elif name == "flat":
             flat(photos)
         else:
