@@ -57,16 +57,18 @@ class Trial:
         part: its name.
         rise: of the cost without it.
         limit: largest insignificant rise.
+        instead: the single cause that explains the images as well, and that `rise` includes; "" for none.
     """
 
     part: str
     rise: float
     limit: float
+    instead: str = ""
 
     @property
     def needed(self) -> bool:
         """Whether the model keeps it."""
-        return self.rise > self.limit
+        return self.rise > self.limit and not self.instead
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ def choose_model(
     if fit.chi2_dof > _SPOILT:  # wrong images distort a model with many unknowns, but not one with few
         bare = problem
         for part in parts:
-            bare = _without(bare, part)
+            bare = without(bare, part)
         begun = _without_wrong_images(bare, weights)
         other = _without_wrong_images(problem, begun.weights)
         fit = min(fit, other, key=lambda one: one.chi2_dof)
@@ -119,7 +121,7 @@ def select_parts(problem: Problem, parts: Sequence[Part], fit: ChainFit, freedom
     kept = list(parts)
     trials: dict[str, Trial] = {}
     while kept:
-        fits = {part.name: fit_chains(_without(problem, part), fit.weights, fit) for part in kept}
+        fits = {part.name: fit_chains(without(problem, part), fit.weights, fit) for part in kept}
         for part in kept:
             limit = largest_rise(MEANINGLESS, len(part.unknowns), freedom)
             trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
@@ -134,12 +136,13 @@ def select_parts(problem: Problem, parts: Sequence[Part], fit: ChainFit, freedom
         )
         if trials[least.name].needed:
             break
-        problem, fit = _without(problem, least), fits[least.name]
+        problem, fit = without(problem, least), fits[least.name]
         kept.remove(least)
     return Choice(problem, fit, tuple(trials[part.name] for part in parts))
 
 
-def _without(problem: Problem, part: Part) -> Problem:
+def without(problem: Problem, part: Part) -> Problem:
+    """Return the problem without a part."""
     free, start = problem.free.copy(), problem.start.copy()
     free[list(part.unknowns)] = False
     start[list(part.unknowns)] = 0.0  # a dropped part is zero, whatever its prior mean

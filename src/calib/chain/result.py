@@ -11,7 +11,10 @@ import numpy as np
 
 from arm.former import former_names, renamed_arguments
 from arm.se3 import Array, Bools, Indices, frozen
-from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains, normal_equations
+from calib.chain.cross_validation import FOLDS as FOLDS
+from calib.chain.cross_validation import CrossValidation as CrossValidation
+from calib.chain.cross_validation import cross_validate as cross_validate
+from calib.chain.fit import ChainFit, Problem, fit_chains, normal_equations
 from calib.chain.model_selection import Choice, Part, Trial, choose_model, largest_rise
 from calib.chain.repeatability import Scattering, fit_scattering
 from calib.chain.score_tests import (
@@ -20,16 +23,18 @@ from calib.chain.score_tests import (
     find_errors_despite_scatter,
     sudden_change,
 )
+from calib.chain.single_cause import UNEXPLAINED, prefer_single_causes
 from calib.model.least_squares import embedded, inverse_scaled
 from calib.model.verdict import Judged
 
-FOLDS = 5
 CHANCE = 1e-4  # probability of refusing a complete model for its residuals
 CORRELATED = 0.9
 _INFORMATIVE = 2  # degrees of freedom per optional unknown needed to conclude that readings are exact
-_FAULT = 0.1  # of the disagreement that a single cause leaves unexplained at most
 _EITHER_SIDE = 6  # images
-_MANY_WRONG = 0.4  # of the images: more than wrong detections explain
+_MANY_WRONG, _SOME_WRONG = (
+    0.4,
+    0.1,
+)  # of the images: more than wrong detections explain, alone or if others disagree
 SIZE = 1e-3  # relative tolerance of a target's size
 
 
@@ -62,20 +67,6 @@ class ScatterOptions:
     """
 
     smooth: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class CrossValidation:
-    """Prediction error of held-out images.
-
-    Attributes:
-        px: rms of the residuals' coordinates.
-        metres: rms distance between the target's centre and its prediction, across the line of sight, m; inf if a
-            target was predicted outside the camera's view, such as behind it.
-    """
-
-    px: float
-    metres: float
 
 
 @renamed_arguments(suspects="hypotheses")
@@ -242,6 +233,8 @@ def calibrate_chain(
     if not step_known:
         problem = _exact_if_it_fits(problem, parts, limits)
     choice = refined(choose_model(problem, parts, weights))
+    if scatter is not None:
+        choice = prefer_single_causes(choice, parts, readings)
     began = time.perf_counter()
     again = fit_chains(choice.problem, choice.fit.weights)
     took = time.perf_counter() - began
@@ -315,16 +308,22 @@ def _size(parts: Sequence[Part], choice: Choice) -> int:
 def scatters(c: ChainCalibration) -> bool:
     """Whether the images disagree by more than chance and any single cause explain, so that the arm scatters.
 
-    A cause that explains the few images that are left does not explain why the others were rejected.
+    A cause that explains the images that are left does not explain why others were rejected.
     """
-    many = sum(map(len, c.wrong)) > _MANY_WRONG * c.images
-    if many and c.change is None:
-        return True
-    if not many and c.excess <= max(c.excess_limit, 1.0):
+    wrong = sum(map(len, c.wrong)) / c.images
+    disagree = c.excess > max(c.excess_limit, 1.0)
+    if not disagree and wrong <= _MANY_WRONG:
         return False
+    if c.change is None and wrong > (_SOME_WRONG if disagree else _MANY_WRONG):
+        return True
     causes = [s for s in c.hypotheses if s.sure and _on_both_sides(c, s)]
     left = [c.fit.excess(c.problem.noise_freedom, s.drop, 1) for s in causes]
-    return not left or min(left) - 1.0 > _FAULT * (c.excess - 1.0)
+    most = 1.0 + UNEXPLAINED * (c.excess - 1.0)
+    if any(
+        trial.instead for trial in c.trials
+    ):  # what is left is as good as a part of the model, so chance may be all
+        most = max(most, c.excess_limit)
+    return not left or min(left) > most
 
 
 def _on_both_sides(c: ChainCalibration, s: ChainErrorHypothesis) -> bool:
@@ -382,41 +381,6 @@ def _exact_if_it_fits(problem: Problem, parts: Sequence[Part], limits: ChainLimi
         return problem
     limit = chi2_limit(limits, known, more, problem.noise_freedom)
     return exact if fit.chi2_dof < limit else problem
-
-
-def cross_validate(choice: Choice, folds: int = FOLDS) -> CrossValidation:
-    """Cross-validate: predict each part of the stances from a fit to the others."""
-    problem, fit = choice.problem, choice.fit
-    squares, count, metres, lost = 0.0, 0, [], False
-    for fold in range(folds):
-        parts = [_fold(s, folds) == fold for s in problem.sightings]
-        weights = [np.where(part, 0.0, w) for part, w in zip(parts, fit.weights, strict=True)]
-        known = fit_chains(problem, weights, fit)
-        for s, part, w in zip(problem.sightings, parts, fit.weights, strict=True):
-            images = np.flatnonzero(part & (w > 0.0))
-            if not len(images):
-                continue
-            expected = s.projection(problem.camera, known.unknowns)
-            r, depth = (
-                (s.pixels - expected.pixels - s.shifts(known.unknowns))[images],
-                expected.in_camera[images, :, 2].mean(axis=1),
-            )
-            squares += float(np.nansum(r**2))
-            count += int(np.isfinite(r).sum())
-            focal = np.diag(problem.camera.K)[:2]
-            predicted, detected = (np.isfinite(v).any(axis=(1, 2)) for v in (r, s.pixels[images]))
-            lost = lost or bool(np.any(detected & ~predicted))
-            off = np.nanmean(r[predicted], axis=1) / focal * depth[predicted, None]
-            metres.append(np.linalg.norm(off, axis=1))
-    if not count:
-        return CrossValidation(float("nan"), float("nan"))
-    rms = float("inf") if lost else float(np.sqrt(np.mean(np.concatenate(metres) ** 2)))
-    return CrossValidation(float(np.sqrt(squares / count)), rms)
-
-
-def _fold(s: Sightings, folds: int) -> Indices:
-    _, place = np.unique(s.stances, return_inverse=True)
-    return np.asarray(place % folds, dtype=np.intp)
 
 
 former_names(__name__, __name__, hold_out="cross_validate", HeldOut="CrossValidation")

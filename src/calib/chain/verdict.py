@@ -12,6 +12,10 @@ from calib.chain.result import ChainCalibration
 from calib.chain.score_tests import ChainErrorHypothesis
 
 HIGH = 0.95  # correlations to report
+_UNKNOWN_CAUSE = (
+    "no single known cause explains it: record one posture several times, reached from different sides; if those "
+    "images differ, there is play or the target is loose, and if they agree, the model of the arm is wrong"
+)
 _HINT = 2.0  # standard deviations from which a wrong target size is mentioned
 
 
@@ -41,7 +45,7 @@ def _reasons(c: ChainCalibration, shown: Callable[[str, float], str]) -> Iterato
         cause = next((f": most likely {describe(s)}" for s in present if "moved" in s.name), "")
         yield f"images from number {c.change} on do not fit the earlier ones{cause}"
     if c.fit.chi2_dof > c.chi2_limit:
-        cause = f"; most likely {describe(present[0])}" if present else ""
+        cause = f"; most likely {describe(present[0])}" if present else f"; {_UNKNOWN_CAUSE}"
         yield (
             f"residuals are {np.sqrt(c.fit.chi2_dof):.2f} times those expected from corner and encoder noise (chi2/dof "
             f"{c.fit.chi2_dof:.2f}, the limit is {c.chi2_limit:.2f}): something moves that is not in the model{cause}"
@@ -94,7 +98,10 @@ def describe(hypothesis: ChainErrorHypothesis) -> str:
             longer = "longer" if amount > 0.0 else "shorter"
             return f"a length: {limb} is {1e3 * abs(amount):.2f} +- {1e3 * sigma:.2f} mm {longer} than the model's"
         case _:
-            return f"the {hypothesis.name}: off by {100 * amount:+.3f} +- {100 * sigma:.3f} %"
+            return (
+                f"the {hypothesis.name}: off by {100 * amount:+.3f} +- {100 * sigma:.3f} %; compare its gear ratio and "
+                "counts per turn with the unit file's"
+            )
 
 
 def _remarks(c: ChainCalibration) -> Iterator[str]:
@@ -102,6 +109,7 @@ def _remarks(c: ChainCalibration) -> Iterator[str]:
         yield (
             f"{trial.part}: {'in the model' if trial.needed else 'left out'}, without them the cost rises by "
             f"{trial.rise:.1f} (chance: up to {trial.limit:.1f})"
+            f"{f', if the {trial.instead} is not as given' if trial.instead else ''}"
         )
     wrong = sum(map(len, c.wrong))
     if wrong:

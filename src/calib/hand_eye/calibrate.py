@@ -11,11 +11,10 @@ from arm.errors import CalibrationRefused
 from arm.se3 import Array, Bools
 from calib.chain.fit import Problem, Sightings
 from calib.chain.model_selection import Part
-from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainLimits, ScatterOptions, calibrate_chain
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.chain import OFFSETS, arm_chain, smooth_errors, unknown_names
-from calib.hand_eye.image_effects import ImageEffects
+from calib.hand_eye.image_effects import ImageEffects, poses_without_bias
 from calib.hand_eye.result import HandEye as HandEye
 from calib.hand_eye.verdict import HandEyeLimits, WorkPlace, with_hand_eye_verdict
 from calib.recordings.arm import ArmRecording
@@ -112,7 +111,7 @@ def calibrate_hand_eye(
         CalibrationRefused: too few poses, degenerate motions, or implausible parameters.
     """
     dh = recording.dh
-    alone = fit_per_image_poses(recording.camera, recording.points, recording.pixels)
+    alone = poses_without_bias(recording)
     names = unknown_names(dh.joints)
     last = len(names)
     are_lengths = [name[-1] in "xyzda" and "turn" not in name and "alpha" not in name for name in names]

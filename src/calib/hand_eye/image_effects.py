@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm.se3 import Array, frozen
+from calib.chain.per_image_poses import PerImagePoses, fit_per_image_poses
 from calib.model.intrinsics import COUNT, camera_of, vector_of
 from calib.model.projection import Projection
 from calib.recordings.arm import ArmRecording
 from vision.camera.model import Camera
 
 SIZE, BIAS = "size of the target", "bias of its corners"
+_SHOWN = 4.0  # standard deviations from which the bias of the corners is taken off
 _RANK = 1e-10  # of the largest variance, all scaled alike: directions below it are held
 
 
@@ -41,12 +43,40 @@ class ImageEffects:
         seen = Projection(recording.camera, T_camera_target, recording.points)
         lens = lens_factor(recording.camera)
         size = recording.size_within * (seen.by_point @ recording.points[..., None])
-        middle = np.nanmean(seen.pixels, axis=1, keepdims=True)
-        inwards = middle - seen.pixels
-        inwards = inwards / np.maximum(np.linalg.norm(inwards, axis=-1, keepdims=True), 1.0)
-        columns = [seen.by_intrinsics @ lens, size, recording.corners_within * inwards[..., None]]
+        bias = recording.corners_within * inwards(seen.pixels)[..., None]
+        columns = [seen.by_intrinsics @ lens, size, bias]
         names = (*(f"lens {k + 1}" for k in range(lens.shape[1])), SIZE, BIAS)
         return cls(names, frozen(np.concatenate(columns, axis=-1)), frozen(lens))
+
+
+def inwards(pixels: Array) -> Array:
+    """Directions from the corners (n, m, 2) px to the middle of each image's target, (n, m, 2) of length 1."""
+    towards = np.nanmean(pixels, axis=1, keepdims=True) - pixels
+    return np.asarray(towards / np.maximum(np.linalg.norm(towards, axis=-1, keepdims=True), 1.0))
+
+
+def poses_without_bias(recording: ArmRecording) -> PerImagePoses:
+    """Fit a pose to each image, with the bias of the corners taken off if all images together show it.
+
+    Each image alone would take the bias for noise, and noise that is too large hides the arm's scatter.
+    """
+    alone = fit_per_image_poses(recording.camera, recording.points, recording.pixels)
+    seen = Projection(recording.camera, alone.T_camera_target, recording.points)
+    used = (np.isfinite(recording.pixels[..., 0]) & ~alone.wrong)[..., None]
+    sigma = alone.noise[:, None, None] * alone.pixel_sigma
+    n = len(recording.pixels)
+    by_pose = np.where(used[..., None], seen.by_target / sigma[..., None], 0.0).reshape(n, -1, 6)
+    by_bias, off = (
+        np.where(used, of / sigma, 0.0).reshape(n, -1) for of in (inwards(recording.pixels), alone.residuals)
+    )
+    Q, _ = np.linalg.qr(by_pose)
+    left = by_bias - np.einsum("nri,nsi,ns->nr", Q, Q, by_bias, optimize=True)
+    information = float((left**2).sum())
+    bias = float((left * off).sum()) / max(information, 1e-300)
+    if abs(bias) * np.sqrt(information) < _SHOWN:
+        return alone
+    shifted = recording.pixels - bias * inwards(recording.pixels)
+    return fit_per_image_poses(recording.camera, recording.points, shifted)
 
 
 def lens_factor(camera: Camera) -> Array:

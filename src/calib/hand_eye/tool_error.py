@@ -30,10 +30,10 @@ def tool_error(found: HandEye, holes: Array | None = None, T_flange_tool: Array 
 
     Args:
         found: a calibration.
-        holes: (n, 3) m in the base frame; default: `image_holes`. Those that the tool does not reach are left out.
+        holes: (n, 3) m in the base frame; default: `image_holes`. Of them count those that camera and tool reach.
         T_flange_tool: 4x4; its z points out of the gripper.
     """
-    holes = image_holes(found) if holes is None else holes
+    holes = image_holes(found) if holes is None else holes[_sees(found, holes)]
     dh = found.recording.dh
     joints, reached = _pointing_down(found, holes, T_flange_tool)
     if not len(reached):
@@ -74,6 +74,13 @@ def image_holes(found: HandEye) -> Array:
     return np.asarray((eye + along[..., None] * rays)[ahead])
 
 
+def _sees(found: HandEye, holes: Array) -> Bools:
+    """Which of the holes (n, 3) are in the image, (n,)."""
+    with np.errstate(invalid="ignore"):
+        pixels = found.camera.project_base(holes)
+        return np.asarray(((pixels > 0.0) & (pixels < np.array(found.camera.size))).all(axis=1))
+
+
 def _by_camera(found: HandEye, holes: Array) -> tuple[Array, Array]:
     """Change of the holes' measured places by the camera's twist (n, 3, 6) and by the intrinsics (n, 3, 9)."""
     camera, T = found.camera, found.T_base_camera
@@ -101,7 +108,7 @@ def _pointing_down(found: HandEye, holes: Array, T_flange_tool: Array) -> tuple[
     bend = np.where(arrived, np.abs(np.arctan2(np.sin(q), np.cos(q))).max(axis=1), np.inf)
     bend = bend.reshape(len(holes), len(starts))
     reached = np.flatnonzero(np.isfinite(bend).any(axis=1))
-    return q.reshape(*bend.shape, -1)[reached, np.argmin(bend[reached], axis=1)], reached
+    return q.reshape(*bend.shape, dh.joints)[reached, np.argmin(bend[reached], axis=1)], reached
 
 
 def _reach(dh: DhTable, q: Array, holes: Array, T_flange_tool: Array) -> Bools:

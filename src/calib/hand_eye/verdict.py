@@ -27,6 +27,7 @@ _CURES = {
 }
 HEALTHY_GEAR = np.radians(0.1)
 """rad; more than a sagging or eccentric joint errs over half of the recorded range."""
+_TELLING = 3.0  # standard deviations of the scatter at the tool from which a movement is refused
 _USUAL_CURE = "too little information: take more images in more varied postures"
 
 
@@ -69,16 +70,17 @@ def with_hand_eye_verdict(found: HandEye, limits: ChainLimits, place: WorkPlace)
 
 
 def _at_the_tool(tool: ToolError, limits: HandEyeLimits) -> Iterator[str]:
-    for direction, value, most in (
-        ("sideways", tool.sideways, limits.sideways),
-        ("in height", tool.height, limits.height),
+    for direction, value, most, key in (
+        ("sideways", tool.sideways, limits.sideways, "tool.least_certain_mm"),
+        ("in height", tool.height, limits.height, "tool.least_certain_height_mm"),
     ):
         if value > most:
             cause = max(tool.parts, key=lambda name: tool.parts[name])
             cure = _CURES[cause] if tool.parts[cause] > 0.5 else _USUAL_CURE
             yield (
                 f"the tool would miss holes by {1e3 * value:.2f} mm {direction} (one standard deviation, at the worst "
-                f"of {tool.holes} places), the limit is {1e3 * most:g} mm; most of it is {cure}"
+                f"of {tool.holes} places), the limit is {1e3 * most:g} mm ({key} of the cell file); most of it is "
+                f"{cure}"
             )
 
 
@@ -102,8 +104,12 @@ def _beyond_priors(found: HandEye) -> Iterator[str]:
 
 
 def _beyond_scatter(found: HandEye) -> Iterator[str]:
-    """Refuse faults of an arm that scatters: its residuals are no larger than its scatter, so they show nothing."""
+    """Refuse faults of an arm that scatters: its residuals are no larger than its scatter, so they show nothing.
+
+    A movement within the scatter does no more harm than the scatter, and a few images may show one by chance.
+    """
     c = found.chain
+    far = min(_TELLING * found.tool.scatter, 0.5 * c.limits.held_out) if found.tool.holes else 0.0
     if c.scattering is None:
         return
     for s in c.hypotheses:
@@ -113,7 +119,8 @@ def _beyond_scatter(found: HandEye) -> Iterator[str]:
         turned = (
             0.0 if joint is None else abs(s.amount) * float(np.ptp(found.recording.joints[:, joint])) / 2.0
         )
-        if s.name in ("target moved", "camera moved", "time skew") or turned > HEALTHY_GEAR:
+        moved = s.name in ("target moved", "camera moved") and s.amount > far
+        if moved or s.name == "time skew" or turned > HEALTHY_GEAR:
             yield f"more is wrong than the arm's scatter: {describe(s)}"
             return
 

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from arm.se3 import rotation, transform
-from calib.hand_eye.image_effects import BIAS, SIZE, ImageEffects, lens_factor, refined_lens
+from calib.chain.per_image_poses import fit_per_image_poses
+from calib.hand_eye.image_effects import (
+    BIAS,
+    SIZE,
+    ImageEffects,
+    inwards,
+    lens_factor,
+    poses_without_bias,
+    refined_lens,
+)
 from calib.model.intrinsics import vector_of
 from calib.model.projection import Projection
 from calib.recordings.arm import ArmRecording
@@ -55,6 +64,32 @@ def test_each_column_is_the_change_of_the_picture() -> None:
         assert vector_of(lens) == pytest.approx(vector_of(r.camera) + 1e-3 * effects.lens[:, k])
     larger = Projection(r.camera, T, (1.0 + r.size_within) * r.points).pixels - before
     assert effects.columns[..., -2] == pytest.approx(larger, abs=1e-3 * np.abs(larger).max())
-    inwards = effects.columns[..., -1]
-    assert np.linalg.norm(inwards, axis=-1) == pytest.approx(r.corners_within)
-    assert (np.sum(inwards * (before.mean(axis=1, keepdims=True) - before), axis=-1) > 0.0).all()
+    bias = effects.columns[..., -1]
+    assert np.linalg.norm(bias, axis=-1) == pytest.approx(r.corners_within)
+    assert (np.sum(bias * (before.mean(axis=1, keepdims=True) - before), axis=-1) > 0.0).all()
+
+
+def biased(px: float) -> ArmRecording:
+    """Twelve images with corners that scatter by 0.05 px, and lie inwards of the true ones; one corner is wrong."""
+    rng = np.random.default_rng(5)
+    turns = [rotation(np.array([0.3, 2.9, 0.0]) + 0.3 * rng.standard_normal(3)) for _ in range(12)]
+    poses = np.array([transform(R, (0.01 * k, 0.0, 0.7 + 0.03 * k)) for k, R in enumerate(turns)])
+    r = recording(None)
+    clean = Projection(r.camera, poses, r.points).pixels
+    pixels = clean + px * inwards(clean) + 0.05 * rng.standard_normal(clean.shape)
+    pixels[3, 4] += 40.0
+    pixels[5, 6] = np.nan
+    return replace(r, joints=np.zeros((12, 6)), pixels=pixels)
+
+
+@pytest.mark.parametrize("px", [0.3, -0.1, 0.0])
+def test_the_bias_of_corners_is_no_noise(px: float) -> None:
+    r = biased(px)
+    alone = poses_without_bias(r)
+    assert alone.pixel_sigma == pytest.approx([0.05, 0.05], rel=0.12)
+    assert alone.wrong.sum() == 1
+    usual = fit_per_image_poses(r.camera, r.points, r.pixels)
+    if px:
+        assert (usual.pixel_sigma > 1.08 * alone.pixel_sigma).all()
+    else:
+        assert alone.T_camera_target.tobytes() == usual.T_camera_target.tobytes(), "nothing is taken off"

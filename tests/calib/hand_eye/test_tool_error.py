@@ -58,3 +58,6 @@ def test_the_camera_sees_the_holes_that_are_looked_at_by_default() -> None:
     pixels = found.camera.project_base(holes)
     assert ((pixels > 0) & (pixels < np.array(found.camera.size))).all()
     assert found.tool.holes > 10
+    away = np.array([(3.0, 0.0, 0.05), (0.45, 0.0, 0.05)])
+    assert tool_error(found, away).holes == 1
+    assert tool_error(found, away[:1]).holes == 0

@@ -61,6 +61,10 @@ def test_a_fault_is_refused_although_the_arm_scatters(loose: HandEye) -> None:
     assert "scale of J4" in with_fault("scale of J4", 2e-3)[0]
     assert not with_fault("scale of J4", 2e-4), "a healthy gear"
     assert not with_fault("camera moved", 1e-3, drop=19.0)
+    within = 3.0 * loose.tool.scatter
+    assert within < 0.5e-3
+    assert with_fault("target moved", 1.01 * within)
+    assert not with_fault("target moved", 0.99 * within), "what the arm does anyway"
 
 
 def with_lens(sigmas_off: float) -> ArmRecording:
