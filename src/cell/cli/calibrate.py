@@ -159,6 +159,12 @@ def calibrate_hand_eye(
     apply: Annotated[
         bool, Option("--apply", help="Name the file of -o in the cell file, as its calibration.")
     ] = False,
+    cell: Annotated[
+        Path | None,
+        Option(
+            help="Cell or task file to compare with, whose limits and zone decide; with --collect: that of TASK."
+        ),
+    ] = None,
     report: _Report = None,
     limit_mm: _LimitMm = None,
     encoder_step_deg: _EncoderStep = None,
@@ -169,9 +175,11 @@ def calibrate_hand_eye(
         with answering("calibrating", as_json) as console:
             from cell.commands.calibration.chain import ChainOptions, hand_eye_step
 
-            result = hand_eye_step(data, ChainOptions(output, report, limit_mm, encoder_step_deg), console)
+            options = ChainOptions(output, report, limit_mm, encoder_step_deg, cell)
+            result = hand_eye_step(data, options, console)
         _finish(result, output, console)
         return
+    refuse_given(context, ("cell",), "--collect TASK names the cell already")
     if port is None:
         refuse_given(context, ("unseen", "homed", "free"), NO_PORT)
     with answering("starting", as_json) as console:

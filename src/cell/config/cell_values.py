@@ -23,6 +23,8 @@ class CellValues(Keys):
     grip_height: float = key("tool.grip_height_mm", number("mm", 0, 32))
     settle_s: float = key("tool.settle_s", number("s", 0, 30))
     grip_tolerance: float = key("tool.grip_tolerance_mm", number("mm", 0.1, 20), 3)
+    tool_sideways: float = key("tool.least_certain_mm", number("mm", 0.01, 20), 1.0)
+    tool_height: float = key("tool.least_certain_height_mm", number("mm", 0.01, 20), 1.5)
     cube_size: float = key("cube.size_mm", number("mm", 5, 80))
     cube_tolerance: float = key("cube.size_tolerance_mm", number("mm", 0.01, 2), 0.1)
     dictionary: str = key("boards.dictionary", DICTIONARY)

@@ -18,6 +18,8 @@ LEFT_OUT = (
     "camera",
     "calibration",
     "background",
+    "tool.least_certain_mm",
+    "tool.least_certain_height_mm",
     "boards.files",
     "boards.tilts_deg",
     "boards.made_within_mm",

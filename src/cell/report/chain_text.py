@@ -242,7 +242,8 @@ def print_chain(
         f"fit:         residuals {x:.3f} / {y:.3f} px, chi2/dof {c.fit.chi2_dof:.3f}, {c.iterations} steps in "
         f"{c.solve_s:.2f} s"
     )
-    step = float(np.degrees(c.problem.reading_sigma.max()))
+    known = c.problem.reading_sigma if c.scattering is None else c.scattering.base
+    step = float(np.degrees(known.max()))
     if step > 0.0:
         console.say(f"encoders:    {step:.4f} deg (one standard deviation), estimated from their readings")
     console.say(

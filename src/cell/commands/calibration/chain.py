@@ -12,6 +12,7 @@ import numpy as np
 
 from arm.calibration_file import COVARIANCE, ArmCalibration, write_arm_calibration
 from arm.controller.unit import UNITS
+from arm.errors import InputError
 from arm.io.storage import write_atomic
 from arm.robot.dh import A465
 from arm.robot.link_errors import LinkErrors
@@ -26,6 +27,7 @@ from calib.nao.calibrate import NAO_LIMITS, calibrate_nao
 from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import read_nao_recording
 from calib.recordings.arm import ArmRecording, read_arm_recording
+from cell.commands.calibration.cell_change import change_of, work_place
 from cell.commands.calibration.options import (
     OUTPUT,
     REPORT,
@@ -33,8 +35,11 @@ from cell.commands.calibration.options import (
     checked_limit,
     option_error,
 )
+from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.files.apply_calibration import apply_calibration, name_in, naming
+from cell.files.task import read_task, task_or_cell
 from cell.report.chain import chain_page
 from cell.report.chain_text import (
     describe_self_test,
@@ -61,7 +66,7 @@ class ChainOptions(ResultOptions):
 
     Attributes:
         encoder_step_deg: encoder resolution; None: estimated from the readings.
-        cell: cell file of the calibrated arm; None: unknown.
+        cell: cell file (or task file) of the calibrated arm; None: unknown.
         apply: whether an accepted calibration is entered in the cell file.
     """
 
@@ -75,12 +80,14 @@ class ChainOptions(ResultOptions):
         self.encoder_step()
         return self.checked(inputs, MARKS)
 
-    def limits(self, usual: Limits) -> Limits:
+    def limits(self, usual: Limits, cell: Cell | None = None) -> Limits:
         """Return the limits of the verdict; `limit_mm` is that of held-out images, and of the tool in all directions.
 
         Raises:
             InputError: `limit_mm` is out of range.
         """
+        if self.limit_mm is None and cell is not None and isinstance(usual, HandEyeLimits):
+            return replace(usual, sideways=cell.tool_sideways, height=cell.tool_height)
         if self.limit_mm is None:
             return usual
         limit = checked_limit(self.limit_mm) / 1e3
@@ -133,8 +140,21 @@ def hand_eye_step(data: Path, options: ChainOptions, console: Console) -> dict[s
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    options = options.checked_all((data,))
-    return solve_hand_eye(data, read_arm_recording(data), options, console)
+    cell = None
+    if options.cell is not None:
+        cell = _read_cell(options.cell, console)
+        options = replace(options, cell=cell.file)
+    options = options.checked_all((data,) if cell is None else (data, cell.file, cell.camera_file))
+    return solve_hand_eye(data, read_arm_recording(data), options, console, cell=cell)
+
+
+def _read_cell(file: Path, console: Console) -> Cell:
+    """Read a cell file, or that of a task; without its calibration if that cannot be used."""
+
+    def unusable(why: InputError) -> None:
+        console.step(f"started without the cell's calibration: {why}")
+
+    return read_task(file, unusable).cell if "task" in task_or_cell(file) else read_cell(file, unusable)
 
 
 def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, SelfTest | None]:
@@ -157,7 +177,12 @@ def _test_json(test: SelfTest | None) -> dict[str, Any]:
 
 
 def solve_hand_eye(
-    data: Path, recording: ArmRecording, options: ChainOptions, console: Console, pool: Array | None = None
+    data: Path,
+    recording: ArmRecording,
+    options: ChainOptions,
+    console: Console,
+    pool: Array | None = None,
+    cell: Cell | None = None,
 ) -> dict[str, Any]:
     """Calibrate from a recording, print the results and write them.
 
@@ -167,17 +192,29 @@ def solve_hand_eye(
         options: checked ones.
         console: output.
         pool: readings (n, joints), rad, from which further poses are proposed; None: any near the recorded ones.
+        cell: of the arm and the camera: what changes of it is told, and it has the verdict's limits; None: unknown.
 
     Raises:
         InputError: a file cannot be written.
         CalibrationRefused: nothing could be computed.
     """
     console.step(f"fit: {len(recording.joints)} poses of {recording.kind} ({len(recording.points)} points)")
-    found = calibrate_hand_eye(recording, options.limits(HAND_EYE_LIMITS), options.encoder_step())
+    found = calibrate_hand_eye(
+        recording,
+        options.limits(HAND_EYE_LIMITS, cell),
+        options.encoder_step(),
+        None if cell is None else work_place(cell),
+    )
     chain, test = _tested(found.chain, console)
     found = replace(found, chain=chain)
     more = next_poses(found, pool=pool)
     result = hand_eye_json(found, more) | _test_json(test)
+    if cell is None:
+        console.say("not compared with a cell: --cell FILE tells how far camera and joints have moved")
+    else:
+        change = change_of(found, cell)
+        console.say(str(change))
+        result["changed"] = change.json()
     print_hand_eye(found, console, more)
     tables = hand_eye_tables(found)
     options.write_report(lambda: chain_page("Camera and arm", data.name, chain, tables, test), console)

@@ -86,7 +86,7 @@ def collect_step(
     else:
         console.step(f"{recording}: has {len(record)} poses already, so nothing moves")
     with console.doing("calibrating"):
-        result = solve_hand_eye(recording, record.recording(), options, console, pool)
+        result = solve_hand_eye(recording, record.recording(), options, console, pool, task.cell)
     if images and files.apply and options.output is not None and not result["reasons"]:
         background_after_hand_eye(files.task, images, options.output.with_suffix(".background.npz"), console)
     return {**result, "recording": str(recording), "folder": None if folder is None else str(folder)}

@@ -167,7 +167,7 @@ class Asked:
 def asked(monkeypatch: pytest.MonkeyPatch, found: HandEye) -> list[Asked]:
     seen: list[Asked] = []
 
-    def arm(recording: ArmRecording, limits: ChainLimits, step: float | None = None) -> HandEye:
+    def arm(recording: ArmRecording, limits: ChainLimits, step: float | None, _: object) -> HandEye:
         seen.append(Asked(recording, limits, step))
         return found
 
