@@ -19,6 +19,12 @@ from vision.camera.model import Camera
 from vision.markers.border_shift import moved_outwards
 
 SAME_PRINT = 2.0  # size error of the print of both markers, in standard deviations of the tolerance
+BORDER_BIAS_PX = 0.15
+"""Standard deviation of a shift of all borders of a board, outwards, that `vision.markers.border_shift` leaves.
+
+On two real prints the borders lie 0.14 and 0.17 px outwards of where the corners of the squares put them, 0.06 px from
+marker to marker (docs/sources.md, "Photographs of a real cell").
+"""
 OWN_EDGE = 0.2  # size error of each marker alone, in the same unit
 _STEPS = 5
 
@@ -65,7 +71,12 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
         columns += [np.einsum("nij,nj->ni", by_point, moved.reshape(8, 3)).ravel() for moved in in_plane]
     if (sides_px > 0.0).any():
         corners = project(T_camera_board, outlines.reshape(8, 3), camera)
-        for marker, corner in enumerate(corners.reshape(2, 4, 2)):
+        quads = corners.reshape(2, 4, 2)
+        bias = np.where((sides_px > 0.0).any(axis=1, keepdims=True), np.full((2, 4), BORDER_BIAS_PX), 0.0)
+        columns.append(
+            np.stack([moved_outwards(q, by) - q for q, by in zip(quads, bias, strict=True)]).ravel()
+        )
+        for marker, corner in enumerate(quads):
             for side in np.flatnonzero(sides_px[marker]):
                 moved = np.zeros((2, 4, 2))
                 moved[marker] = moved_outwards(corner, sides_px[marker] * (np.arange(4) == side)) - corner

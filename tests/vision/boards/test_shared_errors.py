@@ -12,7 +12,7 @@ from arm.se3 import Array, frozen
 from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, twist_between
 from pictures.made_boards import glued_aside, made, moved_px
 from vision.boards.pose import assess_board
-from vision.boards.shared_errors import shared_errors
+from vision.boards.shared_errors import BORDER_BIAS_PX, shared_errors
 from vision.markers.border_shift import moved_outwards
 from vision.markers.detect import Marker
 
@@ -52,6 +52,30 @@ def glue(seed: int, away: float | None) -> tuple[list[list[Marker]], Array]:
     T = random_pose(np.random.default_rng(seed), TILTS[seed % 3])
     corners = made(BOARD, rng) if away is None else glued_aside(BOARD, away, rng)
     return seen(seed, moved_px(BOARD, corners, T, CAMERA))
+
+
+def test_borders_biased_outwards_are_in_the_covariance_of_boards_measured_in_images() -> None:
+    """As real prints' are, both markers alike, on boards that are exact; recorded corners have no such error."""
+    sides = np.full((2, 4), 1e-3)
+    found = []
+    for seed in range(24):
+        rng = np.random.default_rng([seed, 4])
+        T = random_pose(np.random.default_rng(seed), TILTS[seed % 3])
+        points = BOARD.marker_corners().reshape(8, 3) @ T[:3, :3].T + T[:3, 3]
+        corners = CAMERA.project_base(points).reshape(2, 4, 2)
+        bias = np.full(4, BORDER_BIAS_PX * rng.standard_normal())
+        off = np.stack([moved_outwards(c, bias) - c for c in corners])
+        found.append(nees(*seen(seed, off, sides), 0.0))
+    assert 0.5 < np.mean(found) < 1.6
+    T = random_pose(np.random.default_rng(0), 0.0)
+    in_camera = CAMERA.T_camera_base @ T
+    exact = replace(BOARD, tolerance=0.0)
+    assert shared_errors(exact, in_camera, CAMERA, np.zeros((2, 4))).shape == (16, 0)
+    columns = shared_errors(exact, in_camera, CAMERA, sides)
+    assert columns.shape == (16, 9)
+    moved_by = np.linalg.norm(columns[:, 0].reshape(8, 2), axis=1)
+    two_sides = np.sqrt(2.0) * BORDER_BIAS_PX
+    assert moved_by == pytest.approx(np.full(8, two_sides), rel=0.02)
 
 
 @pytest.mark.parametrize("frames", [1, pytest.param(3, marks=pytest.mark.slow)])
