@@ -31,10 +31,8 @@ CHANCE = 1e-4  # probability of refusing a complete model for its residuals
 CORRELATED = 0.9
 _INFORMATIVE = 2  # degrees of freedom per optional unknown needed to conclude that readings are exact
 _EITHER_SIDE = 6  # images
-_MANY_WRONG, _SOME_WRONG = (
-    0.4,
-    0.1,
-)  # of the images: more than wrong detections explain, alone or if others disagree
+# Of the images: more than wrong detections explain, alone, or if others disagree too.
+_MANY_WRONG, _SOME_WRONG = 0.4, 0.1
 SIZE = 1e-3  # relative tolerance of a target's size
 
 
@@ -319,9 +317,7 @@ def scatters(c: ChainCalibration) -> bool:
     causes = [s for s in c.hypotheses if s.sure and _on_both_sides(c, s)]
     left = [c.fit.excess(c.problem.noise_freedom, s.drop, 1) for s in causes]
     most = 1.0 + UNEXPLAINED * (c.excess - 1.0)
-    if any(
-        trial.instead for trial in c.trials
-    ):  # what is left is as good as a part of the model, so chance may be all
+    if any(trial.instead for trial in c.trials):  # what is left is as good as a part: chance may be all of it
         most = max(most, c.excess_limit)
     return not left or min(left) > most
 

@@ -21,10 +21,8 @@ from calib.chain.fit import ChainFit, NormalEquations, Problem, whitened
 from calib.model.least_squares import inverse_scaled
 
 TYPICAL = np.radians(0.005)  # rad; typical size of a joint's scatter, and of its smooth errors
-_WIDE, _SPREAD = (
-    2.0,
-    0.7,
-)  # standard deviations of the logarithm of the common size, and of each joint's about it
+# Standard deviations of the logarithm of the common size, and of each joint's about it.
+_WIDE, _SPREAD = 2.0, 0.7
 _SMOOTH_SPREAD = 1.0  # the same of the smooth errors' size
 _SIZES = (np.log(1e-7), np.log(0.02))  # rad
 _HEAVY = 4.0  # degrees of freedom of Student's t, for weights that tolerate wrong images
