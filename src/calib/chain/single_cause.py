@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from calib.chain.fit import fit_chains
+from calib.chain.fit import Problem, fit_chains
 from calib.chain.model_selection import Choice, Part, without
 from calib.chain.score_tests import find_error_hypotheses
 
@@ -28,7 +28,7 @@ def prefer_single_causes(choice: Choice, parts: Sequence[Part], readings: Sequen
         trial = next(t for t in choice.trials if t.part == part.name)
         if part.known or not trial.needed:
             continue
-        bare = without(choice.problem, part)
+        bare = _with_known(without(choice.problem, part), parts)
         fit = fit_chains(bare, choice.fit.weights, choice.fit)
         rise = fit.cost - choice.fit.cost
         left = max(UNEXPLAINED * rise, float(len(part.unknowns)))
@@ -38,3 +38,12 @@ def prefer_single_causes(choice: Choice, parts: Sequence[Part], readings: Sequen
             trials = tuple(instead if t is trial else t for t in choice.trials)
             choice = Choice(bare, fit, trials)
     return choice
+
+
+def _with_known(problem: Problem, parts: Sequence[Part]) -> Problem:
+    """The problem with the parts that exist by their prior: another part may have stood in for them."""
+    free = problem.free.copy()
+    for part in parts:
+        if part.known:
+            free[list(part.unknowns)] = True
+    return replace(problem, free=free)

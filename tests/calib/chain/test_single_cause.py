@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import calib.chain.single_cause as single_cause
+from arm.se3 import frozen
 from calib.chain.fit import ChainFit
 from calib.chain.model_selection import Choice, Part, Trial
 from calib.chain.result import ChainCalibration
@@ -77,3 +78,15 @@ def test_a_cause_has_to_explain_nine_tenths_or_all_but_what_chance_does(
     assert (trial.instead != "") == replaced
     assert trial.rise == pytest.approx(rise - explained if replaced else rise)
     assert trial.needed == (rise > 50.0 and not replaced)
+
+
+def test_a_print_of_another_size_is_in_the_model_again_when_links_stood_in_for_it() -> None:
+    """Sway makes links seem needed, and with links the print's size is not: the size is no cause beside the model."""
+    rng = np.random.default_rng(3)
+    truth = draw_truth(rng)
+    joints = wide(truth, TARGETS["charuco"], 24, rng)
+    small = truth.pixels(joints, 0.998 * TARGETS["charuco"])
+    pixels = small + 0.04 * rng.standard_normal((24, 1, 2)) + 0.13 * rng.standard_normal(small.shape)
+    c = calibrate_hand_eye(replace(recorded(truth, joints, "charuco", rng), pixels=frozen(pixels))).chain
+    assert c.accepted, c.reasons
+    assert [(t.needed, t.instead) for t in c.trials] == [(False, ""), (True, "")]
