@@ -23,7 +23,7 @@ BORDER_BIAS_PX = 0.15
 """Standard deviation of a shift of all borders of a board, outwards, that `vision.markers.border_shift` leaves.
 
 On two real prints the borders lie 0.14 and 0.17 px outwards of where the corners of the squares put them, 0.06 px from
-marker to marker (docs/sources.md, "Photographs of a real cell").
+marker to marker (docs/sources.md, "Corners in images").
 """
 OWN_EDGE = 0.2  # size error of each marker alone, in the same unit
 _STEPS = 5
