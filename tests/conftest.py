@@ -12,6 +12,11 @@ from driver.log.read import Session, read_log
 from wire.logged_session import LoggedRun, logged_run
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the tests that take minutes: at the end, one process would run them while others wait."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
 @pytest.fixture
 def scenes(tmp_path: Path) -> Path:
     """A copy of the shipped scenes that a test may change."""

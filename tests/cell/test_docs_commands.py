@@ -86,6 +86,7 @@ def typed() -> list[object]:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("some", typed())
 def test_what_a_page_says_can_be_done(
     some: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -74,6 +74,7 @@ def _told_mm(cell: Cell) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_commands_of_the_page_find_the_shipped_calibration(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
