@@ -31,6 +31,7 @@ from vision.boards.pose import assess_board
 from vision.camera.frame_source import read_grey
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers
+from vision.observe import with_camera_uncertainty
 from vision.targets.quality import measure_quality
 from vision.targets.target import Target, TargetFinder
 
@@ -195,7 +196,7 @@ def background(photos: Photos, camera: Camera, noisy: int) -> None:
 
 
 def still(photos: Photos, camera: Camera) -> None:
-    """Boards that stood still: scatter of single photographs over what they say, with the background's shift out."""
+    """Boards that stood still: scatter of single photographs over their repeatability, with the camera's shift out."""
     watched = Watched(photos, camera)
     group = photos.groups["A"]
     names = [f"hoop_arm/{n}.png" for n in group["photographs"]]
@@ -203,20 +204,23 @@ def still(photos: Photos, camera: Camera) -> None:
     rows: list[tuple[BoardPose, BoardPose]] = []
     for name in names:
         image = photos.image(name)
-        steady = as_calibrated(image, camera, measure_shift(reference, image, camera, DISTANCE))
+        shift = measure_shift(reference, image, camera, DISTANCE)
+        steady = as_calibrated(image, camera, shift)
         both = [
             assess_board(wire_board(tolerance=0.0), [detect_markers(i, camera)], camera)
             for i in (image, steady)
         ]
-        if all(v.accepted and v.pose is not None for v in both):
-            rows.append((both[0].pose, both[1].pose))  # type: ignore[arg-type]
+        taken, corrected = (v.pose if v.accepted else None for v in both)
+        if taken is not None and corrected is not None:
+            rows.append((taken, with_camera_uncertainty(corrected, camera, shift)))
     header = (
         "images",
         "photographs",
         "scatter across, depth mm",
-        "told across, depth mm",
+        "repeatability across, depth mm",
         "ratio",
-        "deg, told, ratio",
+        "deg, repeatability, ratio",
+        "standard deviation of the pose across, depth mm; deg",
     )
     table("A board that stands still (group A), single photographs", *header)
     for name, poses in zip(("as taken", "corrected by the background"), zip(*rows, strict=True), strict=True):
@@ -224,23 +228,33 @@ def still(photos: Photos, camera: Camera) -> None:
 
 
 def spread(poses: Sequence[BoardPose]) -> str:
-    """Scatter of poses of one board beside their standard deviations, without the tolerance of how it was made."""
+    """Scatter of poses of one board beside their repeatability, and their standard deviations."""
     mean = poses[0].T_base_board
     t = np.array([p.T_base_board[:3, 3] for p in poses])
     turns = np.array([rotation_vector((inverse(mean) @ p.T_base_board)[:3, :3]) for p in poses])
     scatter, turn = t.std(axis=0, ddof=1), turns.std(axis=0, ddof=1)
-    told = np.sqrt(np.mean([np.diag(_in_camera(p)) for p in poses], axis=0))
-    across, of = np.hypot(*scatter[:2]) / 2**0.5, np.hypot(*told[:2]) / 2**0.5
-    turn_s, turn_t = np.degrees(np.linalg.norm(turn)), np.degrees(np.linalg.norm(told[3:]))
+    found = _across_depth_turn(np.hstack([scatter, turn]))
+    again, whole = (
+        _across_depth_turn(np.sqrt(np.mean([np.diag(_in_camera(p, c)) for p, c in of], axis=0)))
+        for of in ([(p, p.repeatability) for p in poses], [(p, p.covariance) for p in poses])
+    )
+    ratio = found / again
     return (
-        f"{1e3 * across:.3f}, {1e3 * scatter[2]:.3f} | {1e3 * of:.3f}, {1e3 * told[2]:.3f} | "
-        f"{across / of:.2f}, {scatter[2] / told[2]:.2f} | {turn_s:.3f}, {turn_t:.3f}, {turn_s / turn_t:.2f}"
+        f"{found[0]:.3f}, {found[1]:.3f} | {again[0]:.3f}, {again[1]:.3f} | {ratio[0]:.2f}, {ratio[1]:.2f} | "
+        f"{found[2]:.3f}, {again[2]:.3f}, {ratio[2]:.2f} | {whole[0]:.3f}, {whole[1]:.3f}; {whole[2]:.3f}"
     )
 
 
-def _in_camera(pose: BoardPose) -> Array:
+def _across_depth_turn(sigma: Array) -> Array:
+    """Mean of x and y mm, z mm, and length of the turn deg, of standard deviations (6,) m and rad."""
+    return np.array(
+        [1e3 * np.hypot(*sigma[:2]) / 2**0.5, 1e3 * sigma[2], np.degrees(np.linalg.norm(sigma[3:]))]
+    )
+
+
+def _in_camera(pose: BoardPose, covariance: Array | None) -> Array:
     R = np.kron(np.eye(2), pose.T_base_board[:3, :3])
-    return np.asarray(R @ pose.covariance @ R.T)
+    return np.full((6, 6), np.nan) if covariance is None else np.asarray(R @ covariance @ R.T)
 
 
 def borders(photos: Photos, camera: Camera) -> None:

@@ -67,6 +67,9 @@ class BoardPose:
         residual_px: root mean square of the corners' reprojection errors, px per coordinate.
         hypothesis_ratio: error of the second planar solution over the first; near 1 the tilt may be flipped.
         tilt_hypothesis: agreement with known tilts of stands, or None; the pose does not depend on it.
+        repeatability: the part of `covariance`, (6, 6), that other images of the board at rest would draw anew: noise
+            of its corners and of the camera's measured shift. A mean of poses lowers only this part; they share the
+            rest, such as errors of the print. None if unknown.
     """
 
     board: Board
@@ -75,6 +78,7 @@ class BoardPose:
     residual_px: float
     hypothesis_ratio: float
     tilt_hypothesis: TiltHypothesis | None = None
+    repeatability: Array | None = None
 
     def tilt(self) -> float:
         """Return the angle of the board's normal to the vertical, rad."""

@@ -126,10 +126,11 @@ def _require_in_region(board: Board, frames: Sequence[Sequence[Marker]], camera:
 
 
 def with_camera_uncertainty(pose: BoardPose, camera: Camera, shift: CameraShift) -> BoardPose:
-    """Return a board's pose with the uncertainty of the camera's measured shift added to its covariance."""
+    """Return a board's pose with the uncertainty of the camera's measured shift added to its covariances."""
     Ad = adjoint(mul(inverse(pose.T_base_board), camera.T_base_camera))
     added = mul(mul(Ad, shift.twist_covariance), Ad.T)
-    return replace(pose, covariance=frozen(pose.covariance + added))
+    again = None if pose.repeatability is None else frozen(pose.repeatability + added)
+    return replace(pose, covariance=frozen(pose.covariance + added), repeatability=again)
 
 
 def _why_missing(board: Board, hidden: Sequence[int]) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
-from arm.se3 import apply
+from arm.poses import BoardPose
+from arm.se3 import apply, transform
 from pictures.boards import (
     CUBE,
     Photographed,
@@ -23,7 +24,8 @@ from pictures.boards import (
     twist_between,
     window,
 )
-from vision.observe import annotated, look
+from vision.background.camera_shift import CameraShift
+from vision.observe import annotated, look, with_camera_uncertainty
 from vision.occupancy.classify import OUT
 
 CAMERA = lab_camera()
@@ -213,3 +215,18 @@ def test_black_photographs_are_told_as_such(brightest: int) -> None:
         look(images, CAMERA, [A], DICTIONARY, CUBE)
     grey = [np.full((1200, 1920), 120, np.uint8)]
     assert set(look(grey, CAMERA, [A], DICTIONARY, CUBE).missing) == {A.name}
+
+
+def test_the_camera_s_shift_adds_to_covariance_and_repeatability_alike() -> None:
+    """A board at the height of the background: what the camera may have turned by is a shift of so many micrometres."""
+    camera = lab_camera()
+    T = transform(camera.T_base_camera[:3, :3], apply(camera.T_base_camera, np.array([0.0, 0.0, 1.0])))
+    pose = BoardPose(lab_board(), T, 1e-12 * np.eye(6), 0.0, 1e3, repeatability=1e-13 * np.eye(6))
+    still, turn = np.zeros(3), 1e-10 * np.diag([1.0, 1.0, 0.0])
+    shift = CameraShift(still, turn, 0.0, 0.0, 50, 50, 4700.0, 1.0, 1000.0)
+    now = with_camera_uncertainty(pose, camera, shift)
+    assert now.repeatability is not None
+    added = now.covariance - pose.covariance
+    assert added == pytest.approx(now.repeatability - 1e-13 * np.eye(6), abs=1e-20)
+    assert np.sqrt(np.diag(added)) == pytest.approx([1e-5, 1e-5, 0.0, 1e-5, 1e-5, 0.0], abs=1e-9)
+    assert with_camera_uncertainty(replace(pose, repeatability=None), camera, shift).repeatability is None

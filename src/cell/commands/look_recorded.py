@@ -57,6 +57,7 @@ def _to_json(name: str, seen: BoardAssessment, T_base_camera: Array) -> dict[str
             "T_camera_board",
             "T_base_board",
             "covariance",
+            "repeatability",
             "residual_px",
             "hypothesis_ratio",
             "tilt_deg",

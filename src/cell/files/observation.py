@@ -88,6 +88,7 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
         "T_camera_board": (mul(inverse(T_base_camera), pose.T_base_board)).tolist(),
         "T_base_board": pose.T_base_board.tolist(),
         "covariance": pose.covariance.tolist(),
+        "repeatability": None if pose.repeatability is None else pose.repeatability.tolist(),
         "residual_px": pose.residual_px,
         "hypothesis_ratio": pose.hypothesis_ratio,
         "tilt_deg": float(np.degrees(pose.tilt())),
@@ -186,6 +187,7 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
         node["residual_px"].read(_NUMBER),
         node["hypothesis_ratio"].read(_NUMBER),
         _tilt_from_json(node),
+        None if entry.value.get("repeatability") is None else node["repeatability"].read(numbers((6, 6))),
     )
     occupancy = (
         Occupancy(hole["state"].read(_STATE), reason=hole.get("reason", text(), "")) for hole in holes

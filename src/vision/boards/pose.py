@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from arm.board import Board
 from arm.errors import ImpossibleError
@@ -21,7 +22,15 @@ from arm.se3 import Array, angle_between, frozen
 from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, no_pose, uncertain
 from vision.boards.corner_noise import mean_corner_variance
 from vision.boards.marker_size import DETERMINED
-from vision.boards.pose_fit import Corners, Fit, fit_again, fit_pose, planar_poses, pose_jacobian
+from vision.boards.pose_fit import (
+    Corners,
+    Fit,
+    fit_again,
+    fit_pose,
+    frame_variance,
+    planar_poses,
+    pose_jacobian,
+)
 from vision.boards.shared_errors import Fitted, fit_with_shared, left_over, shared_errors
 from vision.boards.tilt_prior import log_odds_of_tilts, tilt_hypothesis
 from vision.camera.model import Camera
@@ -107,8 +116,10 @@ def assess_board(
     left = None if errors[0] is None else left_over(hypotheses.best, corners.points, camera, errors[0])
     variance = mean_corner_variance(corners, hypotheses.best, floor, left)
     fits = [_fitted(fit, corners, camera, variance, e) for fit, e in zip(both, errors, strict=True)]
+    noise = _noise(board, frames, corners, hypotheses.best)
     poses = [
-        _pose(board, f, fit, corners, camera, hypotheses.ratio) for f, fit in zip(fits, both, strict=True)
+        _pose(board, f, fit, corners, camera, hypotheses.ratio, noise)
+        for f, fit in zip(fits, both, strict=True)
     ]
     costs = [fit.cost / variance if f is None else f.cost for f, fit in zip(fits, both, strict=True)]
     log_odds = (costs[1] - costs[0]) / 2.0
@@ -169,16 +180,41 @@ def _fitted(
         return None
     if errors is not None:
         return fit_with_shared(fit, corners.points, camera, errors, variance)
-    return Fitted(fit.T_camera_board, variance * np.linalg.inv(information), fit.cost / variance)
+    inverse_information = np.linalg.inv(information)
+    gain = inverse_information @ (np.repeat(fit.shares, 2)[:, None] * J.reshape(-1, 6)).T
+    return Fitted(fit.T_camera_board, variance * inverse_information, fit.cost / variance, gain)
+
+
+def _noise(board: Board, frames: Sequence[Sequence[Marker]], corners: Corners, fit: Fit) -> Array | None:
+    """Covariance of the mean corners that other images would draw anew, (16, 16) px^2; None if unknown."""
+    of_frames = frame_variance(corners, fit)
+    if of_frames is not None:
+        totals = np.repeat(fit.weights.sum(axis=0), 2)
+        return np.diag(of_frames / np.maximum(totals, 1e-9))
+    markers = {m.id: m for frame in frames for m in frame}
+    first, second = (markers[i].noise for i in board.marker_ids)
+    return None if first is None or second is None else block_diag(first, second)
 
 
 def _pose(
-    board: Board, fitted: Fitted | None, fit: Fit, corners: Corners, camera: Camera, ratio: float
+    board: Board,
+    fitted: Fitted | None,
+    fit: Fit,
+    corners: Corners,
+    camera: Camera,
+    ratio: float,
+    noise: Array | None,
 ) -> BoardPose | None:
     if fitted is None:
         return None
-    T_base_board = frozen(camera.T_base_camera @ fitted.T_camera_board)
-    return BoardPose(board, T_base_board, frozen(fitted.covariance), _residual(corners, fit), ratio)
+    return BoardPose(
+        board,
+        frozen(camera.T_base_camera @ fitted.T_camera_board),
+        frozen(fitted.covariance),
+        _residual(corners, fit),
+        ratio,
+        repeatability=None if noise is None else frozen(fitted.gain @ noise @ fitted.gain.T),
+    )
 
 
 @dataclass(frozen=True)

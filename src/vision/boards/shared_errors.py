@@ -37,11 +37,13 @@ class Fitted:
         T_camera_board: 4x4.
         covariance: (6, 6) of its twist.
         cost: squared residuals over their covariance.
+        gain: twist by errors of the mean corners, (6, 16) m and rad per px.
     """
 
     T_camera_board: Array
     covariance: Array
     cost: float
+    gain: Array
 
 
 def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px: Array) -> Array:
@@ -131,7 +133,10 @@ def fit_with_shared(fit: Fit, points: Array, camera: Camera, errors: Array, vari
         J, r, _, _ = _whitened(fit, T, points, camera)
         if not np.isfinite(r).all():
             return None
-    return Fitted(T, np.asarray(np.linalg.inv(J.T @ W @ J)), float(r @ W @ r))
+    covariance = np.linalg.inv(J.T @ W @ J)
+    gain = np.zeros((6, 16))
+    gain[:, used] = covariance @ J.T @ W * root
+    return Fitted(T, np.asarray(covariance), float(r @ W @ r), gain)
 
 
 def _whitened(fit: Fit, T: Array, points: Array, camera: Camera) -> tuple[Array, Array, Array, Bools]:

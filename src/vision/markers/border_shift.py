@@ -33,11 +33,13 @@ class BorderShift:
     Attributes:
         shift_px: to be subtracted; shrunk towards zero or the mean of the sides, as far as noise explains it.
         sigma_px: standard deviation of the remaining shift, which all images share; noise is not included.
+        noise: covariance of `shift_px` from image to image, (4, 4) px^2.
         known: whether the code has enough white cells along its frame to measure the shift.
     """
 
     shift_px: Array
     sigma_px: Array
+    noise: Array
     known: bool
 
 
@@ -59,7 +61,7 @@ def border_shift(
     white = np.stack([bits[0], bits[:, -1], bits[-1, ::-1], bits[::-1, 0]]).astype(bool)
     side, cell = np.nonzero(white)
     if not len(side):
-        return BorderShift(np.zeros(4), np.zeros(4), False)
+        return _UNKNOWN
     within = (1.0 - CELL_PART) / 2.0 + CELL_PART * (np.arange(PER_CELL) + 0.5) / PER_CELL
     along = ((1.0 + cell[:, None] + within) * frame).ravel()
     sides = np.repeat(side, PER_CELL)
@@ -72,7 +74,7 @@ def border_shift(
         found = edge_offsets(image, at + offset[:, None] * inward, inward, np.full(len(at), min(reach, half)))
         offset, good = offset + found.offset, good & found.good
     outward = -offset
-    middle, variance = np.full(4, np.nan), np.full(4, np.nan)
+    middle, variance, noise = np.full(4, np.nan), np.full(4, np.nan), np.zeros(4)
     for k in range(4):
         values = outward[good & (sides == k)]
         if len(values) >= FEWEST_PROFILES:
@@ -81,14 +83,15 @@ def border_shift(
             kept = values[np.abs(values - middle[k]) <= 3.0 * spread + 1e-6]
             middle[k] = kept.mean()
             variance[k] = 1.5 * (spread**2 + 1e-6) / len(kept)
-    return _shrunk(middle, variance, frame)
+            noise[k] = np.var(kept, ddof=1) / len(kept)
+    return _shrunk(middle, variance, noise, frame)
 
 
-def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
+def _shrunk(inner: Array, variance: Array, noise: Array, frame: float) -> BorderShift:
     """Outer shift from the apparent position of the inner edges relative to the shifted outer square."""
     measured = np.isfinite(inner)
     if not measured.any():
-        return BorderShift(np.zeros(4), np.zeros(4), False)
+        return _UNKNOWN
     # an outer edge shifted outwards by s shifts the inner one by -s, and the outer square that predicts the inner edge
     # is too large by (1 - 2 frame) s there
     gain = -1.0 / (2.0 - 2.0 * frame)
@@ -101,7 +104,12 @@ def _shrunk(inner: Array, variance: Array, frame: float) -> BorderShift:
     own = np.where(measured, excess / (excess + np.where(measured, variance, 1.0)), 0.0)
     kept = max(0.0, 1.0 - 4.0 * mean_variance / mean**2) if mean else 0.0
     left = np.where(measured, (UNLIKE * own * apart) ** 2, excess) + (INEXACT * kept * mean) ** 2
-    return BorderShift(kept * mean + own * apart, np.sqrt(left), True)
+    by_side = kept * weight / weight.sum() + np.diag(own) @ (np.eye(4) - weight / weight.sum())
+    again = gain**2 * by_side * noise @ by_side.T
+    return BorderShift(kept * mean + own * apart, np.sqrt(left), again, True)
+
+
+_UNKNOWN = BorderShift(np.zeros(4), np.zeros(4), np.zeros((4, 4)), False)
 
 
 def moved_outwards(corners: Array, shift_px: Array) -> Array:

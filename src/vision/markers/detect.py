@@ -32,12 +32,14 @@ class Marker:
             "recorded" if a file does not give it.
         side_sigma_px: standard deviation of each side's remaining shift, common to all images, (4,) px
             (`vision.markers.border_shift`); None if unknown.
+        noise: covariance of the corners in this image alone, (8, 8) px^2; None if unknown.
     """
 
     id: int
     corners_px: Array
     method: Literal["lines", "subpix", "recorded"]
     side_sigma_px: Array | None = None
+    noise: Array | None = None
 
 
 def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50") -> list[Marker]:
@@ -80,7 +82,10 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
             shift = border_shift(image_f, corners, _bits(dictionary, int(marker_id)), reach, camera)
             corners = moved_outwards(corners, -shift.shift_px)
             sigma = frozen(shift.sigma_px) if shift.known else None
-            markers.append(Marker(int(marker_id), frozen(corners), "lines", sigma))
+            by_side = np.stack([moved_outwards(corners, one) - corners for one in np.eye(4)], axis=-1)
+            by_shift = by_side.reshape(8, 4)
+            noise = lines.noise_px[index] ** 2 * np.eye(8) + by_shift @ shift.noise @ by_shift.T
+            markers.append(Marker(int(marker_id), frozen(corners), "lines", sigma, frozen(noise)))
         elif _inside(rough[index], grey):
             corners = np.ascontiguousarray(rough[index][:, None], dtype=np.float32)
             cv2.cornerSubPix(grey, corners, _SUBPIX_WINDOW, (-1, -1), _SUBPIX_STOP)

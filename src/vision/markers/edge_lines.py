@@ -26,19 +26,31 @@ _ROBUST_ROUNDS = 6
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4); `inliers` (m, 4) is a fraction."""
+    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4).
+
+    `inliers` (m, 4) is a fraction, `sigma` (m, 4) px the standard deviation of a line at its ends.
+    """
 
     normals: Array
     offsets: Array
     inliers: Array
+    sigma: Array
 
 
 @dataclass(frozen=True)
 class BorderCorners:
-    """Corners (m, 4, 2) px, and which markers (m,) have four good lines; corners of the others are meaningless."""
+    """Corners of markers.
+
+    Attributes:
+        corners_px: (m, 4, 2) px.
+        good: which markers (m,) have four good lines; corners of the others are meaningless.
+        noise_px: standard deviation of a corner's coordinate in this image alone, (m,) px, from the scatter of the edge
+            points about their lines. It does not contain what all images share.
+    """
 
     corners_px: Array
     good: Bools
+    noise_px: Array
 
 
 def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules: int) -> BorderCorners:
@@ -54,14 +66,15 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     sides = np.linalg.norm(np.roll(rough_px, -1, axis=1) - rough_px, axis=-1)
     reach = 0.45 * sides.min(axis=1) / modules  # stays inside the black border and the white one
     fits = reach >= LEAST_HALF_PX
-    corners, good = rough_px, fits
+    corners, good, noise = rough_px, fits, np.zeros(len(rough_px))
     for half in (WIDE_PX, NARROW_PX):
         lines = _fit_lines(*_edge_points(image, corners, np.minimum(reach, half)), camera)
         crossings = camera.project(_on_plane(_intersections(lines), camera))
         good = fits & (lines.inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
         corners = np.where(good[:, None, None], crossings, rough_px)
+        noise = np.sqrt((lines.sigma**2).mean(axis=1))
     near = np.abs(corners - rough_px).max(axis=(1, 2)) < MOST_MOVED_PX
-    return BorderCorners(corners, good & near)
+    return BorderCorners(corners, good & near, noise)
 
 
 def _edge_points(image: Grey, corners: Array, half: Array) -> tuple[Array, Array]:
@@ -81,7 +94,7 @@ def _edge_points(image: Grey, corners: Array, half: Array) -> tuple[Array, Array
 def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> _Lines:
     points = camera.normalised(edges_px) @ camera.K[:2, :2].T  # undistorted px from the centre
     weights = edge_weights
-    normals = offsets = distance = np.empty(0)
+    normals = offsets = distance = sigma = np.empty(0)
     for _ in range(_ROBUST_ROUNDS):
         total = np.maximum(weights.sum(axis=-1), 1e-9)
         mean = (weights[..., None] * points).sum(axis=-2) / total[..., None]
@@ -91,10 +104,26 @@ def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> _Lines:
         offsets = (normals * mean).sum(axis=-1)
         distance = (centred * normals[..., None, :]).sum(axis=-1)
         spread = 1.4826 * np.median(np.abs(distance), axis=-1, keepdims=True)
+        sigma = _sigma_at_ends(weights, distance)
         limit = np.clip(4.0 * spread, 0.1, INLIER_PX)
         weights = edge_weights * np.clip(1.0 - (distance / limit) ** 2, 0.0, None) ** 2  # Tukey's biweight
     agree = (edge_weights > 0.0) & (np.abs(distance) < INLIER_PX)
-    return _Lines(normals, offsets, agree.mean(axis=-1))
+    return _Lines(normals, offsets, agree.mean(axis=-1), sigma)
+
+
+def _sigma_at_ends(weights: Array, distance: Array) -> Array:
+    """Standard deviation (m, 4) px of lines at the corners, if each edge point has its own error.
+
+    With profiles over the part p of a side, the variance at its ends is 1 + 3 / p^2 times that at its middle.
+
+    Args:
+        weights: of edge points, (m, 4, ROWS).
+        distance: of edge points from their line, (m, 4, ROWS) px.
+    """
+    total = np.maximum(weights.sum(axis=-1), 1e-9)
+    variance = (weights * distance**2).sum(axis=-1) / total
+    at_ends = 1.0 + 3.0 / (1.0 - 2.0 * END_GAP) ** 2
+    return np.asarray(np.sqrt(variance * at_ends / total))
 
 
 def _intersections(lines: _Lines) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,8 @@ def task() -> Task:
 def _seen_board(board: Board, T_base_board: np.ndarray) -> ObservedBoard:
     root = np.random.default_rng(3).normal(size=(6, 6))
     pose = BoardPose(board, frozen(T_base_board), frozen(1e-8 * root @ root.T), 0.05, 21.0)
+    if board.name == "01-02":
+        pose = replace(pose, repeatability=frozen(1e-9 * root @ root.T))
     return ObservedBoard(pose, OCCUPANCY)
 
 
@@ -61,6 +64,9 @@ def test_round_trip(task: Task, tmp_path: Path) -> None:
         assert a.pose.board == b.pose.board
         assert a.pose.T_base_board == pytest.approx(b.pose.T_base_board, abs=1e-12)
         assert a.pose.covariance == pytest.approx(b.pose.covariance, abs=1e-20)
+        assert (a.pose.repeatability is None) == (b.pose.repeatability is None) == (b.name != "01-02")
+        if b.pose.repeatability is not None:
+            assert a.pose.repeatability == pytest.approx(b.pose.repeatability, abs=1e-20)
 
 
 def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
@@ -80,6 +86,10 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
         (lambda b: b["holes"][0].update(state="full"), "'full': must be one of cube, empty, unsure"),
         (lambda b: b["holes"].pop(), "must be four, each one of cube, empty, unsure"),
         (lambda b: b.update(covariance=[[1.0]]), "01-02.covariance.*must be 6 rows of 6 finite numbers"),
+        (
+            lambda b: b.update(repeatability=[[1.0]]),
+            "01-02.repeatability.*must be 6 rows of 6 finite numbers",
+        ),
         (lambda b: b.update(covariance=np.full((6, 6), 1e400).tolist()), "finite"),
         (lambda b: b.update(verdict="refused"), "verdict = 'refused': must be one of accepted"),
         (lambda b: b["holes"].reverse(), "in the order of the board's file"),

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from arm.poses import BoardPose
-from arm.se3 import Array, frozen
+from arm.se3 import Array, frozen, transform
 from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, twist_between
 from pictures.made_boards import glued_aside, made, moved_px
+from pictures.markers import Exposure, panes, photographed
 from vision.boards.pose import assess_board
 from vision.boards.shared_errors import BORDER_BIAS_PX, shared_errors
 from vision.markers.border_shift import moved_outwards
@@ -138,3 +139,40 @@ def test_the_making_of_the_plate_is_in_every_hole() -> None:
         assert told.covariance - plain.covariance == pytest.approx(
             np.diag([4e-8, 4e-8, 0.0, 0.0, 0.0, 0.0]), abs=1e-14
         )
+
+
+def test_repeatability_is_the_scatter_of_single_photographs_of_a_board_at_rest() -> None:
+    """The camera sways by up to 0.25 mm, so that pixels lie elsewhere on the borders in each photograph."""
+    rng, squares = np.random.default_rng(5), []
+    for seed, of in enumerate(
+        (Exposure(blur_px=1.0), Exposure(blur_px=1.5), Exposure(gain=0.5, blur_px=1.2))
+    ):
+        T_base_board, twists, poses = random_pose(np.random.default_rng(seed), TILTS[seed]), [], []
+        for _ in range(12):
+            T = transform(t=(*rng.uniform(-2.5e-4, 2.5e-4, 2), 0.0)) @ T_base_board
+            frames = photographed(BOARD, panes(BOARD, T), replace(of, frames=1), rng)
+            pose = assess_board(BOARD, frames, CAMERA).pose
+            assert pose is not None
+            assert pose.repeatability is not None
+            twists.append(twist_between(pose.T_base_board, T))
+            poses.append(pose)
+        scatter = np.cov(np.array(twists).T)
+        again = np.mean([p.repeatability for p in poses], axis=0)
+        squares.append(float(np.trace(np.linalg.solve(again, scatter))) / 6.0)
+        assert (np.diag(np.mean([p.covariance for p in poses], axis=0)) > 2.0 * np.diag(again)).all()
+    assert 0.6 < np.mean(squares) < 1.5, squares
+
+
+def test_repeatability_of_many_photographs_comes_from_their_scatter() -> None:
+    frames, _ = seen(1, None, frames=16)
+    one, few, many = (assess_board(BOARD, frames[:n], CAMERA).pose for n in (1, 4, 16))
+    assert one is not None
+    assert one.repeatability is None  # recorded corners do not say how well they were measured
+    assert few is not None
+    assert many is not None
+    assert few.repeatability is not None
+    assert many.repeatability is not None
+    assert np.trace(few.repeatability[:3, :3]) / np.trace(many.repeatability[:3, :3]) == pytest.approx(
+        4.0, rel=0.5
+    )
+    assert np.trace(many.covariance[:3, :3]) > 10.0 * np.trace(many.repeatability[:3, :3])
