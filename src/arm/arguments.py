@@ -69,12 +69,8 @@ def integer(name: str, value: Any, low: int) -> int:
         InputError: not an integer (1.5, a string or a boolean is not one), or below `low`.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < low:
-        raise InputError(
-            f"{name} = {shown(value)}: must be a whole number, {low} or more",
-            name=name,
-            value=shown(value),
-            low=low,
-        )
+        why = f"{name} = {shown(value)}: must be a whole number, {low} or more"
+        raise InputError(why, name=name, value=shown(value), low=low)
     return int(value)
 
 

@@ -112,24 +112,17 @@ class PlanOptions:
         self._within("segment_ms", 40, 2000, "ms")
         object.__setattr__(self, "seed", integer("seed", self.seed, 0))
         if not isinstance(self.transit, TransitBudget):
-            raise InputError(
-                f"transit = {shown(self.transit)}: must be a TransitBudget, such as TransitBudget(rrt=3000)",
-                name="transit",
-            )
+            why = f"transit = {shown(self.transit)}: must be a TransitBudget, such as TransitBudget(rrt=3000)"
+            raise InputError(why, name="transit")
         if self.look not in LOOKS and (
             not isinstance(self.look, int) or isinstance(self.look, bool) or self.look < 1
         ):
-            raise InputError(
-                f"look = {self.look!r}: must be one of {', '.join(LOOKS)}, or a number of cubes, 1 or more",
-                value=self.look,
-            )
+            why = f"look = {self.look!r}: must be one of {', '.join(LOOKS)}, or a number of cubes, 1 or more"
+            raise InputError(why, value=self.look)
         for name, known in (("order", CHOICES), ("assignment", CHOICES), ("certificate", CERTIFICATES)):
             if getattr(self, name) not in known:
-                raise InputError(
-                    f"{name} = {getattr(self, name)!r}: must be one of {', '.join(known)}",
-                    name=name,
-                    value=getattr(self, name),
-                )
+                why = f"{name} = {getattr(self, name)!r}: must be one of {', '.join(known)}"
+                raise InputError(why, name=name, value=getattr(self, name))
 
     def _within(self, name: str, low: float, high: float, unit: str = "") -> None:
         value = getattr(self, name)

@@ -108,12 +108,8 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
         raise InputError("scene: must have bodies, cubes, allowed, robot_open and robot_holding; plan again")
     for key, robot in (("robot_open", robot_open), ("robot_holding", robot_holding)):
         if value[key] != robot.digest:
-            raise InputError(
-                f"scene: {key} has digest {str(value[key])[:12]}, this arm has {robot.digest[:12]}; plan again",
-                key=key,
-                scene=value[key],
-                robot=robot.digest,
-            )
+            why = f"scene: {key} has digest {str(value[key])[:12]}, this arm has {robot.digest[:12]}; plan again"
+            raise InputError(why, key=key, scene=value[key], robot=robot.digest)
     pairs = value["allowed"]
     if not all(isinstance(value[k], list) for k in ("bodies", "cubes", "allowed")) or not all(
         map(_pair, pairs)
@@ -160,10 +156,8 @@ class Station:
             )
         poses = tuple(rigid(f"{name}: T_base_tool[{i}]", T) for i, T in enumerate(self.T_base_tool))
         if isinstance(self.touches, str) or not all(isinstance(body, str) for body in self.touches):
-            raise InputError(
-                f"{name}: touches = {shown(self.touches)}: must be a set of names, such as frozenset(('table',))",
-                station=self.name,
-            )
+            why = f"{name}: touches = {shown(self.touches)}: must be a set of names, such as frozenset(('table',))"
+            raise InputError(why, station=self.name)
         object.__setattr__(self, "T_base_tool", poses)
         object.__setattr__(self, "touches", frozenset(self.touches))
 

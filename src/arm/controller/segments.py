@@ -153,10 +153,6 @@ def chain(paths: Sequence[CountPath]) -> CountPath:
         raise InputError("a chain needs at least one path", count=0)
     for number, (before, after) in enumerate(pairwise(paths), start=1):
         if before.end != after.start:
-            raise InputError(
-                f"path {number} of the chain starts at {after.start}, but the previous one ends at {before.end}",
-                path=number,
-                start=list(after.start),
-                end=list(before.end),
-            )
+            why = f"path {number} of the chain starts at {after.start}, but the previous one ends at {before.end}"
+            raise InputError(why, path=number, start=list(after.start), end=list(before.end))
     return CountPath(paths[0].start, tuple(s for path in paths for s in path.segments))

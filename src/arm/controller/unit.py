@@ -58,22 +58,16 @@ class Limits:
             if len(wrong):
                 k = int(wrong[0])
                 rule = "finite and above 0; a URDF may lack it" if least == 0.0 else "finite"
-                raise InputError(
-                    f"limits: {key}[{k}] = {value[k]:g}: must be {rule}",
-                    name=key,
-                    joint=k,
-                    value=float(value[k]),
-                )
+                why = f"limits: {key}[{k}] = {value[k]:g}: must be {rule}"
+                raise InputError(why, name=key, joint=k, value=float(value[k]))
             object.__setattr__(self, key, frozen(value))
         empty = np.flatnonzero(self.lower > self.upper)
         if len(empty):
             k = int(empty[0])
-            raise InputError(
-                f"limits: lower[{k}] = {self.lower[k]:g} is above upper[{k}] = {self.upper[k]:g}; must not be",
-                name="lower",
-                joint=k,
-                value=float(self.lower[k]),
+            why = (
+                f"limits: lower[{k}] = {self.lower[k]:g} is above upper[{k}] = {self.upper[k]:g}; must not be"
             )
+            raise InputError(why, name="lower", joint=k, value=float(self.lower[k]))
 
     def scaled(self, speed: float) -> Limits:
         """Return the limits of motion slowed down by `speed`: velocities times speed, accelerations times speed^2.
@@ -82,10 +76,8 @@ class Limits:
             InputError: speed is not in (0, 1].
         """
         if not (isinstance(speed, Real) and 0.0 < float(speed) <= 1.0):
-            raise InputError(
-                f"speed = {shown(speed)}: must be above 0 and at most 1; it only lowers what the registers allow",
-                speed=speed,
-            )
+            why = f"speed = {shown(speed)}: must be above 0 and at most 1; it only lowers what the registers allow"
+            raise InputError(why, speed=speed)
         return Limits(
             self.lower, self.upper, frozen(self.velocity * speed), frozen(self.acceleration * speed**2)
         )
@@ -233,10 +225,8 @@ class Unit(UnitValues):
             return usual
         values = numbers(given)
         if values is None or values.shape != (len(self.axes),) or (values != np.rint(values)).any():
-            raise InputError(
-                f"{name} registers = {shown(given)}: must be {len(self.axes)} integers, one per axis of {self.name}",
-                value=shown(given),
-            )
+            why = f"{name} registers = {shown(given)}: must be {len(self.axes)} integers, one per axis of {self.name}"
+            raise InputError(why, value=shown(given))
         return tuple(int(v) for v in values)
 
 

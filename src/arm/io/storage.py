@@ -34,10 +34,8 @@ def data_file(relative: str) -> Path:
     for root in DATA_ROOTS:
         if (root / relative).exists():
             return root / relative
-    raise InputError(
-        f"data file {relative!r} is neither in the checkout nor in the installed package; reinstall a465",
-        file=relative,
-    )
+    why = f"data file {relative!r} is neither in the checkout nor in the installed package; reinstall a465"
+    raise InputError(why, file=relative)
 
 
 MB = 1_000_000
@@ -204,10 +202,8 @@ def keep_apart(output: Path | None, *inputs: Path | None) -> None:
         return
     for path in inputs:
         if path is not None and path.exists() and output.samefile(path):
-            raise InputError(
-                f"{output}: is read by this command, so it is not overwritten; give another file",
-                file=str(output),
-            )
+            why = f"{output}: is read by this command, so it is not overwritten; give another file"
+            raise InputError(why, file=str(output))
 
 
 def write_atomic(path: Path, data: bytes | str) -> None:

@@ -153,15 +153,11 @@ class Body:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name and isinstance(self.kind, str)):
-            raise InputError(
-                f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be strings, the name not empty",
-                name=shown(self.name),
-            )
+            why = f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be strings, the name not empty"
+            raise InputError(why, name=shown(self.name))
         if not isinstance(self.shape, _SHAPES):
-            raise InputError(
-                f"body {self.name!r}: shape = {shown(self.shape)}: must be a Box, Cylinder, Sphere, Capsule or Convex",
-                name=self.name,
-            )
+            why = f"body {self.name!r}: shape = {shown(self.shape)}: must be a Box, Cylinder, Sphere, Capsule or Convex"
+            raise InputError(why, name=self.name)
         object.__setattr__(self, "T_base_body", rigid(f"body {self.name!r}: T_base_body", self.T_base_body))
         if self.padding != 0.0:  # 0, the usual value, needs no check
             checked = number(f"body {self.name!r}: padding", self.padding, 0.0, MOST_LENGTH, "m")

@@ -95,10 +95,8 @@ def with_disabled_collisions(
     links = by_link(robot.bodies)
     unknown = sorted({name for pair in named for name in pair} - names - set(links))
     if unknown:
-        raise InputError(
-            f"pairs: {unknown[0]!r} is not a link or body; the arm has {', '.join(sorted(names))}",
-            names=unknown,
-        )
+        why = f"pairs: {unknown[0]!r} is not a link or body; the arm has {', '.join(sorted(names))}"
+        raise InputError(why, names=unknown)
     more = set(bodies_of(named, links))
     if neighbours:
         bearing = sorted({b.joint for b in robot.bodies})

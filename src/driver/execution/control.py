@@ -36,10 +36,8 @@ class Control:
         self, override: float = 1.0, ceiling: float = 1.0, tell: Callable[[str], None] | None = None
     ) -> None:
         if not 0.0 < ceiling <= 1.0:
-            raise InputError(
-                f"speed override = {ceiling:g}: must be above 0 and at most 1; an override only slows down",
-                value=ceiling,
-            )
+            why = f"speed override = {ceiling:g}: must be above 0 and at most 1; an override only slows down"
+            raise InputError(why, value=ceiling)
         self.ceiling = ceiling
         self.paused = False
         self.aborted = False

@@ -80,12 +80,8 @@ class PathWatch:
         worst = int(np.argmax(outside))
         self._astray = self._astray + 1 if outside[worst] > most else 0
         if self._astray >= ASTRAY:
-            raise ExecutionStopped(
-                f"axis {self._axes[worst]} is {int(outside[worst])} counts off its path, must be at most {most}",
-                axis=self._axes[worst],
-                counts=list(counts),
-                reason="following",
-            )
+            why = f"axis {self._axes[worst]} is {int(outside[worst])} counts off its path, must be at most {most}"
+            raise ExecutionStopped(why, axis=self._axes[worst], counts=list(counts), reason="following")
 
     def _out_of_box(self, counts: tuple[int, ...], begun: int, sent: int) -> Array:
         window = self._knots[max(begun - 1 - LAG_SEGMENTS, 0) : sent + 1]

@@ -345,7 +345,5 @@ class StreamRun:
         if self.begun <= self.total and not self._dwelling:
             running = self.durations[self.begun - 1]
         if now > self.begun_at + link.patience(running + STALL_S):
-            raise NoAnswer(
-                f"segment {self.begun} of {self.total} has not ended {STALL_S:g} s after its planned end",
-                reason="deadline",
-            )
+            why = f"segment {self.begun} of {self.total} has not ended {STALL_S:g} s after its planned end"
+            raise NoAnswer(why, reason="deadline")

@@ -46,11 +46,8 @@ class Link(PortLink):
             # a damaged line may have set another register, which is set again too
             left = [line for found in lost for line in self._overwritten(found)]
             left += [found.sent for found in lost]
-        raise LineDamaged(
-            f"transmission error: sent {lost[0].sent!r} {TELLS} times, no correct echo",
-            sent=lost[0].sent,
-            reason="line",
-        )
+        why = f"transmission error: sent {lost[0].sent!r} {TELLS} times, no correct echo"
+        raise LineDamaged(why, sent=lost[0].sent, reason="line")
 
     def _overwritten(self, found: Mismatch) -> list[str]:
         """Lines that restore a register which a damaged line has overwritten.
@@ -106,12 +103,8 @@ class Link(PortLink):
                 if found is not None and reply.key in found:
                     found[reply.key] = reply.text
             elif reply is None and self.clock.now() >= deadline:
-                raise NoAnswer(
-                    f"{self.url}: no answer to {key} within {timeout:g} s",
-                    url=self.url,
-                    key=key,
-                    reason="silent",
-                )
+                why = f"{self.url}: no answer to {key} within {timeout:g} s"
+                raise NoAnswer(why, url=self.url, key=key, reason="silent")
 
     def ask(self, name: str, axis: str = "", timeout: float = ANSWER_S) -> str:
         """Ask ``NAMEaxis?`` and return the answer.

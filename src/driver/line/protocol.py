@@ -103,11 +103,8 @@ def encode(name: str, *values: int | str, axis: str = "") -> str:
             )
     line = f"{name}{axis}:" + ",".join(v if isinstance(v, str) else str(int(v)) for v in values)
     if len(line) > MAX_LINE:
-        raise InputError(
-            f"{name} line of {len(line)} characters: must be at most {MAX_LINE}; use shorter segments",
-            command=name,
-            line=line,
-        )
+        why = f"{name} line of {len(line)} characters: must be at most {MAX_LINE}; use shorter segments"
+        raise InputError(why, command=name, line=line)
     return line
 
 
@@ -133,11 +130,10 @@ def encode_segment(segment: Segment, end: Sequence[int]) -> str:
     """
     order = len(segment.coefficients)
     if segment.duration_ms < 1 or not 1 <= order <= 3:
-        raise InputError(
-            f"segment of {segment.duration_ms} ms and order {order}: must have at least 1 ms and order 1 to 3",
-            duration_ms=segment.duration_ms,
-            order=order,
+        why = (
+            f"segment of {segment.duration_ms} ms and order {order}: must have at least 1 ms and order 1 to 3"
         )
+        raise InputError(why, duration_ms=segment.duration_ms, order=order)
     if order == 1:
         return encode("COORDMVT", segment.duration_ms, *(int(c) for c in end))
     by_axis = [int(a) for axis in zip(*segment.coefficients, strict=True) for a in axis]

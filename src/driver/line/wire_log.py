@@ -68,11 +68,8 @@ class WireLog:
             ExecutionStopped: a record could not be written.
         """
         if self._failure is not None:
-            raise ExecutionStopped(
-                f"log {self.path}: cannot be written any more: {self._failure.strerror}",
-                file=str(self.path),
-                reason="log",
-            )
+            why = f"log {self.path}: cannot be written any more: {self._failure.strerror}"
+            raise ExecutionStopped(why, file=str(self.path), reason="log")
 
     def close(self) -> None:
         """Close the file. Later records are dropped."""

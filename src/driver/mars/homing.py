@@ -62,9 +62,5 @@ def _off_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> list
 
 def _require_at_marks(unit: Unit, axes: Sequence[str], counts: tuple[int, ...]) -> None:
     for axis in _off_marks(unit, axes, counts):
-        raise ExecutionStopped(
-            f"axis {axis} reads {counts[unit.axes.index(axis)]} counts at its mark, must be about 0",
-            axis=axis,
-            counts=list(counts),
-            reason="homing",
-        )
+        why = f"axis {axis} reads {counts[unit.axes.index(axis)]} counts at its mark, must be about 0"
+        raise ExecutionStopped(why, axis=axis, counts=list(counts), reason="homing")

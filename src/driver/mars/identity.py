@@ -29,17 +29,11 @@ def identify(link: Link, firmware: str) -> tuple[str, Manners]:
         version = link.ask("VER")
         manners = learn_manners(link)
     except ExecutionStopped as error:
-        raise InputError(
-            f"port {link.url}: does not answer like a {firmware}; is the controller connected and switched on?",
-            port=link.url,
-            reason=error.data.get("reason"),
-        ) from error
+        why = f"port {link.url}: does not answer like a {firmware}; is the controller connected and switched on?"
+        raise InputError(why, port=link.url, reason=error.data.get("reason")) from error
     if version.split()[:1] != [firmware]:
-        raise InputError(
-            f"port {link.url}: firmware {version!r} is not {firmware}; other controllers use other units of speed",
-            port=link.url,
-            version=version,
-        )
+        why = f"port {link.url}: firmware {version!r} is not {firmware}; other controllers use other units of speed"
+        raise InputError(why, port=link.url, version=version)
     link.identified, link.restarted = True, False
     return version, manners
 

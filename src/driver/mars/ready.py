@@ -84,10 +84,7 @@ def refuse_failure(link: Link, status: Status, what: str) -> None:
     """
     refuse_restarted(link, what)
     if status.fault:
-        raise ExecutionStopped(
-            f"{what}: {' and '.join(status.faults())}; to continue: {status.remedy()}",
-            status=status.word,
-            reason="fault",
-        )
+        why = f"{what}: {' and '.join(status.faults())}; to continue: {status.remedy()}"
+        raise ExecutionStopped(why, status=status.word, reason="fault")
     if any(isinstance(e, Failed) for e in link.events):
         raise ExecutionStopped(f"{what}: the unit answered FAIL!", status=status.word, reason="fault")

@@ -19,11 +19,8 @@ def refuse_faults(status: Status) -> None:
         ImpossibleError: with the faults and how to clear them.
     """
     if status.fault:
-        raise ImpossibleError(
-            f"{' and '.join(status.faults())}: {status.remedy()}",
-            status=status.word,
-            faults=list(status.faults()),
-        )
+        why = f"{' and '.join(status.faults())}: {status.remedy()}"
+        raise ImpossibleError(why, status=status.word, faults=list(status.faults()))
 
 
 def refuse_unhomed(unit: Unit, counts: Sequence[int]) -> None:

@@ -155,8 +155,5 @@ def _check_start(robot: Robot, q: Array, line: Line, limits: Limits, options: Li
     excess = np.maximum(limits.lower - q, q - limits.upper)
     if excess.max() > ACTIVE:
         joint = int(np.argmax(excess))
-        raise InputError(
-            f"q_start has joint {robot.joint_names[joint]} {np.degrees(excess[joint]):.3g} deg beyond its limits",
-            joint=robot.joint_names[joint],
-            excess_rad=float(excess[joint]),
-        )
+        why = f"q_start has joint {robot.joint_names[joint]} {np.degrees(excess[joint]):.3g} deg beyond its limits"
+        raise InputError(why, joint=robot.joint_names[joint], excess_rad=float(excess[joint]))

@@ -57,11 +57,8 @@ def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
         )
     bad = np.flatnonzero(~np.isfinite(q).all(axis=1))
     if len(bad):
-        raise InputError(
-            f"waypoints[{bad[0]}] = {q[bad[0]].tolist()}: must be finite numbers, rad",
-            name="waypoints",
-            row=int(bad[0]),
-        )
+        why = f"waypoints[{bad[0]}] = {q[bad[0]].tolist()}: must be finite numbers, rad"
+        raise InputError(why, name="waypoints", row=int(bad[0]))
     fractions = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3.0
     control = q[:-1, None, :] + (q[1:] - q[:-1])[:, None, :] * fractions
     return Curve(control, np.arange(1.0, len(q)))

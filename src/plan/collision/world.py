@@ -250,10 +250,8 @@ class World:
         """
         q = np.asarray(q, dtype=float)
         if q.ndim != 2 or q.shape[1:] != self._shape or not np.isfinite(q).all():
-            raise InputError(
-                f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad",
-                shape=q.shape,
-            )
+            why = f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad"
+            raise InputError(why, shape=q.shape)
         at = self.volumes.placed(q)
         open_ = self.volumes.distances(at) - self.paddings < limit
         row, pair = np.nonzero(open_)

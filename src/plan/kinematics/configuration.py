@@ -21,10 +21,8 @@ def require_limits(robot: Robot, limits: Limits) -> None:
     """
     n = len(robot.joint_names)
     if limits.lower.shape != (n,):
-        raise InputError(
-            f"limits: given for {len(limits.lower)} joints, the arm has {n}: {', '.join(robot.joint_names)}",
-            joints=n,
-        )
+        why = f"limits: given for {len(limits.lower)} joints, the arm has {n}: {', '.join(robot.joint_names)}"
+        raise InputError(why, joints=n)
 
 
 def check_configuration(

@@ -145,11 +145,8 @@ def numeric_ik(
     T = poses("T_base_tool", T_base_tool)
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (len(arm.axes),) or high.shape != low.shape or not (low <= high).all():
-        raise InputError(
-            f"lower, upper: must be {len(arm.axes)} numbers each, one per joint, lower not above upper",
-            lower=low.tolist(),
-            upper=high.tolist(),
-        )
+        why = f"lower, upper: must be {len(arm.axes)} numbers each, one per joint, lower not above upper"
+        raise InputError(why, lower=low.tolist(), upper=high.tolist())
     task = _Task(arm, low, high, _free_names(free))
     sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(options.seed))
     starts = low + (high - low) * sequence.random(options.starts)

@@ -284,10 +284,8 @@ class _Fitter:
             found.append(min(max(ms, 0), total_ms))
         stops = [0, *(m for m in found if 0 < m < total_ms), total_ms]
         if min(np.diff(stops)) < SHORTEST_MS:
-            raise MarksTooNear(
-                f"marks are at {found} ms of {total_ms} ms: must be {SHORTEST_MS} ms apart",
-                marks_ms=found,
-            )
+            why = f"marks are at {found} ms of {total_ms} ms: must be {SHORTEST_MS} ms apart"
+            raise MarksTooNear(why, marks_ms=found)
         return tuple(found)
 
     def measured(self, timed: Trajectory, knots: Counts, fixed: tuple[int, ...], careful: bool) -> _Fit:

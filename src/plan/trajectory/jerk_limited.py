@@ -192,10 +192,8 @@ def _profile(length: float, velocity: float, acceleration: float, jerk: float) -
     found = ruckig.Trajectory(1)
     result = ruckig.Ruckig(1).calculate(scaled, found)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise ImpossibleError(
-            f"Ruckig finds no jerk-limited profile ({result.name}); limits may be too far apart",
-            result=result.name,
-        )
+        why = f"Ruckig finds no jerk-limited profile ({result.name}); limits may be too far apart"
+        raise ImpossibleError(why, result=result.name)
     profile = found.profiles[0][0]
     t = np.concatenate([[0.0], np.cumsum(profile.t)])
     p, v, a = (np.array(x, dtype=float) for x in (profile.p, profile.v, profile.a))

@@ -149,10 +149,8 @@ def _line(
     for name, end, point in (("after", 0, meets[0]), ("before", -1, meets[1])):
         off = 0.0 if point is None else float(np.abs(line.q[end] - point).max())
         if off > 1e-6:
-            raise InputError(
-                f"line {name}: ends {off:.3g} rad from the transit's way-point: must meet it to 1e-6 rad",
-                off_rad=off,
-            )
+            why = f"line {name}: ends {off:.3g} rad from the transit's way-point: must meet it to 1e-6 rad"
+            raise InputError(why, off_rad=off)
     path = smooth_path(line.q, line.s - line.s[0])
     x = path.x
     places = np.linspace(x[:-1], x[1:], 3).ravel()

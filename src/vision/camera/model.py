@@ -126,10 +126,8 @@ class Camera:
             InputError: names the image (`what`) and both sizes.
         """
         if image.dtype != np.uint8 or not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
-            raise InputError(
-                f"{what}: is {image.dtype} of shape {image.shape}; images must be 8-bit grey (h, w) or BGR (h, w, 3)",
-                image=what,
-            )
+            why = f"{what}: is {image.dtype} of shape {image.shape}; images must be 8-bit grey (h, w) or BGR (h, w, 3)"
+            raise InputError(why, image=what)
         height, width = image.shape[:2]
         if (width, height) != self.size:
             raise InputError(

@@ -69,10 +69,8 @@ def read_video(text: str) -> VideoSelector:
         raise InputError(f"camera {text!r}: must be {FORMS}", camera=text)
     if scheme := _SCHEME.match(source):
         if scheme[1].lower() not in STREAMS:
-            raise InputError(
-                f"camera {PREFIX}{scheme[1]}://...: a stream's protocol must be one of {', '.join(STREAMS)}",
-                camera=scheme[1],
-            )
+            why = f"camera {PREFIX}{scheme[1]}://...: a stream's protocol must be one of {', '.join(STREAMS)}"
+            raise InputError(why, camera=scheme[1])
         return VideoSelector("stream", source)
     if sized := _SIZED.fullmatch(source):
         return VideoSelector("device", sized["device"], (int(sized["width"]), int(sized["height"])))
