@@ -27,9 +27,8 @@ from vision.targets.target import Target
 
 # standard deviations of what is not exact
 PAPER = 0.3e-3  # m, bulges of a sheet, common to all views and again of each view
-NOMINAL = (
-    2.5  # focal length, image widths, at which `PAPER` holds; in proportion elsewhere, else it were a ruler
-)
+NOMINAL = 2.5
+"""Focal length, image widths, at which `PAPER` holds; elsewhere it is in proportion, or it would act as a ruler."""
 STRETCH = 2e-3  # relative, rows against columns, and shear
 CORNERS_PX = 0.15  # of each corner, common to all views
 PRINCIPAL = 0.03  # of the image's width

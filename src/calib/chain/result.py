@@ -142,9 +142,8 @@ class ChainCalibration(Judged):
             return frozen(self._with_considered())
         covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
         size = next((s for s in self.hypotheses if s.name == "target size" and len(s.others)), None)
-        if (
-            size is not None and not self.known_parts
-        ):  # inverse of the blocks with the size as one more unknown
+        if size is not None and not self.known_parts:
+            # inverse of the blocks with the size as one more unknown
             by_size = np.zeros(len(covariance))
             by_size[self.problem.free] = size.others
             covariance += np.outer(by_size, by_size) / (size.sigma**-2 + SIZE**-2)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from calib.chain.fit import Problem, fit_chains
-from calib.chain.model_selection import Choice, Part, without
+from calib.chain.model_selection import Choice, Part, select_parts, without
 from calib.chain.score_tests import find_error_hypotheses
 
 UNEXPLAINED = 0.1  # of a rise or a disagreement that a single cause leaves unexplained at most
@@ -21,7 +21,7 @@ def prefer_single_causes(choice: Choice, parts: Sequence[Part], readings: Sequen
 
     Args:
         choice: a model and its fit.
-        parts: of the model; those that exist by their prior are kept.
+        parts: of the model; those that exist by their prior are not replaced.
         readings: their names, for a single chain.
     """
     for part in parts:
@@ -35,8 +35,10 @@ def prefer_single_causes(choice: Choice, parts: Sequence[Part], readings: Sequen
         causes = [s for s in find_error_hypotheses(bare, fit, readings) if s.sure and rise - s.drop <= left]
         if causes:
             instead = replace(trial, rise=rise - causes[0].drop, instead=causes[0].name)
-            trials = tuple(instead if t is trial else t for t in choice.trials)
-            choice = Choice(bare, fit, trials)
+            # whether the images show what exists anyway is judged anew, now that the part does not stand in for it
+            known = select_parts(bare, [p for p in parts if p.known], fit, bare.noise_freedom)
+            now = {t.part: t for t in (instead, *known.trials)}
+            choice = Choice(known.problem, known.fit, tuple(now.get(t.part, t) for t in choice.trials))
     return choice
 
 

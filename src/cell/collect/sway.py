@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.errors import A465Error, ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.session.camera_watch import take_background, watch_with
@@ -55,9 +55,10 @@ class Sway:
 
     def begin(self, frames: FrameSource) -> None:
         """Take the background, with the arm out of view; without enough of it, images stay as they are."""
+        images = frames.grab(self.cell.photographs)
         try:
-            background, _ = take_background(self.cell, frames.grab(self.cell.photographs))
-        except A465Error as error:
+            background, _ = take_background(self.cell, images)
+        except (ImpossibleError, InputError) as error:
             self.console.step(f"the camera's sway is not measured, so it adds to the arm's scatter: {error}")
             return
         background = replace(background, camera=self._camera.digest)

@@ -46,9 +46,8 @@ _ALMOST = 1.1
 # Number of earlier paths to reuse, and the distance of their samples, rad summed over the joints.
 _REMEMBERED, _SAMPLE_TRAVEL = 6, 0.2
 _DIFFERENT = 0.7  # s of travel between corners of paths that count as different
-_LARGEST_OFFSET_S = (
-    8.0  # s of travel of random configurations beside the straight line: the range of slow joints
-)
+# Largest offset of random configurations from the straight line, s of travel: the range of the slow joints.
+_LARGEST_OFFSET_S = 8.0
 _WORSE = 1.5  # times the fastest path found: slower ones are skipped
 _LIFTS = (0.04, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4)  # m, by which the tool is lifted or moved towards the base
 

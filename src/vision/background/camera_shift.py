@@ -29,9 +29,8 @@ FEWEST_SEEN = 12  # features that agree
 LEAST_SHARE = 1.0 / 3.0  # of the features found
 FLOOR_PX = 0.05  # of a feature's position: interpolation, and light that changed about it
 GATE = 3.0  # standard deviations beyond which a feature disagrees
-LARGEST_SCALE = (
-    5e-4  # relative; a camera that sways keeps it to 2e-4 (docs/sources.md, "A camera that sways")
-)
+LARGEST_SCALE = 5e-4
+"""Relative; a camera that sways keeps its scale to 2e-4 (docs/sources.md, "A camera that sways")."""
 SURE = 4.0  # standard deviations from which a change is certain
 NOTED = 1e-4  # m at the background; a larger shift is reported
 UNRECOGNISED = "background"  # reason in the data of a refusal: the camera cannot be compared
