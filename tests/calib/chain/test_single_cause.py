@@ -14,7 +14,8 @@ from calib.chain.fit import ChainFit
 from calib.chain.model_selection import Choice, Part, Trial
 from calib.chain.result import ChainCalibration
 from calib.chain.single_cause import prefer_single_causes
-from calib.hand_eye.calibrate import LINKS, calibrate_hand_eye
+from calib.hand_eye.calibrate import LINKS, PRINT, calibrate_hand_eye
+from calib.hand_eye.image_effects import SIZE
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 from recorded.faults import faulty
 
@@ -31,6 +32,13 @@ def test_a_gear_ratio_is_named_although_links_would_explain_the_images(plain: Ch
     assert cause.amount == pytest.approx(0.002, abs=4.0 * cause.sigma)
     assert (plain.trials[0].needed, plain.trials[0].instead) == (False, "scale of J3")
     assert any("if the scale of J3 is not as given" in remark for remark in plain.remarks)
+
+
+@pytest.mark.parametrize(("kind", "needed"), [("marker", True), ("charuco", False)])
+def test_whether_the_print_is_in_the_model_is_judged_anew_without_the_links(kind: str, needed: bool) -> None:
+    c = calibrate_hand_eye(faulty("J3 geared 0.2 % otherwise", 2, 24, kind)[0]).chain
+    assert next(trial for trial in c.trials if trial.part == PRINT).needed == needed
+    assert c.problem.free[c.names.index(SIZE)] == needed
 
 
 def test_errors_of_the_links_stay_errors_of_the_links() -> None:

@@ -165,6 +165,16 @@ def test_an_arm_that_no_cell_would_take_is_refused():
     assert "zero of J2 is off by 6 deg, at most 5 is plausible" in reason
 
 
+def test_small_errors_of_links_are_not_taken_for_scatter():
+    """Scatter needs fewer unknowns, but the images do not fit without it; with the links they do."""
+    rng = np.random.default_rng(1)
+    truth = draw_truth(rng, links=True)
+    truth = replace(truth, d=0.4 * truth.d, a=0.4 * truth.a, alpha=0.4 * truth.alpha)
+    found = calibrate_hand_eye(recorded(truth, wide(truth, TARGETS["marker"], 24, rng), "marker", rng))
+    assert LINKS in [trial.part for trial in found.chain.trials if trial.needed]
+    assert found.chain.scattering is None
+
+
 def test_a_camera_that_sways_a_little_is_not_taken_for_wrong_links():
     """Links, with 18 unknowns, could take in what sways by 0.04 px, and with it a print that is 0.2 % small."""
     rng = np.random.default_rng(0)
