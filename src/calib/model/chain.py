@@ -2,8 +2,9 @@
 
 A chain is a product of rigid transforms from left to right: fixed transforms, and motions about or along an axis whose
 amount is the sum of a reading (of an encoder) and of unknowns. Joint offsets, link lengths, the extrinsics of a camera
-or a mount, joint compliance and backlash are all unknowns of some motion. One derivative serves them all: the twist of
-the frame at the right end of the chain (J. Solà et al., "A micro Lie theory", 2018, eq. 187).
+or a mount, joint compliance and backlash are all unknowns of some motion; those of an arm are listed in
+`calib.hand_eye.chain`. One derivative serves them all: the twist of the frame at the right end of the chain
+(J. Solà et al., "A micro Lie theory", 2018, eq. 187).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Requests during an execution: pause, resume, abort, speed override."""
+"""Requests during an execution: pause, resume, abort, speed override.
+
+On the command line `cell.session.speed` (``--speed``) and `cell.session.keyboard` (keys + and -) set the override.
+"""
 
 from __future__ import annotations
 

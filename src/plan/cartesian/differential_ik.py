@@ -1,4 +1,4 @@
-"""Way-points of a line by differential inverse kinematics as a quadratic program.
+"""Way-points of a line by differential inverse kinematics as a quadratic program (QP).
 
 For each way-point of the line, steps dq from a nearby configuration q solve
 

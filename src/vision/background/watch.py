@@ -1,4 +1,7 @@
-"""The watch on the camera: each look's images are compared with the background, and corrected for a small shift."""
+"""The watch on the camera: each look's images are compared with the background, and corrected for a small shift.
+
+A shift that is too large is refused by `CameraShift.require_small`.
+"""
 
 from __future__ import annotations
 

@@ -1,9 +1,12 @@
 """Estimate a board's pose jointly from both markers and all frames, with a realistic covariance, or refuse it.
 
 Fusing all corners in one fit reaches the Cramer-Rao bound; a median of poses or of corners wastes 20-40 % of the
-information, and one marker alone flips its tilt (docs/sources.md, "Pose of a board"). The
-covariance does not include the uncertainty of lens and extrinsics; allow for that in `motion.clearance_mm`
-(docs/real-cell.md). `vision.observe` adds that of the camera's present shift, `BoardPose.holes` the plate's tolerance.
+information, and one marker alone flips its tilt (docs/sources.md, "Pose of a board").
+
+The covariance includes noise of the corners (`vision.boards.corner_noise`), and print and light of each marker
+(`vision.boards.shared_errors`). `vision.observe` adds the uncertainty of the camera's present shift, `BoardPose.holes`
+the plate's tolerance. It does not include lens and extrinsics; allow for them in `motion.clearance_mm`
+(docs/real-cell.md).
 """
 
 from __future__ import annotations
