@@ -15,10 +15,13 @@ from vision.camera.frame_source import Image
 from vision.camera.model import Camera
 from vision.markers.border_shift import border_shift, moved_outwards
 from vision.markers.dictionaries import predefined
-from vision.markers.edge_lines import refine_by_border_lines
+from vision.markers.edge_lines import PROFILE_PART, refine_by_border_lines
+from vision.markers.edge_profiles import LEAST_HALF_PX
 
 SEARCH_WIDTH_PX = 960  # images are searched at the integer fraction of their size that is at least this wide
-_SUBPIX_WINDOW, _SUBPIX_STOP = (5, 5), (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
+_SUBPIX_HALF_PX = 2, 5  # half width of the window of `cornerSubPix`, least and most
+_SUBPIX_PART = 0.8  # the same in modules: a wider window reaches the code, which pulls the corner inwards
+_SUBPIX_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.01)
 
 
 @dataclass(frozen=True)
@@ -70,15 +73,14 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
     # the centre of the first pixel of a reduced image lies (scale - 1) / 2 pixels inside the full one
     rough = np.stack([c.reshape(4, 2) for c in found]).astype(float) * scale + (scale - 1.0) / 2.0
     modules = detector.getDictionary().markerSize + 2
-    lines = refine_by_border_lines(grey, rough, camera, modules)
+    start = np.stack([_lines_start(grey, corners, modules) for corners in rough])
+    lines = refine_by_border_lines(grey, start, camera, modules)
     image_f = grey.astype(np.float32)
     markers = []
     for index, marker_id in enumerate(ids.reshape(-1)):
         if lines.good[index]:
             corners = lines.corners_px[index]
-            reach = (
-                0.45 * float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=-1).min()) / modules
-            )
+            reach = PROFILE_PART * shortest_side(corners) / modules
             shift = border_shift(image_f, corners, _bits(dictionary, int(marker_id)), reach, camera)
             corners = moved_outwards(corners, -shift.shift_px)
             sigma = frozen(shift.sigma_px) if shift.known else None
@@ -87,15 +89,32 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
             noise = lines.noise_px[index] ** 2 * np.eye(8) + by_shift @ shift.noise @ by_shift.T
             markers.append(Marker(int(marker_id), frozen(corners), "lines", sigma, frozen(noise)))
         elif _inside(rough[index], grey):
-            corners = np.ascontiguousarray(rough[index][:, None], dtype=np.float32)
-            cv2.cornerSubPix(grey, corners, _SUBPIX_WINDOW, (-1, -1), _SUBPIX_STOP)
-            markers.append(Marker(int(marker_id), frozen(corners.reshape(4, 2)), "subpix"))
+            markers.append(Marker(int(marker_id), frozen(_subpix(grey, rough[index], modules)), "subpix"))
     return sorted(markers, key=lambda marker: marker.id)
 
 
+def _lines_start(grey: Image, rough_px: Array, modules: int) -> Array:
+    """Corners to look for border lines at: profiles of small markers are too short for the error of rough corners."""
+    small = PROFILE_PART * shortest_side(rough_px) / modules < LEAST_HALF_PX
+    return _subpix(grey, rough_px, modules) if small and _inside(rough_px, grey) else rough_px
+
+
+def _subpix(grey: Image, rough_px: Array, modules: int) -> Array:
+    """Corners by OpenCV, (4, 2) px."""
+    corners = np.ascontiguousarray(rough_px[:, None], dtype=np.float32)
+    half = int(np.clip(_SUBPIX_PART * shortest_side(rough_px) / modules, *_SUBPIX_HALF_PX))
+    cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), _SUBPIX_STOP)
+    return corners.reshape(4, 2).astype(float)
+
+
+def shortest_side(corners_px: Array) -> float:
+    """Length of the shortest side of a marker (4, 2), px."""
+    return float(np.linalg.norm(np.roll(corners_px, -1, axis=0) - corners_px, axis=-1).min())
+
+
 def _inside(corners_px: Array, grey: Image) -> bool:
-    """Whether the windows of `cornerSubPix` are inside the image; clipped ones give corners that are pixels off."""
-    edge = _SUBPIX_WINDOW[0] + 1.0
+    """Whether the widest windows of `cornerSubPix` are inside: clipped ones give corners that are pixels off."""
+    edge = _SUBPIX_HALF_PX[1] + 1.0
     return bool((corners_px >= edge).all() and (corners_px <= np.array(grey.shape[::-1]) - 1.0 - edge).all())
 
 

@@ -20,6 +20,8 @@ ROWS = 64  # profiles across a side
 END_GAP_PX, END_GAP = 4.0, 0.06  # distance of the profiles from the corners, px and relative to the side
 LEAST_INLIERS = 0.6  # fraction of a side's profiles that must agree on its line
 INLIER_PX = 1.0  # largest distance of an inlier from its line
+PROFILE_PART = 0.45  # half length of a profile in modules: it stays inside the black border and the white one
+LEAST_MODULE_PX = LEAST_HALF_PX / 0.8  # smallest module with border lines: profiles end before the code
 MOST_MOVED_PX = 4.0  # largest distance from the rough corner: beyond is another edge, as of a finger
 _ROBUST_ROUNDS = 6
 
@@ -64,8 +66,8 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     """
     image = grey.astype(np.float32)
     sides = np.linalg.norm(np.roll(rough_px, -1, axis=1) - rough_px, axis=-1)
-    reach = 0.45 * sides.min(axis=1) / modules  # stays inside the black border and the white one
-    fits = reach >= LEAST_HALF_PX
+    fits = sides.min(axis=1) >= LEAST_MODULE_PX * modules
+    reach = np.maximum(PROFILE_PART * sides.min(axis=1) / modules, LEAST_HALF_PX)
     corners, good, noise = rough_px, fits, np.zeros(len(rough_px))
     for half in (WIDE_PX, NARROW_PX):
         lines = _fit_lines(*_edge_points(image, corners, np.minimum(reach, half)), camera)

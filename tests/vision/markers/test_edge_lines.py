@@ -25,6 +25,28 @@ def test_corners_by_border_lines() -> None:
     assert abs((error * outward).sum(axis=-1).mean()) < 0.005
 
 
+def test_border_lines_of_small_markers() -> None:
+    """26 px a side, 4.3 px a module: cornerSubPix is 0.4 px off, because its window reaches the code."""
+    errors = []
+    for seed in range(6):
+        image, camera, truth = one_marker(seed, 7.0, size=0.006)
+        (marker,) = detect_markers(image, camera)
+        assert marker.method == "lines"
+        errors.append(marker.corners_px - truth)
+    assert np.sqrt(np.mean(np.array(errors) ** 2)) < 0.06
+
+
+def test_subpix_keeps_off_the_code_of_a_tiny_marker() -> None:
+    """Of 2.7 px a module, too small for border lines: windows of 5 px, which reach the code, give 0.33 px."""
+    errors = []
+    for seed in range(6):
+        image, camera, truth = one_marker(seed, 7.0, size=0.005, dictionary="DICT_6X6_50")
+        (marker,) = detect_markers(image, camera, "DICT_6X6_50")
+        assert marker.method == "subpix"
+        errors.append(marker.corners_px - truth)
+    assert np.sqrt(np.mean(np.array(errors) ** 2)) < 0.28
+
+
 def test_subpix_is_what_it_says_and_worse() -> None:
     """A side that is mostly hidden has no line; the corners then come from cornerSubPix, and the marker says so."""
     image, camera, truth = one_marker(3, 7.0)
