@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from arm.credentials import hide_credentials
+
 MOST_MESSAGE = 500  # characters of a message; names and values from files may have any length
 MOST_VALUE = 200  # characters of a value inside a message
 
@@ -21,7 +23,8 @@ def shortened(text: str, most: int = MOST_MESSAGE) -> str:
 class A465Error(Exception):
     """Base of every error of this project.
 
-    The message is one line of at most `MOST_MESSAGE` characters; `data` has the same facts for programs.
+    The message is one line of at most `MOST_MESSAGE` characters; `data` has the same facts for programs. Neither has
+    credentials of a URL (`hide_credentials`).
 
     Args:
         message: what happened, with name, value, rule and what would help.
@@ -32,8 +35,10 @@ class A465Error(Exception):
     word = "refused"  # first word of a command's message
 
     def __init__(self, message: str, **data: Any) -> None:
-        super().__init__(shortened(message))
-        self.data = data
+        super().__init__(shortened(hide_credentials(message)))
+        self.data: dict[str, Any] = {
+            key: hide_credentials(v) if isinstance(v, str) else v for key, v in data.items()
+        }
 
 
 class InputError(A465Error):
@@ -47,6 +52,7 @@ class FileInputError(InputError):
     """A value in a file breaks a rule; the message names file, key, value and rule."""
 
     def __init__(self, file: object, key: str, value: object, rule: str, help: str = "") -> None:
+        value = hide_credentials(value) if isinstance(value, str) else value  # before it is shortened
         where = f"{file}: {key}" if key else f"{file}"
         shown = "" if value is None else f" = {shortened(repr(value), MOST_VALUE)}"
         super().__init__(

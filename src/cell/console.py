@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TextIO
 
+from arm.credentials import hide_credentials
 from arm.errors import ExecutionStopped
 
 if TYPE_CHECKING:
@@ -200,7 +201,8 @@ class _StandardError(io.StringIO):
 
 
 def _harmless(text: str) -> str:
-    """Escape control characters: names come from files of any origin."""
+    """Escape control characters, as names come from files of any origin, and hide credentials of URLs."""
+    text = hide_credentials(text)
     return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)
 
 

@@ -285,3 +285,11 @@ def test_names_of_a_file_do_nothing_to_the_terminal(capsys: pytest.CaptureFixtur
     assert capsys.readouterr().out == "cube \\x1b[2J\\x1b[H\\r\\ud800 ä · \\u2028 end\n"
     say_on_stderr("a465: \x07wrong\ninput")
     assert capsys.readouterr().err == "a465: \\x07wrong\ninput\n"
+
+
+def test_a_line_has_no_password(capsys: pytest.CaptureFixture[str]) -> None:
+    say_on_stderr("to go on: a465 run --camera video:rtsp://me:secret@host/1 --resume")
+    Console(as_json=False).say("video:http://host/?key=secret")
+    said = capsys.readouterr()
+    assert "secret" not in said.out + said.err
+    assert "--camera video:rtsp://***@host/1 --resume" in said.err

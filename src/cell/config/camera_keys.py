@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from arm.credentials import without_url
 from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
@@ -28,7 +29,7 @@ class CellCamera:
         video: settings for any video source of the cell.
     """
 
-    device: str | None = None
+    device: str | None = field(default=None, repr=False)  # a URL may hold a password
     basler: BaslerSettings = field(default_factory=BaslerSettings)
     video: VideoSettings = field(default_factory=VideoSettings)
 
@@ -38,7 +39,8 @@ def _selector(node: Node) -> str:
     try:
         read_selector(device)
     except InputError as error:
-        raise node.error(str(error).partition(": ")[2]) from error
+        shown = replace(node, value=without_url(device))
+        raise shown.error(str(error).partition(": ")[2]) from error
     if device == OF_CELL:
         raise node.error(f"must be a camera; write name:{OF_CELL} for a camera of that name")
     return device
@@ -49,7 +51,8 @@ def _video_selector(node: Node) -> str:
     try:
         recorded = read_video(device).kind == "file"
     except InputError as error:
-        raise node.error(str(error).partition(": ")[2]) from error
+        shown = replace(node, value=without_url(device))
+        raise shown.error(str(error).partition(": ")[2]) from error
     if recorded:
         raise node.error("must be a device or a stream; a recording cannot show the present cell")
     return device

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from arm.credentials import without_url
 from arm.errors import CameraError, InputError
 
 KINDS = ("name", "serial", "ip", "class")
@@ -101,10 +102,11 @@ def read_selector(text: str) -> Selector:
     if not colon:
         kind, rest = "", kind
     if (colon and kind not in KINDS) or not rest:
+        shown = without_url(text)
         raise InputError(
-            f"camera {text!r}: must be name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS; "
+            f"camera {shown!r}: must be name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS; "
             "a bare text is a user name or a serial number; cameras of other makes are video:SOURCE",
-            camera=text,
+            camera=shown,
         )
     if kind == "ip":
         try:

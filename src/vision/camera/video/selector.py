@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
+from urllib.parse import urlsplit
 
+from arm.credentials import hide_credentials, without_url
 from arm.errors import InputError
 
 PREFIX = "video:"
@@ -14,6 +16,7 @@ STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "rtp", "udp", "tcp", "srt")
 COUNTED = ("http", "https")  # their time stamps may be a count of frames, as those of motion JPEG are
 FORMS = "video:NUMBER, video:/dev/NAME, video:URL or video:FILE"
 _SIZED = re.compile(r"(?P<device>\d+|/dev/[^@]+)@(?P<width>\d{2,5})x(?P<height>\d{2,5})")
+CALLED = ("rtsp", "rtsps", "rtmp", "http", "https")  # their URLs name a host
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
 
 
@@ -28,7 +31,7 @@ class VideoSelector:
     """
 
     kind: Literal["device", "stream", "file"]
-    source: str
+    source: str = field(repr=False)  # may hold a password
     size: tuple[int, int] | None = None
 
     @property
@@ -43,9 +46,7 @@ class VideoSelector:
         return Path(f"/dev/video{self.source}" if self.source.isdigit() else self.source)
 
     def __str__(self) -> str:
-        shown = (
-            re.sub(r"(://[^/@:]*):[^/]*@", r"\1:***@", self.source) if self.kind == "stream" else self.source
-        )
+        shown = hide_credentials(self.source) if self.kind == "stream" else self.source
         return f"{PREFIX}{shown}" + ("" if self.size is None else f"@{self.size[0]}x{self.size[1]}")
 
 
@@ -62,15 +63,16 @@ def read_video(text: str) -> VideoSelector:
     ``video:0@1920x1080``.
 
     Raises:
-        InputError: it is empty, or a stream of an unknown protocol.
+        InputError: it is empty, a stream of an unknown protocol, or a URL without host or with a port that is none.
     """
     source = text.strip().removeprefix(PREFIX).strip()
     if not is_video(text) or not source:
-        raise InputError(f"camera {text!r}: must be {FORMS}", camera=text)
+        raise InputError(f"camera {without_url(text)!r}: must be {FORMS}", camera=without_url(text))
     if scheme := _SCHEME.match(source):
         if scheme[1].lower() not in STREAMS:
             why = f"camera {PREFIX}{scheme[1]}://...: a stream's protocol must be one of {', '.join(STREAMS)}"
             raise InputError(why, camera=scheme[1])
+        _require_host(source)
         return VideoSelector("stream", source)
     if sized := _SIZED.fullmatch(source):
         return VideoSelector("device", sized["device"], (int(sized["width"]), int(sized["height"])))
@@ -78,3 +80,21 @@ def read_video(text: str) -> VideoSelector:
     if source.isdigit() or path.is_char_device() or (source.startswith("/dev/") and not path.is_file()):
         return VideoSelector("device", source)
     return VideoSelector("file", source)
+
+
+def _require_host(url: str) -> None:
+    """Refuse a URL that names no place, also because of characters in its password; do not print any of it.
+
+    Raises:
+        InputError: it has a space or quote, no host, or a port that is not a number from 1 to 65535.
+    """
+    try:
+        parts = urlsplit(url)
+        fits = parts.port != 0 and (bool(parts.hostname) or parts.scheme not in CALLED)
+    except ValueError:
+        fits = False
+    if not fits or re.search(r"[\s'\"]", url):
+        rule = "must be a URL with a host and a port from 1 to 65535, if any; write space / ? # @ ' \" of a name or "
+        rule += "password as %20 %2F %3F %23 %40 %27 %22"
+        shown = f"{PREFIX}{without_url(url)}"
+        raise InputError(f"camera {shown}: {rule}", camera=shown)

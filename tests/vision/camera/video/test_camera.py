@@ -166,7 +166,7 @@ def test_a_source_that_cannot_be_opened_is_told(device: FakeDevice, tmp_path: Pa
     device.dead = True
     assert "another program has it open" in not_opened(DEVICE, QUICK, "in use")
     told = not_opened(STREAM, QUICK, "missing")
-    assert told.startswith("camera video:rtsp://me:***@camera/1: no stream comes from there")
+    assert told.startswith("camera video:rtsp://***@camera/1: no stream comes from there")
 
 
 def test_a_device_that_one_may_not_open_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +176,7 @@ def test_a_device_that_one_may_not_open_is_told(monkeypatch: pytest.MonkeyPatch)
 
 def test_streams_have_limits_for_opening_and_reading(device: FakeDevice) -> None:
     with VideoCamera(STREAM, QUICK) as camera:
-        assert camera.description == "camera video:rtsp://me:***@camera/1: 32 x 24 px"
+        assert camera.description == "camera video:rtsp://***@camera/1: 32 x 24 px"
         assert "compression can shift edges" in " ".join(camera.doubts)
     source, backend, limits = device.opened
     assert (source, backend) == ("rtsp://me:secret@camera/1", cv2.CAP_FFMPEG)

@@ -37,12 +37,33 @@ def test_a_link_to_a_device_is_a_device_and_a_file_below_dev_is_none(tmp_path: P
     assert read_video("video:/dev/../etc/passwd").kind == "file"
 
 
+@pytest.mark.parametrize(
+    "url",
+    [
+        "rtsp://",
+        "http://host:99999/x",
+        "http://host:0/x",
+        "rtsp://me:sec/ret@host",
+        "rtsp://me:sec ret@host/1",
+    ],
+)
+def test_a_url_that_names_no_place_is_refused_unseen(url: str) -> None:
+    with pytest.raises(InputError, match="with a host and a port from 1 to 65535") as caught:
+        read_video(f"video:{url}")
+    assert f"camera video:{url[:4]}://...: " in str(caught.value)
+    assert "ret" not in f"{caught.value} {caught.value.data}"
+    assert read_video("video:udp://@:1234").kind == "stream"  # listens
+
+
 def test_a_password_is_not_shown() -> None:
     for text, shown in (
-        ("video:rtsp://me:se@cret@host:554/a:b@c", "video:rtsp://me:***@host:554/a:b@c"),
-        ("video:rtsp://host:554/a:b@c", "video:rtsp://host:554/a:b@c"),
+        ("video:rtsp://me:se@cret@host:554/a:b", "video:rtsp://***@host:554/a:b"),
+        ("video:rtsp://host:554/a:b", "video:rtsp://host:554/a:b"),
+        ("video:http://host/live?user=me&pwd=secret", "video:http://host/live?***"),
     ):
-        assert str(read_video(text)) == shown
+        selector = read_video(text)
+        assert str(selector) == shown
+        assert "cret" not in repr(selector)
     assert str(read_video("video:0@640x480")) == "video:0@640x480"
     with pytest.raises(InputError) as caught:
         read_video("video:ftp://me:secret@host/x")
