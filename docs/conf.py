@@ -34,7 +34,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 # by these names, not by what they stand for
-autodoc_type_aliases = {name: name for name in ("Array", "Counts", "Flags")}
+autodoc_type_aliases = {name: name for name in ("Array", "Bools", "Counts")}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True

@@ -62,9 +62,9 @@ class Scene:
         Raises:
             InputError: there is none.
         """
-        for cube in self.cubes:
-            if cube.name == name:
-                return cube
+        found = next((cube for cube in self.cubes if cube.name == name), None)
+        if found is not None:
+            return found
         known = ", ".join(c.name for c in self.cubes) or "none"
         raise InputError(f"cube = {name!r}: must be a cube of the scene: {known}", name=name)
 
@@ -92,38 +92,28 @@ def _rounded(body: Body) -> dict[str, Any]:
     return body_to_json(body.at(np.round(body.T_base_body, 12) + 0.0))  # + 0.0 makes -0.0 into 0.0
 
 
+_KEYS = {"bodies", "cubes", "allowed", "robot_open", "robot_holding"}
+
+
 def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Robot) -> Scene:
     """Invert `Scene.to_json` for the same arms.
 
     Raises:
         InputError: the value is malformed, or the arms are not those of the scene.
     """
-    if not isinstance(value, dict) or not {
-        "bodies",
-        "cubes",
-        "allowed",
-        "robot_open",
-        "robot_holding",
-    } <= set(value):
+    if not isinstance(value, dict) or not set(value) >= _KEYS:
         raise InputError("scene: must have bodies, cubes, allowed, robot_open and robot_holding; plan again")
     for key, robot in (("robot_open", robot_open), ("robot_holding", robot_holding)):
         if value[key] != robot.digest:
             why = f"scene: {key} has digest {str(value[key])[:12]}, this arm has {robot.digest[:12]}; plan again"
             raise InputError(why, key=key, scene=value[key], robot=robot.digest)
-    pairs = value["allowed"]
-    if not all(isinstance(value[k], list) for k in ("bodies", "cubes", "allowed")) or not all(
-        map(_pair, pairs)
-    ):
+    bodies, cubes, pairs = value["bodies"], value["cubes"], value["allowed"]
+    if not all(isinstance(some, list) for some in (bodies, cubes, pairs)) or not all(map(_pair, pairs)):
         raise InputError(
             "scene: bodies, cubes and allowed must be lists, allowed of pairs of names; plan again"
         )
-    return Scene(
-        robot_open,
-        robot_holding,
-        tuple(body_from_json(b) for b in value["bodies"]),
-        tuple(body_from_json(c) for c in value["cubes"]),
-        frozenset(frozenset(pair) for pair in pairs),
-    )
+    bodies, cubes = (tuple(map(body_from_json, some)) for some in (bodies, cubes))
+    return Scene(robot_open, robot_holding, bodies, cubes, frozenset(map(frozenset, pairs)))
 
 
 def _pair(value: Any) -> bool:

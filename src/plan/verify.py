@@ -32,9 +32,8 @@ ON_LINES = ("approach", "retract")
 LIMIT_SLACK = 1e-9
 LINE_SAMPLE_S = 0.01
 LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # largest deviation from a line, m and rad
-LINE_LENGTH = (
-    5e-4  # m, tolerance of a line's length; a line is entered or left at speed, at a whole millisecond
-)
+# m, tolerance of a line's length; a line is entered or left at speed, at a whole millisecond
+LINE_LENGTH = 5e-4
 VERTEX_S = 5e-3  # a join may step in velocity by acceleration limit * 5 ms (the controller's rule)
 GRASP_REACH = 0.05  # from the tool frame to the centre of a cube between the jaws, m
 
@@ -220,13 +219,12 @@ def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
 
 
 def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str, Array]:
-    found = min(
-        ((float(norm((mul(inverse(T_base_tool), c.T_base_body))[:3, 3])), name) for name, c in cubes.items()),
-        default=(np.inf, ""),
-    )
-    if found[0] > GRASP_REACH:
+    T_tool_base = inverse(T_base_tool)
+    in_tool = {name: mul(T_tool_base, cube.T_base_body) for name, cube in cubes.items()}
+    away, name = min(((norm(T[:3, 3]), name) for name, T in in_tool.items()), default=(np.inf, ""))
+    if away > GRASP_REACH:
         raise ImpossibleError(f"{step!r} closes the jaws where no cube stands; plan again", step=step)
-    return found[1], frozen(mul(inverse(T_base_tool), cubes[found[1]].T_base_body))
+    return name, frozen(in_tool[name])
 
 
 def _setting(

@@ -36,10 +36,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 # Strings and comments. An unclosed string ends with its line, which keeps the search linear in the file's length.
 _TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*+"?|\'[^\'\n]*+\'?|#[^\n]*+')
-_PARTS = re.compile(
-    rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS}}}",
-    re.ASCII,
-)
+_PARTS = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS}}}", re.ASCII)
 
 
 def _require_short_keys(path: Path, text: str) -> None:

@@ -13,15 +13,7 @@ import numpy as np
 from arm.numerics.angles import arccos
 from arm.numerics.products import norm
 from arm.se3 import Array
-from plan.advice.changes import (
-    Change,
-    ChangeOptions,
-    Groups,
-    MoveBodies,
-    RemoveBodies,
-    Request,
-    SkipCubes,
-)
+from plan.advice.changes import Change, ChangeOptions, Groups, MoveBodies, RemoveBodies, Request, SkipCubes
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
 from plan.options import PlanOptions
 from plan.scene import Station
@@ -153,7 +145,7 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
     plates = [b for b in request.scene.bodies if b.name in names & station.touches]
     if not plates:
         return
-    about = tuple(float(v) for v in plates[0].T_base_body[:3, 3])
+    about = tuple(plates[0].T_base_body[:3, 3].tolist())
     normal = -station.T_base_tool[0][:3, 2]
     rotations = [("about the vertical, seen from above", _UP, names)]
     if arccos(abs(normal[2])) > _TILTED:
@@ -161,25 +153,13 @@ def _turns(request: Request, board: str, names: frozenset[str], station: Station
         stands = {b.name for b in request.scene.bodies if b.kind == "stand"}
         rotations.append(("about its own normal, seen from its front", normal, names - stands))
     for words, axis, bodies in rotations:
-        along = tuple(float(v) for v in np.round(axis, 12))
-        yield Family(
-            4,
-            tuple(
-                MoveBodies(
-                    f"turn {board} by {abs(np.degrees(turn)):.0f} deg {_sense(turn)} {words}",
-                    board,
-                    bodies,
-                    turn=turn,
-                    axis=(along[0], along[1], along[2]),
-                    about=(about[0], about[1], about[2]),
-                )
-                for turn in TURNS
-            ),
-        )
-
-
-def _sense(turn: float) -> str:
-    return "counter-clockwise" if turn > 0.0 else "clockwise"
+        x, y, z = np.round(axis, 12).tolist()
+        turns = []
+        for turn in TURNS:
+            sense = "counter-clockwise" if turn > 0.0 else "clockwise"
+            text = f"turn {board} by {abs(np.degrees(turn)):.0f} deg {sense} {words}"
+            turns.append(MoveBodies(text, board, bodies, turn=turn, axis=(x, y, z), about=about))
+        yield Family(4, tuple(turns))
 
 
 def skipped_for(
@@ -210,8 +190,7 @@ def _moves(
 def _directions(body: Array, at: Array | None, failure: Failure) -> list[tuple[Array, str]]:
     away = _away(body, at) if at is not None else _level(body)
     side = np.array([-away[1], away[0], 0.0])
-    words = _from(failure)
-    return [(away, words), (side, "sideways"), (-side, "sideways"), (_UP, "up")]
+    return [(away, _from(failure)), (side, "sideways"), (-side, "sideways"), (_UP, "up")]
 
 
 def _from(failure: Failure) -> str:

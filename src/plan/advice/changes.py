@@ -56,17 +56,8 @@ class Request:
         """
         if not self.transfers:
             return None
-        return plan_task(
-            self.scene,
-            self.transfers,
-            self.q_start,
-            self.unit,
-            self.limits,
-            self.options,
-            provenance,
-            task,
-            self.places,
-        )
+        given = self.q_start, self.unit, self.limits, self.options
+        return plan_task(self.scene, self.transfers, *given, provenance, task, self.places)
 
     def planner(self) -> Planner:
         """Return a planner for the request."""
@@ -197,15 +188,11 @@ class RemoveBodies(Change):
 
     def apply(self, request: Request) -> Request:
         scene = request.scene
-        return replace(
-            request,
-            scene=replace(
-                scene,
-                bodies=tuple(b for b in scene.bodies if b.name != self.name),
-                cubes=tuple(c for c in scene.cubes if c.name != self.name),
-                allowed=frozenset(pair for pair in scene.allowed if self.name not in pair),
-            ),
+        bodies, cubes = (
+            tuple(b for b in some if b.name != self.name) for some in (scene.bodies, scene.cubes)
         )
+        allowed = frozenset(pair for pair in scene.allowed if self.name not in pair)
+        return replace(request, scene=replace(scene, bodies=bodies, cubes=cubes, allowed=allowed))
 
     def to_json(self) -> dict[str, Any]:
         return {"change": "take away", "what": self.name}

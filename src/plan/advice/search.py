@@ -51,7 +51,8 @@ class Advice:
         """What to do, and what was verified."""
         if not self.left:
             return f"{self.change.text} (checked: all holes are then in reach)"
-        what = "the whole task can then be planned" if self.whole else _others(self.left)
+        others = "the other cube" if self.left == 1 else f"the other {self.left} cubes"
+        what = "the whole task can then be planned" if self.whole else f"{others} can then be moved"
         return f"{self.change.text} (checked: {what}, {self.motion_s:.1f} s of motion)"
 
     def to_json(self) -> dict[str, Any]:
@@ -132,19 +133,19 @@ class _Trial:
         if isinstance(change, SkipCubes):
             return True
         changed, kind = change.apply(self.request), self.failure.kind
-        if isinstance(change, MoveBodies) and not _stands_free(
-            self.request.scene, changed.scene, change.bodies
-        ):
+        before, after = self.request.scene, changed.scene
+        if isinstance(change, MoveBodies) and not _stands_free(before, after, change.bodies):
             return False
         if self.fits is not None and not self.fits(changed):
             return False
-        if kind == START_BLOCKED and not _start_free(changed):
-            return False
+        if kind == START_BLOCKED:
+            world = World(changed.scene.robot_open, (*changed.scene.bodies, *changed.scene.cubes))
+            if world.in_collision(changed.q_start, changed.options.clearance):
+                return False
         table = changed.planner().reach(changed.stations())
         if not self.reaches(changed, table):
             return False
-        failing = self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ()
-        lines = [*failing]
+        lines = [*(self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ())]
         if isinstance(change, MoveBodies):  # a moved body may obstruct other lines
             on_it = [s.name for s in changed.stations() if s.touches & change.bodies]
             lines += [*on_it, *(s.name for s in changed.stations())]
@@ -251,15 +252,6 @@ class _Trial:
         return Advice(change, plan.duration_s if plan else 0.0, left, whole), None
 
 
-def _others(count: int) -> str:
-    return "the other cube can then be moved" if count == 1 else f"the other {count} cubes can then be moved"
-
-
-def _start_free(request: Request) -> bool:
-    world = World(request.scene.robot_open, (*request.scene.bodies, *request.scene.cubes))
-    return not world.in_collision(request.q_start, request.options.clearance)
-
-
 def _line_open(request: Request, choices: Sequence[GraspCandidate], station: str) -> bool:
     """Return whether some grasp of a place keeps its clearance at samples of its line and at the outer end."""
     worlds, options = worlds_at(request.scene, request.transfers, station), request.options
@@ -275,9 +267,9 @@ def _line_open(request: Request, choices: Sequence[GraspCandidate], station: str
 
 def _stands_free(before: Scene, after: Scene, moved: frozenset[str]) -> bool:
     """Return whether moved bodies have no new overlap and still stand on a table."""
-    fixed = [
-        b for b in after.robot_open.bodies_at(np.zeros(after.robot_open.model.nq)) if b.name in _base(after)
-    ]
+    robot = after.robot_open
+    base = {b.name for b in robot.bodies if b.joint == 0}
+    fixed = [b for b in robot.bodies_at(np.zeros(robot.model.nq)) if b.name in base]
     were = {b.name: b for b in (*before.bodies, *before.cubes)}
     others = [b for b in (*after.bodies, *after.cubes, *fixed) if b.name not in moved]
     for body in (b for b in (*after.bodies, *after.cubes) if b.name in moved):
@@ -290,10 +282,6 @@ def _stands_free(before: Scene, after: Scene, moved: frozenset[str]) -> bool:
             if _overlap(body, other) and not _overlap(was, other):
                 return False
     return True
-
-
-def _base(scene: Scene) -> set[str]:
-    return {b.name for b in scene.robot_open.bodies if b.joint == 0}
 
 
 def _overlap(a: Body, b: Body) -> bool:

@@ -28,7 +28,7 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, rotation_vector
-from plan.kinematics.straight_line import AXES, Line, LineDeviation
+from plan.kinematics.straight_line import AXES, Line
 
 SOLVERS = ("daqp", "osqp")
 ACTIVE = 1e-7  # rad, distance to a bound that counts as active
@@ -172,19 +172,12 @@ class Follower:
             q = moved
             if length < 1e-13:
                 break
-        off = self.line_error(q, goal)
+        off = Line(goal, goal).deviation(self.robot.T_base_tool(q)[None], self.options.free_axis)
         kept = not self.options.barrier or self.options.barrier(q).h.min(initial=0.0) >= -_BARRIER_SLACK
-        if (
-            off.distance[0] <= self.options.tolerance
-            and off.angle[0] <= self.options.angle_tolerance
-            and kept
-        ):
+        near = off.distance[0] <= self.options.tolerance and off.angle[0] <= self.options.angle_tolerance
+        if near and kept:
             return q
         return self.stopped(goal, before, q, lower, upper, done)
-
-    def line_error(self, q: Array, goal: Array) -> LineDeviation:
-        """Return the deviation of the tool at q from a goal."""
-        return Line(goal, goal).deviation(self.robot.T_base_tool(q)[None], self.options.free_axis)
 
     def program(self, q: Array, twist: Array) -> tuple[Array, Array, float]:
         """Return J, e and damping of the quadratic program at q."""

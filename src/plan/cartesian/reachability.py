@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -24,9 +25,8 @@ from plan.kinematics.ik import nearest_turns
 from plan.options import PlanOptions
 from plan.scene import Station
 
-_SAMPLE_STEP = (
-    0.005  # m between poses along a line; joints move smoothly between them, away from singularities
-)
+# m between poses along a line; joints move smoothly between them, away from singularities
+_SAMPLE_STEP = 0.005
 
 
 @dataclass(frozen=True)
@@ -128,13 +128,9 @@ class ReachTable:
                 hole, branch, yaw, and joint with excess_deg, or outside_mm, or racing.
         """
         failing = [hole.best for hole in self.holes if not hole.ok]
-        if not failing:
-            return
-        raise ImpossibleError(
-            "out of reach: "
-            + "; ".join(f"hole {c.hole}: best branch {c.branch}, {c.reason()}" for c in failing),
-            holes=[_failure(c) for c in failing],
-        )
+        if failing:
+            reasons = "; ".join(f"hole {c.hole}: best branch {c.branch}, {c.reason()}" for c in failing)
+            raise ImpossibleError(f"out of reach: {reasons}", holes=[_failure(c) for c in failing])
 
 
 def _failure(choice: GraspCandidate) -> dict[str, object]:
@@ -185,11 +181,8 @@ def reach(
     steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / slowest))
     holes, row = [], 0
     for name, yaws in grasps.items():
-        choices = [
-            steps.choice(name, row + yaw, yaw, b)
-            for yaw in range(len(yaws))
-            for b in range(len(BRANCH_NAMES))
-        ]
+        each = product(range(len(yaws)), range(len(BRANCH_NAMES)))
+        choices = [steps.choice(name, row + yaw, yaw, branch) for yaw, branch in each]
         holes.append(HoleReach(name, tuple(sorted(choices, key=_rank))))
         row += len(yaws)
     return ReachTable(tuple(holes))
@@ -205,13 +198,8 @@ def reach_stations(
 
 def _rank(choice: GraspCandidate) -> tuple[float, ...]:
     """Return a sort key: candidates that serve, by decreasing margin; misses within reach; others, by distance."""
-    return (
-        float(not choice.ok),
-        choice.outside,
-        -choice.margin,
-        float(choice.yaw),
-        float(BRANCH_NAMES.index(choice.branch)),
-    )
+    branch = BRANCH_NAMES.index(choice.branch)
+    return float(not choice.ok), choice.outside, -choice.margin, float(choice.yaw), float(branch)
 
 
 class _Steps:

@@ -17,17 +17,13 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
 from arm.former import renamed_arguments
 from arm.numerics.products import mul, norm
 from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
-from arm.se3 import Array, cross
+from arm.se3 import Array, Bools, Indices, cross
 from plan.kinematics.product_of_exponentials import axis_of
-
-Indices = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 
 ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
 _MOST_BALLS = 4  # balls that cover a long body
@@ -70,7 +66,7 @@ class DistanceBounds:
         self._separation = _Separation(parts, poses, pairs)
 
     @property
-    def revolute(self) -> Flags:
+    def revolute(self) -> Bools:
         """Flags (n,): True for a revolute joint, False for a prismatic one."""
         return self._axes.revolute
 
@@ -178,7 +174,7 @@ class Axes:
         twists = pin.computeJointJacobians(model, data, np.zeros(model.nq)).reshape(6, -1).T
         axes = [axis_of(twist) for twist in twists]
         self.poses_at_zero = np.stack([M.homogeneous for M in data.oMi])
-        self.revolute: Flags = np.array([not axis.slides for axis in axes])
+        self.revolute: Bools = np.array([not axis.slides for axis in axes])
         self.point, self.direction = np.stack([(axis.point, axis.direction) for axis in axes], axis=1)
         self._along, self._across, self._turn = np.stack(
             [(axis.along, axis.across, axis.turn) for axis in axes], axis=1
@@ -208,7 +204,7 @@ class Axes:
 class _Hulls:
     """Hulls of equal balls that contain the moving bodies: balls about their corners or the ends of their axes."""
 
-    def __init__(self, bodies: Sequence[tuple[Part, Array]], revolute: Flags) -> None:
+    def __init__(self, bodies: Sequence[tuple[Part, Array]], revolute: Bools) -> None:
         hulls = [hull(part.shape) for part, _ in bodies]
         self.ball = np.array([radius for _, radius in hulls])
         points = [

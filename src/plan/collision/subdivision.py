@@ -6,14 +6,10 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.numerics.products import mul
-from arm.se3 import Array
+from arm.se3 import Array, Bools, Indices
 from plan.collision.bezier import Curve
-from plan.collision.world import Indices
-
-Flags = npt.NDArray[np.bool_]
 
 # The first pieces have about this travel, rad summed over the joints; there are at most _FIRST_PIECES.
 _FIRST_TRAVEL = 0.4
@@ -46,12 +42,12 @@ class CurveIntervals:
     control: Array
     spread: Array
     bound: Array
-    open: Flags
+    open: Bools
 
     def __len__(self) -> int:
         return len(self.first)
 
-    def runs(self) -> Flags:
+    def runs(self) -> Bools:
         """Return flags (m,): True for an interval of several cubics."""
         return np.asarray(self.last - self.first > 1)
 
@@ -60,7 +56,7 @@ class CurveIntervals:
         run = self.first + (self.last - self.first) // 2
         return np.where(self.runs(), run, (self.begin + self.end) / 2.0)
 
-    def where(self, rows: Flags) -> CurveIntervals:
+    def where(self, rows: Bools) -> CurveIntervals:
         """Return the intervals with a flag in `rows` (m,)."""
         return CurveIntervals(*(getattr(self, name)[rows] for name in _PARTS))
 
@@ -93,7 +89,7 @@ class CurveSubdivision:
             return pieces
         return _split(pieces, 1 << ((wanted // count).bit_length() - 1))
 
-    def covering(self, first: Indices, last: Indices, bound: Array, open_: Flags) -> CurveIntervals:
+    def covering(self, first: Indices, last: Indices, bound: Array, open_: Bools) -> CurveIntervals:
         """Return runs of whole cubics."""
         made = [self._covering(i, j) for i, j in zip(first.tolist(), last.tolist(), strict=True)]
         middle, reach, control, spread = (np.stack(parts) for parts in zip(*made, strict=True))

@@ -14,6 +14,7 @@ wrist near axis 1 (within about 60 mm for deviations of 2 mm and 2 mrad) or with
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import product
@@ -26,10 +27,8 @@ from arm.errors import InputError
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, norm, solve_positive
 from arm.robot.model import Robot
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, Indices, frozen
 from plan.kinematics.product_of_exponentials import Axis, ProductOfExponentials, product_of_exponentials
-
-Flags = npt.NDArray[np.bool_]
 
 BRANCH_NAMES = tuple(
     "/".join(parts) for parts in product(("front", "back"), ("up", "down"), ("noflip", "flip"))
@@ -38,9 +37,8 @@ BRANCH_NAMES = tuple(
 flip: joint 5 is on the positive side of its straight position."""
 
 POSE_TOLERANCE = 1e-10  # m and rad, on the forward kinematics of a solution
-SINGULAR_SINE = (
-    1e-6  # singular below: sine of the angle between lines, or distance of the wrist from axis 1, m
-)
+# singular below: sine of the angle between lines, or distance of the wrist from axis 1, m
+SINGULAR_SINE = 1e-6
 _GEOMETRY_TOLERANCE = 0.01  # m and rad, largest deviation from the ideal geometry
 _NEWTON_STEPS = 8
 _CHUNK = 256  # poses at a time, which fit into the processor's cache
@@ -60,10 +58,21 @@ class RawBranches:
     """
 
     q: Array
-    reached: Flags
-    singular: Flags
+    reached: Bools
+    singular: Bools
     outside: Array
     sine: Array
+
+    def rows(self, rows: slice | Indices) -> RawBranches:
+        """Return the branches of some of the poses."""
+        return RawBranches(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    @staticmethod
+    def joined(parts: Sequence[RawBranches]) -> RawBranches:
+        """Return the branches of the poses of all parts, in order."""
+        return RawBranches(
+            *(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RawBranches))
+        )
 
 
 def has_closed_form(robot: Robot) -> bool:
@@ -103,9 +112,7 @@ def all_branches(robot: Robot, T_base_tool: npt.ArrayLike, exact: bool = True) -
         some = T[first : first + _CHUNK]
         raw = _closed_form(geometry, some)
         parts.append(_polished(arm, some, raw) if exact else raw)
-    if len(parts) == 1:
-        return parts[0]
-    return RawBranches(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(RawBranches)))
+    return parts[0] if len(parts) == 1 else RawBranches.joined(parts)
 
 
 @dataclass(frozen=True, eq=False)

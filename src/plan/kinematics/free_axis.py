@@ -9,7 +9,7 @@ by less than 0.1 mrad.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeVar
 
@@ -19,9 +19,9 @@ import numpy.typing as npt
 from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.model import Robot
-from arm.se3 import Array, frozen, skew
+from arm.se3 import Array, Bools, Indices, frozen, skew
 from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches
-from plan.kinematics.ik import Indices, nearest_turns
+from plan.kinematics.ik import nearest_turns
 from plan.kinematics.straight_line import AXES
 
 _SAMPLES = 360
@@ -86,7 +86,7 @@ class FreeSamples:
     q: Array
     angle: Array
     interval: Indices
-    singular: npt.NDArray[np.bool_]
+    singular: Bools
 
 
 def turned_poses(T_base_tool: npt.ArrayLike, axis: str, angles: npt.ArrayLike) -> Array:
@@ -192,16 +192,10 @@ class _Circle:
         return all_branches(self.robot, turned_poses(self.T, self.axis, angles))
 
     def add(self, angles: Array) -> None:
-        more = self.solved(angles)
         merged = np.concatenate([self.angles, angles])
         order = np.argsort(merged, kind="stable")
         self.angles = merged[order]
-        self.raw = RawBranches(
-            *(
-                np.concatenate([getattr(self.raw, f.name), getattr(more, f.name)])[order]
-                for f in fields(RawBranches)
-            )
-        )
+        self.raw = RawBranches.joined([self.raw, self.solved(angles)]).rows(order)
 
     def curves(self, branch: int) -> Iterator[tuple[slice, Array]]:
         """Yield runs of samples in which a branch is reached and continuous, with q (s, 6) in every revolution."""
@@ -252,10 +246,8 @@ class _Circle:
             if wanted:
                 raw = self.solved(np.concatenate(list(wanted.values())))
                 stops = np.cumsum([len(a) for a in wanted.values()])
-                answers = {
-                    k: _rows(raw, slice(stop - len(wanted[k]), stop))
-                    for k, stop in zip(wanted, stops.tolist(), strict=True)
-                }
+                ends = zip(wanted, stops.tolist(), strict=True)
+                answers = {k: raw.rows(slice(stop - len(wanted[k]), stop)) for k, stop in ends}
                 wanted = {}
         return [results[k] for k in range(len(searches))]
 
@@ -328,11 +320,7 @@ class _Circle:
         )
 
 
-def _rows(raw: RawBranches, rows: slice) -> RawBranches:
-    return RawBranches(*(getattr(raw, f.name)[rows] for f in fields(RawBranches)))
-
-
-def _runs(on: npt.NDArray[np.bool_], linked: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def _runs(on: Bools, linked: Bools) -> Iterator[tuple[int, int]]:
     """Yield the start and stop indices of each run of samples that are `on` and linked to the next."""
     start: int | None = None
     for k, is_on in enumerate(on):

@@ -17,10 +17,8 @@ from arm.arguments import joints, poses
 from arm.errors import InputError
 from arm.former import former_names
 from arm.robot.model import Robot
-from arm.se3 import Array, frozen
-from plan.kinematics.closed_form import BRANCH_NAMES, Flags, all_branches
-
-Indices = npt.NDArray[np.intp]
+from arm.se3 import Array, Bools, Indices, frozen
+from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 
 _LIMIT_SLACK = 1e-12  # rad, so that rounding loses no solution on a limit
 
@@ -39,7 +37,7 @@ class Branches:
     q: Array
     pose: Indices
     branch: Indices
-    singular: Flags
+    singular: Bools
 
     def __len__(self) -> int:
         return len(self.q)

@@ -22,11 +22,11 @@ from arm.errors import InputError
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, Indices, frozen
 from plan.budget import START_CHECKS, spend
-from plan.kinematics.closed_form import POSE_TOLERANCE, Flags, has_closed_form
+from plan.kinematics.closed_form import POSE_TOLERANCE, has_closed_form
 from plan.kinematics.free_axis import feasible_intervals, sample_free
-from plan.kinematics.ik import Indices, inverse_kinematics, nearest_turns
+from plan.kinematics.ik import inverse_kinematics, nearest_turns
 from plan.kinematics.product_of_exponentials import ProductOfExponentials, product_of_exponentials
 
 FREE = ("x", "y", "z", "rx", "ry", "rz")
@@ -69,7 +69,7 @@ class Solutions:
     q: Array
     pose: Indices
     branch: tuple[str, ...]
-    singular: Flags
+    singular: Bools
 
     def __len__(self) -> int:
         return len(self.q)
@@ -202,7 +202,7 @@ class _Task:
         return [k for k, name in enumerate(FREE) if name not in self.free]
 
     @property
-    def revolute(self) -> npt.NDArray[np.bool_]:
+    def revolute(self) -> Bools:
         """Flags (n,) of the revolute joints."""
         return np.array([not axis.slides for axis in self.arm.axes])
 
@@ -242,7 +242,7 @@ class _Task:
         J[:, :3], J[:, 3:] = mul(R, J[:, :3]), _ROTATION_SCALE * (mul(R, J[:, 3:]))
         return np.ascontiguousarray(J[:, self.rows])
 
-    def search(self, starts: Array, T: Array, iterations: int) -> tuple[Array, Flags]:
+    def search(self, starts: Array, T: Array, iterations: int) -> tuple[Array, Bools]:
         """Return where each start (N, n) ends, and whether it reaches its pose (N, 4, 4)."""
         # ignore the limits of joints with a full circle; `distinct` shifts by whole revolutions
         around = self.revolute & (self.upper - self.lower >= 2 * np.pi - 1e-9)
@@ -295,7 +295,7 @@ class _Task:
         ranks = np.stack([_ranks(column) for column in found.T])
         return found[np.lexsort(ranks[::-1])]
 
-    def singular(self, q: Array, T: Array) -> Flags:
+    def singular(self, q: Array, T: Array) -> Bools:
         """Return whether the task's Jacobian loses rank at solutions (k, n) of one pose."""
         if not len(q) or not self.rows:
             return np.zeros(len(q), dtype=bool)

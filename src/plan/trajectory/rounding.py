@@ -15,10 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.controller.unit import Counts, Limits, Unit
-from arm.se3 import Array
+from arm.se3 import Array, Bools
 
 VERTEX_S = 5e-3  # s; vertex rule: at a join the velocity jumps by at most this times the acceleration limit
 _SHARE = 0.48  # of that jump, for each of the two sides of a join
@@ -90,7 +89,7 @@ class _Chooser:
     push: Array
     jump: Array
 
-    def only(self, joints: npt.NDArray[np.bool_]) -> _Chooser:
+    def only(self, joints: Bools) -> _Chooser:
         """Return the chooser of some of the joints."""
         return _Chooser(*(x[:, joints] for x in (self.begin, self.end, self.most, self.push, self.jump)))
 

@@ -24,10 +24,7 @@ def straight_time(step: npt.ArrayLike, limits: Limits) -> Array:
 
 
 def path_times(
-    waypoints: npt.ArrayLike,
-    limits: Limits,
-    enter: Array | None = None,
-    leave: Array | None = None,
+    waypoints: npt.ArrayLike, limits: Limits, enter: Array | None = None, leave: Array | None = None
 ) -> Array:
     """Estimate the times (...) in s of straight joint lines through way-points, without stops.
 

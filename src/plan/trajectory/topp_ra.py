@@ -22,13 +22,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from arm.controller.unit import Limits
 from arm.errors import InputError
-from arm.se3 import Array
-
-Flags = npt.NDArray[np.bool_]
+from arm.se3 import Array, Bools
 
 # Places in an interval where the velocity is checked. Between them the excess, nearly a parabola, can be 1/16 larger;
 # the factor adds 1/10.
@@ -51,7 +48,7 @@ class Gridpoints:
     s: Array
     first: Array
     second: Array
-    straight: Flags
+    straight: Bools
     cap: Array
 
 
@@ -134,7 +131,7 @@ def _speed_caps(inside: Array) -> Array:
     return ends
 
 
-def _pair_caps(A: Array, B: Array, a: Array, straight: Flags) -> Array:
+def _pair_caps(A: Array, B: Array, a: Array, straight: Bools) -> Array:
     """Return the largest x (n,) for which some u satisfies every two of the rows |A u + B x| <= a."""
     caps = np.full(len(A), np.inf)
     bent = np.flatnonzero(~straight)

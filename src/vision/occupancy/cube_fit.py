@@ -71,11 +71,7 @@ class SidesFit:
 
 
 def fit_sides(
-    sides: Sequence[Side],
-    around: Sequence[Around],
-    light: float,
-    lever: Array,
-    blurs: Sequence[float],
+    sides: Sequence[Side], around: Sequence[Around], light: float, lever: Array, blurs: Sequence[float]
 ) -> SidesFit:
     """Find blur and rotation, by the evidence of single pieces.
 
