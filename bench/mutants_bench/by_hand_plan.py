@@ -47,7 +47,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "replay-closes-on-nothing",
         "plan/verify.py",
-        "    if found[0] > GRASP_REACH:\n",
+        "    if away > GRASP_REACH:\n",
         "    if False:\n",
         "jaws that close on nothing hold the nearest cube",
         _REPLAY,

@@ -83,17 +83,12 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
     while lines and not lines[-1]:
         lines.pop()
     if len(lines) != 5:
-        raise FileInputError(
-            path,
-            "",
-            None,
-            f"has {len(lines)} lines; a board file has 5: the two marker ids, then x,y of four holes in mm",
-        )
+        why = f"has {len(lines)} lines; a board file has 5: the two marker ids, then x,y of four holes in mm"
+        raise FileInputError(path, "", None, why)
     ids = _pair(path, 1, lines[0], "two marker ids such as 1,2")
     if not all(v == int(v) and 0 <= v <= 999 for v in ids) or ids[0] == ids[1]:
-        raise FileInputError(
-            path, "line 1", lines[0], "must be two different marker ids from 0 to 999, such as 1,2"
-        )
+        why = "must be two different marker ids from 0 to 999, such as 1,2"
+        raise FileInputError(path, "line 1", lines[0], why)
     holes = [
         _pair(path, number, line, "x,y of a hole in mm") for number, line in enumerate(lines[1:], start=2)
     ]

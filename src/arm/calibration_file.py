@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -60,23 +60,11 @@ class ArmCalibration:
     @property
     def id(self) -> str:
         """Hash of all values: the same values have the same id, and manual edits are detected."""
-        found: dict[str, Any] = {
-            "camera": self.T_base_camera.tolist(),
-            "offsets": self.joint_offsets.tolist(),
-            "links": self.links.to_json(),
-        }
-        of = {"unit": self.unit, "lens": self.lens, "dh": self.dh, "made": dict(self.made)}
-        for name, values in self._optional():
-            of[name] = values.tolist()
-        return "hand-eye-" + sha256({**found, **of})[:12]
-
-    def _optional(self) -> list[tuple[str, Array]]:
-        every = (
-            ("intrinsics", self.intrinsics),
-            ("joint_scatter_rad", self.scatter),
-            ("covariance", self.covariance),
-        )
-        return [(name, values) for name, values in every if values is not None]
+        of: dict[str, Any] = {"unit": self.unit, "lens": self.lens, "dh": self.dh, "made": dict(self.made)}
+        numbers = {"camera": self.T_base_camera, "offsets": self.joint_offsets, "intrinsics": self.intrinsics}
+        numbers |= {"joint_scatter_rad": self.scatter, "covariance": self.covariance}
+        of |= {name: values.tolist() for name, values in numbers.items() if values is not None}
+        return "hand-eye-" + sha256({**of, "links": self.links.to_json()})[:12]
 
 
 def _made(node: Node) -> dict[str, Any]:
@@ -124,18 +112,8 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
     """
     root = Node.of_toml(path)
     keys = CalibrationKeys.read(root)
-    calibration = ArmCalibration(
-        keys.T_base_camera,
-        keys.joint_offsets,
-        LinkErrors(keys.d, keys.a, keys.alpha),
-        keys.unit,
-        keys.lens,
-        keys.dh,
-        keys.made,
-        keys.intrinsics,
-        keys.scatter,
-        keys.covariance,
-    )
+    values = {**vars(keys), "links": LinkErrors(keys.d, keys.a, keys.alpha)}
+    calibration = ArmCalibration(**{f.name: values[f.name] for f in fields(ArmCalibration)})
     if keys.id != calibration.id:
         rule = f"must be {calibration.id}, the hash of the values; they were changed after the calibration"
         raise root.error_at("id", rule)

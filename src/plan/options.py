@@ -95,12 +95,11 @@ class PlanOptions:
         self._within("least_clearance", 0.0, LEAST_CLEARANCE, "m")
         self._within("clearance", 0.0, 1.0, "m")
         if self.least_clearance == LEAST_CLEARANCE and 0.0 <= self.clearance < LEAST_CLEARANCE:
-            raise InputError(
+            why = (
                 f"clearance = {self.clearance:g} m: must be from {LEAST_CLEARANCE:g} to 1 m; set least_clearance to "
-                "allow less",
-                name="clearance",
-                value=self.clearance,
+                "allow less"
             )
+            raise InputError(why, name="clearance", value=self.clearance)
         self._within("clearance", self.least_clearance, 1.0, "m")
         self._within("line_clearance", 0.0, 0.1, "m")
         self._within("offset", 1e-3, 1.0, "m")

@@ -109,9 +109,8 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
             raise InputError(why, key=key, scene=value[key], robot=robot.digest)
     bodies, cubes, pairs = value["bodies"], value["cubes"], value["allowed"]
     if not all(isinstance(some, list) for some in (bodies, cubes, pairs)) or not all(map(_pair, pairs)):
-        raise InputError(
-            "scene: bodies, cubes and allowed must be lists, allowed of pairs of names; plan again"
-        )
+        why = "scene: bodies, cubes and allowed must be lists, allowed of pairs of names; plan again"
+        raise InputError(why)
     bodies, cubes = (tuple(map(body_from_json, some)) for some in (bodies, cubes))
     return Scene(robot_open, robot_holding, bodies, cubes, frozenset(map(frozenset, pairs)))
 

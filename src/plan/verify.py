@@ -87,12 +87,11 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Mo
                 held = T_tool_held = None
             case Move():
                 if step.held != held:
-                    raise ImpossibleError(
+                    why = (
                         f"{step.name!r} says that it holds {step.held or 'nothing'}, but the steps before it leave "
-                        f"{held or 'nothing'} in the jaws; plan again",
-                        step=step.name,
-                        held=held,
+                        f"{held or 'nothing'} in the jaws; plan again"
                     )
+                    raise ImpossibleError(why, step=step.name, held=held)
                 yield step, _setting(scene, cubes, held, T_tool_held, step)
                 q = unit.positions(step.path.end)
 
@@ -172,26 +171,21 @@ def _proved(move: Move, world: World, unit: Unit) -> ClearanceCertificate:
 
 
 def _too_near(move: Move, check: ClearanceCertificate, stated: float) -> ImpossibleError:
-    return ImpossibleError(
+    why = (
         f"{move.name!r}: {check.pair[0]} comes within {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
-        f"{check.time:.2f} s; the plan states {stated * 1e3:.2f} mm there; plan again",
-        step=move.name,
-        pair=list(check.pair),
-        distance_m=check.seen,
-        stated_m=stated,
+        f"{check.time:.2f} s; the plan states {stated * 1e3:.2f} mm there; plan again"
     )
+    return ImpossibleError(why, step=move.name, pair=list(check.pair), distance_m=check.seen, stated_m=stated)
 
 
 def _require_clearances(move: Move, asked: RequiredClearance) -> None:
     least = asked.line_clearance if move.role in ON_LINES else asked.clearance
     if not move.certified or move.clearance < least - STATED_SLACK:
-        raise ImpossibleError(
+        why = (
             f"{move.name!r} states {move.clearance * 1e3:.2f} mm of clearance{'' if move.certified else ', unproved'}; "
-            f"{least * 1e3:g} mm are required; plan again",
-            step=move.name,
-            stated_m=move.clearance,
-            asked_m=least,
+            f"{least * 1e3:g} mm are required; plan again"
         )
+        raise ImpossibleError(why, step=move.name, stated_m=move.clearance, asked_m=least)
 
 
 def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
@@ -206,16 +200,12 @@ def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
     turned = max(angle_between(np.eye(3), T[:3, :3]) for T in relative)
     length, past = float(-relative[:, 2, 3].min()), float(relative[:, 2, 3].max())
     if max(aside, past) > LINE_ASIDE or turned > LINE_TURN or abs(length - offset) > LINE_LENGTH:
-        raise ImpossibleError(
+        why = (
             f"{move.name!r} is not a line of {offset * 1e3:g} mm along the tool's axis: {aside * 1e3:.3f} mm aside, "
             f"{np.degrees(turned):.4f} deg of rotation, {length * 1e3:.2f} mm long, {past * 1e3:.3f} mm past its end; "
-            "plan again",
-            step=move.name,
-            aside_m=aside,
-            past_m=past,
-            turned=turned,
-            length_m=length,
+            "plan again"
         )
+        raise ImpossibleError(why, step=move.name, aside_m=aside, past_m=past, turned=turned, length_m=length)
 
 
 def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str, Array]:
@@ -236,12 +226,11 @@ def _setting(
         return MoveScene(World(scene.robot_open, bodies), resting)
     touching = [frozenset((held, name)) for name in move.allowed_collisions]
     if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
-        raise ImpossibleError(
+        why = (
             f"{move.name!r} lets {held} touch {', '.join(move.allowed_collisions)}, which the scene does not allow "
-            "there; plan again",
-            step=move.name,
-            touching=list(move.allowed_collisions),
+            "there; plan again"
         )
+        raise ImpossibleError(why, step=move.name, touching=list(move.allowed_collisions))
     world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
     return MoveScene(world, resting)
 

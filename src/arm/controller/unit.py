@@ -50,9 +50,8 @@ class Limits:
             value = numbers(getattr(self, key))
             if value is None or value.shape != (n,) or not n:
                 found = shown(getattr(self, key) if value is None else value)
-                raise InputError(
-                    f"limits: {key} = {found}: must be one number per joint, ({n},) like lower", name=key
-                )
+                why = f"limits: {key} = {found}: must be one number per joint, ({n},) like lower"
+                raise InputError(why, name=key)
             least = 0.0 if key in ("velocity", "acceleration") else -np.inf
             wrong = np.flatnonzero(~(np.isfinite(value) & (value > least)))
             if len(wrong):
@@ -143,9 +142,8 @@ class Unit(UnitValues):
         array, n = numbers(value), len(self.counts_at_zero)
         if array is None or array.shape[-1:] != (n,):
             found = shown(value if array is None else array)
-            raise InputError(
-                f"{name} = {found}: must have {n} numbers, one for each joint", name=name, joints=n
-            )
+            why = f"{name} = {found}: must have {n} numbers, one for each joint"
+            raise InputError(why, name=name, joints=n)
         return array
 
     def calibrated(self, joint_offsets: npt.ArrayLike) -> Unit:
@@ -209,13 +207,11 @@ class Unit(UnitValues):
         ):
             for axis, value, cap in zip(self.axes, values, caps, strict=True):
                 if not 1 <= value <= cap:
-                    raise InputError(
+                    why = (
                         f"{name} register of axis {axis} = {value}: must be from 1 to {cap} on {self.name} "
-                        "(twice the default, never beyond the data sheet)",
-                        axis=axis,
-                        value=value,
-                        cap=cap,
+                        "(twice the default, never beyond the data sheet)"
                     )
+                    raise InputError(why, axis=axis, value=value, cap=cap)
         return Limits(
             self.lower, self.upper, frozen(self.velocity(speed)), frozen(self.acceleration(acceleration))
         )
@@ -239,9 +235,8 @@ def load_unit(name: str | Path) -> Unit:
     if isinstance(name, Path):
         return _read_unit(name)
     if name not in UNITS:
-        raise InputError(
-            f"unit = {name!r}: must be one of {', '.join(UNITS)}", value=name, choices=list(UNITS)
-        )
+        why = f"unit = {name!r}: must be one of {', '.join(UNITS)}"
+        raise InputError(why, value=name, choices=list(UNITS))
     return _read_unit(data_file(f"urdf/a465/{name}.toml"))
 
 

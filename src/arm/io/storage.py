@@ -101,9 +101,8 @@ def read_bytes(path: Path, kind: str) -> bytes:
 
 
 def _too_large(path: Path, kind: str) -> FileInputError:
-    return FileInputError(
-        path, "", None, f"has more than {MOST_BYTES[kind] // MB} MB, which is the limit for a {kind} file"
-    )
+    rule = f"has more than {MOST_BYTES[kind] // MB} MB, which is the limit for a {kind} file"
+    return FileInputError(path, "", None, rule)
 
 
 def _what(mode: int) -> str:
@@ -125,9 +124,8 @@ def read_text(path: Path, kind: str = "text") -> str:
     try:
         text = read_bytes(path, kind).decode()
     except UnicodeDecodeError as error:
-        raise FileInputError(
-            path, "", None, f"is not UTF-8 text: byte {error.start} cannot be read"
-        ) from error
+        rule = f"is not UTF-8 text: byte {error.start} cannot be read"
+        raise FileInputError(path, "", None, rule) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

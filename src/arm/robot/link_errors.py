@@ -59,9 +59,8 @@ def with_link_errors(robot: Robot, dh: DhTable, errors: LinkErrors) -> Robot:
     n = dh.joints
     counts = [len(v) for v in (errors.d, errors.a, errors.alpha)]
     if {len(robot.joint_names), *counts} != {n}:
-        raise InputError(
-            f"link errors d, a, alpha have {counts} joints, the arm has {len(robot.joint_names)}, its DH table {n}"
-        )
+        why = f"link errors d, a, alpha have {counts} joints, the arm has {len(robot.joint_names)}, its DH table {n}"
+        raise InputError(why)
     poses = robot.joint_poses(np.zeros(n))
     model = robot.model.copy()
     T_base_link = np.eye(4)

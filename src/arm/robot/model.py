@@ -160,12 +160,8 @@ def load_robot(
         raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
     wanted = len(ElementTree.fromstring(text).findall("./link/collision"))
     if wanted != geometry.ngeoms:
-        raise FileInputError(
-            urdf,
-            "collision",
-            f"{wanted} bodies",
-            f"only {geometry.ngeoms} were read; use cylinders, spheres, boxes and meshes",
-        )
+        rule = f"only {geometry.ngeoms} were read; use cylinders, spheres, boxes and meshes"
+        raise FileInputError(urdf, "collision", f"{wanted} bodies", rule)
     unknown = [name for name in locked if not full.existJointName(name)]
     if unknown or not isinstance(end_frame, str) or not full.existFrame(end_frame):
         raise InputError(
@@ -190,12 +186,8 @@ def load_robot(
         raise FileInputError(urdf, "joint", None, "every moving joint must have one degree of freedom")
     branching = [model.names[k] for k in range(1, model.njoints) if model.parents[k] != k - 1]
     if branching:
-        raise FileInputError(
-            urdf,
-            f"joint {branching[0]}",
-            None,
-            "branches off; lock all moving joints that do not move the tool",
-        )
+        rule = "branches off; lock all moving joints that do not move the tool"
+        raise FileInputError(urdf, f"joint {branching[0]}", None, rule)
 
     given = srdf is not None
     srdf = Path(srdf or urdf.with_suffix(".srdf"))
@@ -253,9 +245,8 @@ def _link_body(urdf: Path, geometry: Any, link: str, name: str) -> LinkBody:
             try:
                 ours = convex(shape.vertices())
             except InputError as error:
-                raise FileInputError(
-                    urdf, f"link {name}", str(geometry.meshPath), f"has no hull: {error}"
-                ) from error
+                rule = f"has no hull: {error}"
+                raise FileInputError(urdf, f"link {name}", str(geometry.meshPath), rule) from error
         case other:
             raise FileInputError(urdf, f"link {name}", other, "must be a box, cylinder, sphere or mesh")
     pose = frozen(geometry.placement.homogeneous)

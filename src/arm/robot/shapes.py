@@ -52,9 +52,8 @@ class Box:
             ):
                 return
         if isinstance(size, str) or not hasattr(size, "__len__") or len(size) != 3:
-            raise InputError(
-                f"Box.size = {shown(size)}: must be three full edge lengths x, y, z in m", name="size"
-            )
+            why = f"Box.size = {shown(size)}: must be three full edge lengths x, y, z in m"
+            raise InputError(why, name="size")
         checked = tuple(_size(f"Box.size[{i}]", value) for i, value in enumerate(size))
         object.__setattr__(self, "size", checked)
 
@@ -101,12 +100,11 @@ class Convex:
             )
         thick, wide = thickness(p), float(np.ptp(p, axis=0).max())
         if not (thick >= _LEAST and wide <= _MOST):
-            raise InputError(
+            why = (
                 f"Convex.points: {wide:.4g} m wide and {thick:.3g} m thick; must not lie in one plane, and measure "
-                f"{_LEAST:g} to {_MOST:g} m",
-                name="points",
-                thickness_m=thick,
+                f"{_LEAST:g} to {_MOST:g} m"
             )
+            raise InputError(why, name="points", thickness_m=thick)
         if type(self.points) is not tuple or not all(type(point) is tuple for point in self.points):
             object.__setattr__(self, "points", tuple((float(x), float(y), float(z)) for x, y, z in p))
 
@@ -200,9 +198,8 @@ def shape_from_json(value: dict[str, Any]) -> Shape:
             return Capsule(_length(radius), _length(length))
         case {"convex": [*points]}:
             return convex(points)
-    raise InputError(
-        f"shape = {str(value)[:80]}: must be a box, cylinder, sphere, capsule or convex", value=value
-    )
+    why = f"shape = {str(value)[:80]}: must be a box, cylinder, sphere, capsule or convex"
+    raise InputError(why, value=value)
 
 
 def convex(points: npt.ArrayLike) -> Convex:
@@ -213,9 +210,8 @@ def convex(points: npt.ArrayLike) -> Convex:
     """
     p = np.asarray(points, dtype=float)
     if p.ndim != 2 or p.shape[1:] != (3,) or len(p) < 4 or not np.isfinite(p).all():
-        raise InputError(
-            f"convex: points of shape {p.shape}; must be four or more points of x, y, z", shape=p.shape
-        )
+        why = f"convex: points of shape {p.shape}; must be four or more points of x, y, z"
+        raise InputError(why, shape=p.shape)
     p = np.unique(p, axis=0)
     size = np.ptp(p, axis=0)
     if not (thickness(p) >= LEAST_LENGTH and size.max() <= MOST_LENGTH):
@@ -255,9 +251,8 @@ def hull_faces(shape: Convex) -> Faces:
 def _length(value: Any) -> float:
     length = float(value)
     if not LEAST_LENGTH <= length <= MOST_LENGTH:
-        raise InputError(
-            f"length = {length:g} m: must be from {LEAST_LENGTH:g} to {MOST_LENGTH:g}", value=length
-        )
+        why = f"length = {length:g} m: must be from {LEAST_LENGTH:g} to {MOST_LENGTH:g}"
+        raise InputError(why, value=length)
     return length
 
 

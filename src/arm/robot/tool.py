@@ -42,9 +42,8 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
     names = [b.name for b in (*robot.bodies, *tool)]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError(
-            f"tool: the arm already has a body named {twice[0]!r}; names must differ", names=twice
-        )
+        why = f"tool: the arm already has a body named {twice[0]!r}; names must differ"
+        raise InputError(why, names=twice)
     before = int(robot.model.parents[joint])
     carrying = [b.name for b in robot.bodies if b.joint == before]
     touching = {frozenset((b.name, name)) for b in tool for name in carrying}
@@ -135,9 +134,8 @@ def urdf_limits(
     if isinstance(acceleration, Mapping):
         missing = [name for name in names if name not in acceleration]
         if missing:
-            raise InputError(
-                f"acceleration: joint {missing[0]!r} is missing; give one for every joint", names=missing
-            )
+            why = f"acceleration: joint {missing[0]!r} is missing; give one for every joint"
+            raise InputError(why, names=missing)
         acceleration = [acceleration[name] for name in names]
     lower = np.array(robot.model.lowerPositionLimit, dtype=float) + margin
     upper = np.array(robot.model.upperPositionLimit, dtype=float) - margin
@@ -147,9 +145,8 @@ def urdf_limits(
     push = np.broadcast_to(np.asarray(acceleration, dtype=float), lower.shape)
     for name, low, high, v, a in zip(names, lower, upper, fast, push, strict=True):
         if not (low < high and np.isfinite(high - low)):
-            raise InputError(
-                f"joint {name}: range {low:g} to {high:g} must be finite and not empty", joint=name
-            )
+            why = f"joint {name}: range {low:g} to {high:g} must be finite and not empty"
+            raise InputError(why, joint=name)
         if not (0.0 < v < np.inf and 0.0 < a < np.inf):
             raise InputError(
                 f"joint {name}: velocity {v:g} and acceleration {a:g} must be positive; a URDF may lack them",

@@ -24,10 +24,8 @@ Pairs = frozenset[frozenset[str]]
 
 _TURNS = 2.0 * np.pi  # rad, range of a continuous joint in each direction
 _SCHEMES = ("package://", "model://")
-_ROS_PATHS = {
-    "ROS_PACKAGE_PATH": "",
-    "AMENT_PREFIX_PATH": "share",
-}  # and the folder of packages in each entry
+# and the folder of packages in each entry
+_ROS_PATHS = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
 
 
 def read_urdf(urdf: Path, package_dirs: Iterable[str | Path], text: str | None = None) -> tuple[str, str]:
@@ -56,9 +54,8 @@ def _folders(package_dirs: Iterable[str | Path]) -> list[Path]:
     wrong = [folder for folder in folders if not isinstance(folder, str | Path)]
     if wrong or not listed:
         value = shown(wrong[0] if wrong else package_dirs)
-        raise InputError(
-            f"package_dirs: {value}: must be a list of folders, each a string or a Path", value=value
-        )
+        why = f"package_dirs: {value}: must be a list of folders, each a string or a Path"
+        raise InputError(why, value=value)
     return [Path(folder) for folder in folders]
 
 
@@ -78,13 +75,8 @@ def _parsed(urdf: Path, text: str) -> ElementTree.Element:
 def _is_xacro(urdf: Path) -> FileInputError:
     made = urdf.name.removesuffix(".xacro")
     made = made if made.endswith(".urdf") and made != urdf.name else f"{urdf.stem}_plain.urdf"
-    return FileInputError(
-        urdf,
-        "",
-        None,
-        "is xacro, not a URDF",
-        f"`xacro {urdf.name} > {made}` (pip install xacro, or ROS) makes the URDF; give that file",
-    )
+    help = f"`xacro {urdf.name} > {made}` (pip install xacro, or ROS) makes the URDF; give that file"
+    return FileInputError(urdf, "", None, "is xacro, not a URDF", help)
 
 
 def _bounded(root: ElementTree.Element) -> bool:

@@ -69,13 +69,11 @@ class EmulatorOptions:
 
     def __post_init__(self) -> None:
         if self.echo_order == "mixed" and self.echo != "byte":
-            raise InputError(
-                "echo_order = 'mixed': must have echo = 'byte', as only bytes can be mixed", key="echo_order"
-            )
+            why = "echo_order = 'mixed': must have echo = 'byte', as only bytes can be mixed"
+            raise InputError(why, key="echo_order")
         if self.echo_order == "after" and self.echo == "byte":
-            raise InputError(
-                "echo_order = 'after': must not have echo = 'byte', which echoes at once", key="echo_order"
-            )
+            why = "echo_order = 'after': must not have echo = 'byte', which echoes at once"
+            raise InputError(why, key="echo_order")
 
     @property
     def echoed_end(self) -> bytes:

@@ -151,11 +151,9 @@ class _Phases:
             done = progress.done - start
             total = len(move.path.segments)
             durations = progress.durations_s[start : start + total]
-            self.on_progress(
-                replace(
-                    progress, done=done, total=total, planned_s=sum(durations[:done]), durations_s=durations
-                )
-            )
+            planned_s = sum(durations[:done])
+            own = replace(progress, done=done, total=total, planned_s=planned_s, durations_s=durations)
+            self.on_progress(own)
 
     def results(self, sent: Sent) -> list[StepResult]:
         """Return the result of every move at the end of the motion."""

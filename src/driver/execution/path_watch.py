@@ -102,9 +102,8 @@ class PathWatch:
         if begun == segment > 0 and share is None:
             nows = np.arange(start, end + _STEP_S, _STEP_S)
         else:
-            nows = np.array(
-                [start + share * (end - start) if begun == segment and share is not None else end]
-            )
+            now = start + share * (end - start) if begun == segment and share is not None else end
+            nows = np.array([now])
         if nows[-1] >= end:
             nows = np.append(nows, end + LAG_MOST_S)  # the last segment may have ended some time ago
         times = np.minimum(nows[:, None] - self._lags[None, :], end)

@@ -64,13 +64,11 @@ class Pause:
         self._away = self._away + 1 if off > self.mars.unit.rest_tolerance else 0
         if self._away >= DISPLACED_SAMPLES:
             unit = self.mars.unit
-            raise ExecutionStopped(
+            why = (
                 f"pause: the arm is {off} counts from where it should be, must be at most {unit.rest_tolerance} "
-                f"({off_by(unit, counts, place)}); was it pushed?",
-                counts=list(counts),
-                expected=list(place),
-                reason="displaced",
+                f"({off_by(unit, counts, place)}); was it pushed?"
             )
+            raise ExecutionStopped(why, counts=list(counts), expected=list(place), reason="displaced")
         if self._away == 0:
             self._in_place_at = now
             if self.stood is None:

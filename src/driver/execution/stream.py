@@ -59,20 +59,16 @@ def stream(
         with mars.guarded("stream"):
             here = mars.require_ready()
         if farthest(here, path.start) > mars.unit.rest_tolerance:
-            raise ImpossibleError(
+            why = (
                 f"the path starts {farthest(here, path.start)} counts from the arm, must be at most "
-                f"{mars.unit.rest_tolerance}",
-                counts=list(here),
-                start=list(path.start),
+                f"{mars.unit.rest_tolerance}"
             )
+            raise ImpossibleError(why, counts=list(here), start=list(path.start))
         if mars.reference != path.start:
             mars.anchor(path.start)
         with mars.guarded("stream"):
-            if not options.preload:
-                return StreamRun(mars, path, on_progress, options, control).run()
-            return preloaded(
-                mars,
-                lambda slower: StreamRun(mars, path, on_progress, options, control, slower),
-                path,
-                control,
-            )
+
+            def begin(slower: float = 1.0) -> StreamRun:
+                return StreamRun(mars, path, on_progress, options, control, slower)
+
+            return preloaded(mars, begin, path, control) if options.preload else begin().run()

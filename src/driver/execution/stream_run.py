@@ -333,9 +333,8 @@ class StreamRun:
         failed = any(isinstance(e, Failed) for e in link.events)
         link.events.clear()
         if failed:
-            raise ExecutionStopped(
-                f"segment {self.begun} of {self.total}: the unit answered FAIL!", reason="fault"
-            )
+            why = f"segment {self.begun} of {self.total}: the unit answered FAIL!"
+            raise ExecutionStopped(why, reason="fault")
         silent_s = max(ANSWER_S, SILENT_POLLS * self.feed.poll_s + SILENT_TRIPS * link.trip_s)
         if now > self.heard_at + link.patience(silent_s):
             raise NoAnswer(f"no valid answer from the unit for {silent_s:g} s", reason="silent")

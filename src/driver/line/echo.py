@@ -203,9 +203,8 @@ class EchoWatch:
         line = head + line
         awaited = self._awaited[0] if self._awaited else None
         if awaited is not None:
-            behind_answer = line.endswith(awaited.text) and self._ends_an_answer(
-                line.removesuffix(awaited.text), torn
-            )
+            before = line.removesuffix(awaited.text)
+            behind_answer = line.endswith(awaited.text) and self._ends_an_answer(before, torn)
             if line == awaited.text or behind_answer:
                 self._came(now_s)
                 return None
@@ -263,9 +262,8 @@ class EchoWatch:
 
     def _is_asked(self, line: str) -> bool:
         reply = parse_reply(line)
-        return (isinstance(reply, Answer) and reply.key in self._asked) or (
-            line != "" and line == self._ready
-        )
+        asked = isinstance(reply, Answer) and reply.key in self._asked
+        return asked or (line != "" and line == self._ready)
 
     def came(self, line: str) -> bool:
         """Whether a line was echoed while nothing was checked."""
@@ -335,9 +333,8 @@ class EchoWatch:
             self._failed(self._awaited.popleft(), line)
             rest = line[len(awaited.text) :] if line.startswith(awaited.text) else ""
             if rest and self._awaited and _resembles(rest, self._awaited[0].text):
-                self._failed(
-                    self._awaited.popleft(), rest
-                )  # its end was lost: the unit took both for one line
+                # its end was lost: the unit took both for one line
+                self._failed(self._awaited.popleft(), rest)
             return
         if "=" not in line and _COMMAND.match(line) and self.mismatch is None:
             self.mismatch = Mismatch("", line)

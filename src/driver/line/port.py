@@ -158,9 +158,8 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
         descriptor = port.fileno()
     except (AttributeError, OSError) as error:
         port.close()
-        raise InputError(
-            f"port {url}: has no file descriptor; use a device or socket://host:port", port=url
-        ) from error
+        why = f"port {url}: has no file descriptor; use a device or socket://host:port"
+        raise InputError(why, port=url) from error
     if url.startswith("/") and not os.path.realpath(url).startswith("/dev/pts/"):
         with contextlib.suppress(OSError):
             fcntl.ioctl(descriptor, termios.TIOCEXCL)

@@ -90,17 +90,15 @@ def encode(name: str, *values: int | str, axis: str = "") -> str:
         raise InputError(f"{name} can only be asked, not set", command=name)
     least, most = command.values
     if not least <= len(values) <= most:
-        raise InputError(
-            f"{name}: {len(values)} values, must be {least} to {most}", command=name, values=list(values)
-        )
+        why = f"{name}: {len(values)} values, must be {least} to {most}"
+        raise InputError(why, command=name, values=list(values))
     for value in values:
         if isinstance(value, str):
             if name != "COORDGRP" or not _is_axis(value):
                 raise InputError(f"{name} value {value!r}: must be a whole number", command=name, value=value)
         elif isinstance(value, bool) or int(value) != value or not -_INT32 <= value < _INT32:
-            raise InputError(
-                f"{name} value {value}: must be a 32-bit whole number", command=name, value=value
-            )
+            why = f"{name} value {value}: must be a 32-bit whole number"
+            raise InputError(why, command=name, value=value)
     line = f"{name}{axis}:" + ",".join(v if isinstance(v, str) else str(int(v)) for v in values)
     if len(line) > MAX_LINE:
         why = f"{name} line of {len(line)} characters: must be at most {MAX_LINE}; use shorter segments"
@@ -148,9 +146,8 @@ def encode_dwell(duration_ms: int, axes: int) -> str:
 def _command(name: str, axis: str) -> Command:
     command = COMMANDS.get(name)
     if command is None:
-        raise InputError(
-            f"{name!r} is not a command of the MARS-8; must be one of {', '.join(COMMANDS)}", command=name
-        )
+        why = f"{name!r} is not a command of the MARS-8; must be one of {', '.join(COMMANDS)}"
+        raise InputError(why, command=name)
     if (axis and not _is_axis(axis)) or (axis and not command.axis) or (command.axis == "x" and not axis):
         rules = {"": "takes no axis", "x": "needs an axis A to H", "?": "may take an axis A to H"}
         raise InputError(f"{name}{axis}: {rules[command.axis]}", command=name, axis=axis)

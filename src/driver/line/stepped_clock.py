@@ -127,9 +127,8 @@ class SteppedClock(Clock):
                     return
                 here = here + 1 if at <= self._now else 0
                 if here > _MOST_EVENTS:
-                    raise A465Error(
-                        f"{_MOST_EVENTS} events at {self._now:g} s: stepped time does not advance"
-                    )
+                    why = f"{_MOST_EVENTS} events at {self._now:g} s: stepped time does not advance"
+                    raise A465Error(why)
                 self._now = max(self._now, at)
                 with held():
                     if event_at <= actor_at:

@@ -232,9 +232,8 @@ class PortLink:
         deadline = self.deadline(ANSWER_S)
         while (excess := self._unsent_bytes() + size - UNSENT_BYTES) > 0.0:
             if self.clock.now() > deadline:
-                raise LinkLost(
-                    f"{self.url}: takes no more bytes; is the unit on?", url=self.url, reason="blocked"
-                )
+                why = f"{self.url}: takes no more bytes; is the unit on?"
+                raise LinkLost(why, url=self.url, reason="blocked")
             self.clock.sleep(excess / BYTES_PER_SECOND)
 
     def _unsent_bytes(self) -> float:

@@ -193,9 +193,7 @@ class MotionReader:
 
 def _sampled(motion: LoggedMotion, samples: tuple[LoggedSample, ...]) -> LoggedMotion:
     """Add samples to a motion. One taken in the dwell gives the unit's number, and the start if it is not known."""
-    standing = (
-        [s for s in samples if motion.dwell_s <= s.heard_s <= motion.begin_s] if motion.dwell_ms else []
-    )
+    standing = [s for s in samples if motion.dwell_ms and motion.dwell_s <= s.heard_s <= motion.begin_s]
     start = motion.start
     if start is None and samples:
         start = (standing or samples)[0].position.counts

@@ -238,14 +238,12 @@ class _Reader:
 
     def _open(self, record: dict[str, Any] | None) -> None:
         if record is None or record["kind"] != "open":
-            raise FileInputError(
-                self.path, "", None, 'line 1: must be the record of kind "open" that begins a wire log'
-            )
+            rule = 'line 1: must be the record of kind "open" that begins a wire log'
+            raise FileInputError(self.path, "", None, rule)
         scale = record.get("time_scale", 1.0)
         if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0.0 < scale < math.inf:
-            raise FileInputError(
-                self.path, "line 1: time_scale", scale, "must be controller seconds per wall second, above 0"
-            )
+            rule = "must be controller seconds per wall second, above 0"
+            raise FileInputError(self.path, "line 1: time_scale", scale, rule)
         self.time_scale = float(scale)
         self.samples.open(self.time_scale)
 

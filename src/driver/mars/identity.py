@@ -63,13 +63,12 @@ def refuse_another(unit: Unit, answers: Mapping[str, str | None]) -> None:
     others = [axis for axis, text in answers.items() if axis != own and _has_gripper(text)]
     if others and not _has_gripper(answers.get(own)):
         read = [f"AP{axis} {'unanswered' if text is None else f'= {text}'}" for axis, text in answers.items()]
-        raise InputError(
+        why = (
             f"unit = {unit.name}: its gripper is on axis {own}, but this arm has it on axis {others[0]} "
             f"({', '.join(read)}): this is another arm, with other zeros and registers. Correct unit in the "
-            "cell file; if unit is right, the controller was set up for another arm: switch it off and on",
-            unit=unit.name,
-            answers=dict(answers),
+            "cell file; if unit is right, the controller was set up for another arm: switch it off and on"
         )
+        raise InputError(why, unit=unit.name, answers=dict(answers))
 
 
 def _has_gripper(text: str | None) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
-from types import TracebackType
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
@@ -88,9 +87,7 @@ class Mars:
         self._signals.enter_context(interruptible())
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, trace: object) -> None:
         try:
             if not self.link.identified:
                 pass  # nothing moves, and no command may be sent
@@ -170,9 +167,8 @@ class Mars:
             InputError: before `initialise`, which forms the coordinated group; without it the unit does not answer.
         """
         if not self._group_formed:
-            raise InputError(
-                "position: call initialise() first; on a unit that is homed, home=False moves nothing"
-            )
+            why = "position: call initialise() first; on a unit that is homed, home=False moves nothing"
+            raise InputError(why)
         return read_position(self.link, len(self.unit.axes))
 
     def counters(self) -> tuple[int, ...]:
@@ -248,12 +244,11 @@ class Mars:
         with self.guarded("anchor"):
             here = self.require_ready()
         if farthest(here, target) > self.unit.rest_tolerance:
-            raise ImpossibleError(
+            why = (
                 f"the arm is {farthest(here, target)} counts from {list(target)}, must be at most "
-                f"{self.unit.rest_tolerance}; move there by a planned motion",
-                counts=list(here),
-                target=list(target),
+                f"{self.unit.rest_tolerance}; move there by a planned motion"
             )
+            raise ImpossibleError(why, counts=list(here), target=list(target))
         with self.guarded("anchor"):
             speed, acceleration = self.speed_registers, self.acceleration_registers
             self.set_registers(startup.slow_registers(self.unit), acceleration)
@@ -325,9 +320,8 @@ class Mars:
             ExecutionStopped: a fault, or the jaws do not come to rest in time; with the state.
         """
         if not 0.0 <= fraction_closed <= 1.0:
-            raise InputError(
-                f"fraction_closed = {fraction_closed:g}: must be from 0 to 1", value=fraction_closed
-            )
+            why = f"fraction_closed = {fraction_closed:g}: must be from 0 to 1"
+            raise InputError(why, value=fraction_closed)
         with self.guarded("gripper"):
             if not self._initialised:
                 raise ExecutionStopped("call initialise() before any motion", reason="order")

@@ -30,9 +30,8 @@ def refuse_unhomed(unit: Unit, counts: Sequence[int]) -> None:
         ImpossibleError: all close to 0, as after power-up, or outside the limits.
     """
     if is_unhomed(unit, counts):
-        raise ImpossibleError(
-            f"positions are {list(counts)}, as after power-up: the unit must be homed", counts=list(counts)
-        )
+        why = f"positions are {list(counts)}, as after power-up: the unit must be homed"
+        raise ImpossibleError(why, counts=list(counts))
     refuse_outside(unit, counts, "the arm is at")
 
 
@@ -58,13 +57,11 @@ def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...
         ExecutionStopped: with the counts and the axes that are off.
     """
     if farthest(here, expected) > unit.rest_tolerance:
-        raise ExecutionStopped(
+        why = (
             f"the arm is {farthest(here, expected)} counts from where the last motion ended "
-            f"({off_by(unit, here, expected)}); was it pushed, or the unit switched off? Initialise it again",
-            counts=list(here),
-            expected=list(expected),
-            reason="displaced",
+            f"({off_by(unit, here, expected)}); was it pushed, or the unit switched off? Initialise it again"
         )
+        raise ExecutionStopped(why, counts=list(here), expected=list(expected), reason="displaced")
 
 
 def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...]) -> None:
@@ -74,13 +71,11 @@ def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...]) 
         ExecutionStopped: with the counts and the axes that are off.
     """
     if farthest(end, goal) > unit.rest_tolerance:
-        raise ExecutionStopped(
+        why = (
             f"the arm settled {farthest(end, goal)} counts from the target, must be at most {unit.rest_tolerance} "
-            f"(rest_tolerance_counts): {off_by(unit, end, goal)}",
-            counts=list(end),
-            target=list(goal),
-            reason="position",
+            f"(rest_tolerance_counts): {off_by(unit, end, goal)}"
         )
+        raise ExecutionStopped(why, counts=list(end), target=list(goal), reason="position")
 
 
 def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:

@@ -48,9 +48,8 @@ def collision_barrier(world: World, clearance: float, near: float) -> Callable[[
         InputError: `near` is not above `clearance`.
     """
     if not near > clearance:
-        raise InputError(
-            f"near = {near * 1e3:g} mm: must be above the clearance of {clearance * 1e3:g} mm", near=near
-        )
+        why = f"near = {near * 1e3:g} mm: must be above the clearance of {clearance * 1e3:g} mm"
+        raise InputError(why, near=near)
     model, data = world.robot.model, world.robot.model.createData()
 
     def rows(q: Array) -> Barrier:

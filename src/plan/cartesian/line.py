@@ -92,16 +92,13 @@ def follow_line(
         count *= 2
     worst = int(np.argmax(off.distance / options.tolerance + off.angle / options.angle_tolerance))
     done = float(path.s[worst // len(_BETWEEN)])
-    raise ImpossibleError(
+    why = (
         f"line cannot be kept after {done * 1e3:.1f} of {length * 1e3:.1f} mm: between way-points "
         f"{path.s[1] * 1e3:.2g} mm apart the tool is {off.distance[worst] * 1e6:.1f} um and "
         f"{np.degrees(off.angle[worst]):.2g} deg off; the arm is close to a singular configuration there, or a "
-        "barrier bends the path sharply; try another configuration or another rotation of the tool",
-        constraint="smoothness",
-        joint=None,
-        done_m=done,
-        length_m=length,
+        "barrier bends the path sharply; try another configuration or another rotation of the tool"
     )
+    raise ImpossibleError(why, constraint="smoothness", joint=None, done_m=done, length_m=length)
 
 
 _BETWEEN = np.array([0.25, 0.5, 0.75])  # places between way-points where the spline is compared with the line

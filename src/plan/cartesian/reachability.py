@@ -116,9 +116,8 @@ class ReachTable:
         for hole in self.holes:
             if hole.hole == name:
                 return hole
-        raise InputError(
-            f"hole = {name!r}: must be one of {', '.join(h.hole for h in self.holes)}", hole=name
-        )
+        why = f"hole = {name!r}: must be one of {', '.join(h.hole for h in self.holes)}"
+        raise InputError(why, hole=name)
 
     def require(self) -> None:
         """Require that every hole can be served.
@@ -164,9 +163,8 @@ def reach(
         InputError: no holes, a hole without poses or with one that is not rigid, or an offset that is not positive.
     """
     if not grasps or not all(len(poses) for poses in grasps.values()):
-        raise InputError(
-            "grasps: must have one or more holes, each with one or more poses", holes=list(grasps)
-        )
+        why = "grasps: must have one or more holes, each with one or more poses"
+        raise InputError(why, holes=list(grasps))
     finite("offset", offset_m, "m")
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)

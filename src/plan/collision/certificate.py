@@ -126,22 +126,16 @@ def certify_curve(world: World, curve: Curve, clearance: float, tight: bool = Fa
     """
     finite("clearance", clearance, "m")
     n, control, ends = int(world.robot.model.nq), np.asarray(curve.control), np.asarray(curve.ends)
-    if (
-        control.ndim != 3
-        or not len(control)
-        or control.shape[1:] != (4, n)
-        or ends.shape != control.shape[:1]
-    ):
-        raise InputError(
+    fits = control.ndim == 3 and control.shape[1:] == (4, n) and ends.shape == control.shape[:1]
+    if not fits or not len(control):
+        why = (
             f"curve: control points of shape {control.shape} with {ends.shape} ends: must be (m, 4, {n}) and (m,), "
-            f"m at least 1, for an arm of {n} joints",
-            shape=list(control.shape),
-            joints=n,
+            f"m at least 1, for an arm of {n} joints"
         )
+        raise InputError(why, shape=list(control.shape), joints=n)
     if not np.isfinite(control).all():
-        raise InputError(
-            "curve: a control point is not finite; must be rad (m for prismatic joints)", name="curve"
-        )
+        why = "curve: a control point is not finite; must be rad (m for prismatic joints)"
+        raise InputError(why, name="curve")
     return _Search(world, curve, clearance, tight).run()
 
 

@@ -42,9 +42,8 @@ def self_collision_help(world: World, q: Array, clearance: float) -> str:
     pairs = self_collisions(world, q, clearance)
     if not pairs:
         return ""
-    listed = ", ".join(f"{a} / {b}" for a, b in pairs[:_SHOWN]) + (
-        f" and {len(pairs) - _SHOWN} more" if len(pairs) > _SHOWN else ""
-    )
+    listed = ", ".join(f"{a} / {b}" for a, b in pairs[:_SHOWN])
+    listed += f" and {len(pairs) - _SHOWN} more" if len(pairs) > _SHOWN else ""
     a, b = pairs[0]
     return (
         f'; the arm needs its SRDF (srdf=, or beside the URDF) with <disable_collisions link1="{a}" link2="{b}" '

@@ -98,9 +98,8 @@ def all_branches(robot: Robot, T_base_tool: npt.ArrayLike, exact: bool = True) -
     """
     T = np.asarray(T_base_tool, dtype=float)
     if T.ndim not in (2, 3) or T.shape[-2:] != (4, 4):
-        raise InputError(
-            f"T_base_tool = array of shape {T.shape}: must be (4, 4) or (m, 4, 4)", shape=list(T.shape)
-        )
+        why = f"T_base_tool = array of shape {T.shape}: must be (4, 4) or (m, 4, 4)"
+        raise InputError(why, shape=list(T.shape))
     T = T.reshape(-1, 4, 4)
     if not np.isfinite(T).all():
         raise InputError("T_base_tool: a pose has a number that is not finite", poses=len(T))
@@ -149,13 +148,12 @@ def _wrist_arm(robot: Robot) -> _WristArm:
     second, third = arm.axes[1], arm.axes[2]
     skewness = float(norm(np.cross(second.direction, third.direction)))
     if miss > _GEOMETRY_TOLERANCE or skewness > _GEOMETRY_TOLERANCE:
-        raise InputError(
+        why = (
             "closed-form inverse kinematics needs axes 4, 5, 6 that meet in a point and parallel axes 2, 3: here axes "
             f"4, 5, 6 miss each other by {miss * 1e3:.3g} mm and axes 2, 3 differ by {np.degrees(skewness):.3g} deg "
-            f"(at most {_GEOMETRY_TOLERANCE * 1e3:g} mm, {np.degrees(_GEOMETRY_TOLERANCE):.2g} deg)",
-            wrist_miss=miss,
-            skewness=skewness,
+            f"(at most {_GEOMETRY_TOLERANCE * 1e3:g} mm, {np.degrees(_GEOMETRY_TOLERANCE):.2g} deg)"
         )
+        raise InputError(why, wrist_miss=miss, skewness=skewness)
     square = bool(max(abs(mul(last[1].direction, a.direction)) for a in (last[0], last[2])) < 1e-12)
     return _WristArm(arm, frozen(wrist), float(np.sign(mul(second.direction, third.direction))), square)
 

@@ -56,11 +56,8 @@ def check_configuration(
         turned = value - 2.0 * np.pi * np.rint((value - (low + high) / 2.0) / (2.0 * np.pi))
         if low <= turned <= high:
             help = f"{turned * scale:.2f} deg puts the tool at the same pose"
-    raise InputError(
+    why = (
         f"{name}: joint {joint} = {value * scale:.2f} {unit}: must be from {low * scale:.2f} to {high * scale:.2f} "
-        f"{unit}; {help}",
-        joint=joint,
-        value=value,
-        low=low,
-        high=high,
+        f"{unit}; {help}"
     )
+    raise InputError(why, joint=joint, value=value, low=low, high=high)

@@ -108,9 +108,8 @@ def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: flo
     for i, part in enumerate(parts):
         if isinstance(part, Stretch):
             if not (part.tool_speed is None or part.tool_speed > 0.0):
-                raise InputError(
-                    f"speed cap = {part.tool_speed:g}: must be positive", value=float(part.tool_speed)
-                )
+                why = f"speed cap = {part.tool_speed:g}: must be positive"
+                raise InputError(why, value=float(part.tool_speed))
             ends = (transits[i - 1] if i else None), (transits[i + 1] if i + 1 < len(parts) else None)
             meets = (None if ends[0] is None else ends[0][-1], None if ends[1] is None else ends[1][0])
             made[i] = _line(part.path, meets, limits, part.tool_speed)

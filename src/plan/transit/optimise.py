@@ -132,9 +132,7 @@ class _Model:
         # inner places of each edge, and the way-point at its end except for the last edge
         last = len(counts) - 1
         places = [
-            (i, (j + 1) / (n + 1))
-            for i, n in enumerate(counts)
-            for j in range(int(n) + (1 if i < last else 0))
+            (i, (j + 1) / (n + 1)) for i, n in enumerate(counts.tolist()) for j in range(n + (i < last))
         ]
         self.edge = np.zeros(0, dtype=np.intp)
         self.rows = np.zeros((0, (len(path) - 2) * path.shape[1]))

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any, Self
 
 from arm.errors import CameraError
@@ -117,9 +116,7 @@ class BaslerCamera:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -205,13 +202,11 @@ class BaslerCamera:
 
     def _count_failed(self, failed: list[str], number: int, count: int) -> None:
         if len(failed) > FAILED_FRAMES:
-            raise CameraError(
-                self.selector,
-                "failed",
+            rule = (
                 f"{len(failed)} frames of one look were damaged: {'; '.join(failed)}; "
-                "check cable, bandwidth and packet size",
-                failed=failed,
+                "check cable, bandwidth and packet size"
             )
+            raise CameraError(self.selector, "failed", rule, failed=failed)
         self._tell(
             f"camera {self.selector}: image {number} of {count} was damaged and is retaken: {failed[-1]}"
         )
@@ -221,13 +216,11 @@ class BaslerCamera:
         wanted = self._size or (before[0].shape[1::-1] if before else (width, height))
         if (width, height) != wanted:
             of = "the camera's calibration is for" if self._size else "the previous frame was"
-            raise CameraError(
-                self.selector,
-                "size",
+            rule = (
                 f"sent a frame of {width} x {height} px, but {of} {wanted[0]} x {wanted[1]} px; set Width, Height, "
-                "OffsetX and OffsetY as they were at the calibration (features), or calibrate for this size",
-                size_px=[width, height],
+                "OffsetX and OffsetY as they were at the calibration (features), or calibrate for this size"
             )
+            raise CameraError(self.selector, "size", rule, size_px=[width, height])
 
     # -- errors
 
@@ -242,9 +235,8 @@ class BaslerCamera:
                     raise removed(self.selector) from error
                 words = message_of(error)
                 if "another client" in words or "another application" in words:
-                    raise CameraError(
-                        self.selector, "in use", f"is in use by another program; end that first ({words})"
-                    ) from error
+                    rule = f"is in use by another program; end that first ({words})"
+                    raise CameraError(self.selector, "in use", rule) from error
                 raise CameraError(self.selector, "pylon", f"{what}: {words}") from error
 
         worker = worker or self._worker
@@ -253,9 +245,8 @@ class BaslerCamera:
         try:
             return worker.call(guarded, seconds)
         except TimeoutError as error:
-            raise CameraError(
-                self.selector, "hung", f"{what}: {error}; unplug the camera and plug it in again"
-            ) from error
+            rule = f"{what}: {error}; unplug the camera and plug it in again"
+            raise CameraError(self.selector, "hung", rule) from error
 
     def _ask_aside(self, function: Callable[[], T], seconds: float, what: str) -> None:
         """Call `function` on another thread, as the worker may be busy or hang; report problems by `tell`."""
@@ -278,10 +269,9 @@ def _libraries(camera: object) -> tuple[Any, Any]:
             warnings.simplefilter("ignore")
             from pypylon import genicam, pylon
     except ImportError as error:
-        raise CameraError(
-            camera,
-            "no pypylon",
+        rule = (
             f"needs pypylon, which cannot be imported ({error}); install it by `make basler` or pip install "
-            "'a465[basler]'",
-        ) from error
+            "'a465[basler]'"
+        )
+        raise CameraError(camera, "no pypylon", rule) from error
     return pylon, genicam

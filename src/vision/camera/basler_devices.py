@@ -112,7 +112,6 @@ def read_selector(text: str) -> Selector:
         try:
             rest = str(ipaddress.IPv4Address(rest))
         except ValueError as error:
-            raise InputError(
-                f"camera {text!r}: {error}; must be such as ip:192.168.0.7", camera=text
-            ) from error
+            why = f"camera {text!r}: {error}; must be such as ip:192.168.0.7"
+            raise InputError(why, camera=text) from error
     return Selector(kind, rest)

@@ -95,19 +95,16 @@ class FrameTaker:
         """
         waiting = self.device.NumReadyBuffers.GetValue()
         if waiting:
-            raise self._error(
-                "stale", f"sent {waiting} frame{'s' * (waiting > 1)} without a trigger", frames=waiting
-            )
+            rule = f"sent {waiting} frame{'s' * (waiting > 1)} without a trigger"
+            raise self._error("stale", rule, frames=waiting)
 
     def _require_next(self, frame: FrameOrder, first: bool) -> None:
         if not self.last.is_next(frame, first):
-            raise self._error(
-                "stale",
+            rule = (
                 f"a frame ({frame}) came after another ({self.last}): frames were lost, or this one is older than its "
-                "trigger",
-                number=frame.number,
-                last=self.last.number,
+                "trigger"
             )
+            raise self._error("stale", rule, number=frame.number, last=self.last.number)
         self.last = frame
 
     def _grey(self, result: Any) -> Image:

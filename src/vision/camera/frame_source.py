@@ -26,10 +26,9 @@ def read_grey(file: Path) -> Image:
     import cv2
 
     data = np.frombuffer(read_bytes(file, "photograph"), dtype=np.uint8)
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        image = (
-            cv2.imdecode(data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
-        )
+        image = cv2.imdecode(data, flags) if len(data) else None
     except cv2.error:  # more pixels than OpenCV supports
         image = None
     if image is None:
@@ -87,13 +86,11 @@ class ImageFolder:
         fresh = [p for p in files if p.name not in self._used][:count]
         if len(fresh) < count:
             used = f" ({len(self._used)} were used before)" if self._used else ""
-            raise InputError(
+            why = (
                 f"{self.path}: has {len(fresh)} new images{used}, but {count} are needed; "
-                f"file names end in {' '.join(IMAGE_SUFFIXES)}",
-                path=str(self.path),
-                found=len(fresh),
-                count=count,
+                f"file names end in {' '.join(IMAGE_SUFFIXES)}"
             )
+            raise InputError(why, path=str(self.path), found=len(fresh), count=count)
         images: list[Image] = []
         for file in fresh:
             images.append(read_grey(file))

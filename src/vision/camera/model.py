@@ -130,13 +130,11 @@ class Camera:
             raise InputError(why, image=what)
         height, width = image.shape[:2]
         if (width, height) != self.size:
-            raise InputError(
+            why = (
                 f"{what}: is {width} x {height} px, but the camera's calibration is for "
-                f"{self.size[0]} x {self.size[1]} px; use the full frame, or calibrate for this size",
-                image=what,
-                size_px=[width, height],
-                camera_size_px=list(self.size),
+                f"{self.size[0]} x {self.size[1]} px; use the full frame, or calibrate for this size"
             )
+            raise InputError(why, image=what, size_px=[width, height], camera_size_px=list(self.size))
 
 
 def _intrinsic_matrix(node: Node) -> Array:

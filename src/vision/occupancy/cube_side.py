@@ -70,9 +70,8 @@ class _Prior:
     mouth: float
 
 
-SEEN_EMPTY = _Prior(
-    0.12, (0.75, 0.25), 25e-6
-)  # relative to the image without the cube: its shadow, other light
+# relative to the image without the cube: its shadow, other light
+SEEN_EMPTY = _Prior(0.12, (0.75, 0.25), 25e-6)
 NEVER_SEEN = _Prior(0.35, (0.5, 0.25), 0.1e-3)  # relative to the plate's grey
 
 

@@ -29,10 +29,8 @@ BLURS_PX = (0.7, 0.85, 1.0, 1.25, 1.6)  # standard deviations to try, including 
 FLOOR_PX = 0.04  # standard deviation of a side's place that is the same in all images
 WIDE_FACE = 1.0e-3  # m: with a wider face, the profile is ignored near its foot and beyond,
 BEFORE_FOOT, SOFT = 0.4e-3, 0.05e-3  # m: from this distance before the foot, with this softness
-FOOT_SEEN, FOOT_SHARE = (
-    0.9,
-    0.07,
-)  # visible fraction of a narrow face (its lowest part is dark); standard deviation
+# visible fraction of a narrow face (its lowest part is dark); standard deviation
+FOOT_SEEN, FOOT_SHARE = 0.9, 0.07
 FOOT_DARK, FOOT_STD = 1e-3, 25e-6  # m: width of a narrow face; standard deviation that is added
 RING = np.array([2e-3, 3e-3, 4e-3, 5e-3])  # m beyond a mouth, where the plate's grey is measured
 LEAST_IN_VIEW = 0.6e-3  # m beyond a side that must be in the image

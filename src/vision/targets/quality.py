@@ -48,9 +48,8 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
     blur: list[float] = []
     steps: list[float] = []
     white: list[Array] = []
-    room = (
-        (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5
-    )  # to the next edge, squares
+    # to the next edge, squares
+    room = (1.0 - target.marker / target.square) / 2.0 if target.marker > 0.0 else 0.5
     for starts, ends in _edges(target, view):
         if not len(starts):
             continue
@@ -119,22 +118,18 @@ def _marker_share(grey: Image, target: Target, view: TargetView) -> float:
     height, width = grey.shape
     f = 3.0 * width
     K = np.array([[f, 0.0, width / 2.0], [0.0, f, height / 2.0], [0.0, 0.0, 1.0]])
-    straight = Camera(
-        K, np.zeros(5), (width, height), frozen(np.eye(4))
-    )  # sides are too short for distortion
+    # sides are too short for distortion
+    straight = Camera(K, np.zeros(5), (width, height), frozen(np.eye(4)))
     modules = predefined(target.dictionary).markerSize + 2
     lines = refine_by_border_lines(grey, view.outlines_px, straight, modules)
     if not lines.good.any():
         return float("nan")
-    sides = np.array(
-        [
-            np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).mean()
-            for marker, square in _whole_squares(target, view)
-            if lines.good[marker]
-            for outline in [_in_square(lines.corners_px[marker], square)]
-        ]
-    )
-    return float(np.median(sides)) if len(sides) else float("nan")
+    sides = []
+    for marker, square in _whole_squares(target, view):
+        if lines.good[marker]:
+            outline = _in_square(lines.corners_px[marker], square)
+            sides.append(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).mean())
+    return float(np.median(sides)) if sides else float("nan")
 
 
 def _whole_squares(target: Target, view: TargetView) -> list[tuple[int, Array]]:

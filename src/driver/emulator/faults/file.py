@@ -65,6 +65,5 @@ def _made(kind: type[_T], node: Node, values: dict[str, Any]) -> _T:
         return kind(**given)
     except InputError as error:
         key = str(error.data["key"]).removeprefix("when.")
-        raise node.error_at(
-            key if key in given else next(iter(given), ""), str(error.data["rule"])
-        ) from error
+        place = key if key in given else next(iter(given), "")
+        raise node.error_at(place, str(error.data["rule"])) from error

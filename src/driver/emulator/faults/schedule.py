@@ -6,7 +6,7 @@ import heapq
 import math
 from collections.abc import Iterable
 
-from driver.emulator.faults.model import Fault
+from driver.emulator.faults.model import AXES, Fault
 
 
 class Schedule:
@@ -59,9 +59,7 @@ class Schedule:
         still = []
         for fault, left in self._by_line:
             wanted = fault.when.command
-            if name == wanted or (
-                len(name) == len(wanted) + 1 and name[:-1] == wanted and name[-1] in "ABCDEFGH"
-            ):
+            if name == wanted or (name[:-1] == wanted and name[-1] in AXES):
                 left[0] -= 1
             if left[0] > 0:
                 still.append((fault, left))

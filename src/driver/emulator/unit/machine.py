@@ -92,9 +92,8 @@ class Machine:
     def _power_up_registers(self) -> dict[str, float]:
         registers: dict[str, float] = {"COORDDISCONT": self.options.vertex_steps}
         unit = self.unit
-        for axis, speed, acceleration in zip(
-            unit.axes, unit.speed_registers, unit.acceleration_registers, strict=True
-        ):
+        limits = zip(unit.axes, unit.speed_registers, unit.acceleration_registers, strict=True)
+        for axis, speed, acceleration in limits:
             registers[f"REGMS{axis}"], registers[f"REGACC{axis}"] = speed, acceleration
         return registers
 
@@ -228,9 +227,8 @@ class Machine:
         if axis not in self.unit.axes:
             return False
         if self.faulty or self.path.queue:
-            self.violate(
-                f"axis {axis} commanded {'during a fault' if self.faulty else 'while the group moves'}"
-            )
+            when = "during a fault" if self.faulty else "while the group moves"
+            self.violate(f"axis {axis} commanded {when}")
             return False
         index = self.unit.axes.index(axis)
         self._homing.discard(index)

@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from arm.errors import CameraError
@@ -91,9 +90,7 @@ class VideoCamera:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -167,9 +164,8 @@ class VideoCamera:
             decoded, raw = self.device.retrieve()
             if decoded and raw is not None:
                 return grey(raw)
-        raise self._error(
-            "removed", "opened, but gives no frame; is it a camera, and can its cable carry the size?"
-        )
+        rule = "opened, but gives no frame; is it a camera, and can its cable carry the size?"
+        raise self._error("removed", rule)
 
     def _describe(self, first: Image) -> None:
         import cv2

@@ -74,16 +74,9 @@ def set_device(
     import cv2
 
     codes = {name: _property(name, value, refuse) for name, value in settings.features.items()}
-    for name, value in settings.features.items():  # the format first, as it decides on sizes
-        if name == "FOURCC":
-            _set(
-                device,
-                codes[name],
-                float(cv2.VideoWriter.fourcc(*str(value))),
-                f"features.{name}",
-                value,
-                refuse,
-            )
+    if form := settings.features.get("FOURCC"):  # the format first, as it decides on sizes
+        wanted = float(cv2.VideoWriter.fourcc(*str(form)))
+        _set(device, codes["FOURCC"], wanted, "features.FOURCC", form, refuse)
     if size is not None:
         device.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
         device.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
