@@ -70,15 +70,14 @@ def calibrate_camera(
     limits = limits or CalibrationLimits()
     free = np.array([name not in held for name in NAMES])
     reasons = unusable(photos)
-    candidates = [i for i, reason in enumerate(reasons) if not reason]
-    if len(candidates) < FEWEST_VIEWS:
-        raise CalibrationRefused(_too_few(photos, reasons), usable=len(candidates), photographs=len(photos))
-    found = _without_outliers(photos, candidates, target, size, free, reasons)
+    if (left := reasons.count("")) < FEWEST_VIEWS:
+        raise CalibrationRefused(_too_few(photos, reasons), usable=left, photographs=len(photos))
+    found = _without_outliers(photos, target, size, free, reasons)
     corner_sigma = found.bundle.corner_sigma
     known_lifts = [(lifts or {}).get(photos[i].name) for i in found.index]
     lain = None
     if any(known_lifts) or (flat and _tilted(found.bundle, limits.tilt) < limits.tilted):
-        _require_parallel(found, known_lifts, photos, size, limits.tilt)
+        _require_parallel(found, known_lifts, photos, limits.tilt)
         lain = FlatViews(found.views, target, size, known_lifts, corner_sigma).solve()
         found = replace(found, bundle=_laid(found, lain))
     distances = work or _distances(found.bundle, found.views)
@@ -129,15 +128,12 @@ def _tilted(bundle: Bundle, tilt: float) -> int:
 
 
 def _require_parallel(
-    found: _Found,
-    lifts: Sequence[Lift | None],
-    photos: Sequence[TargetPhoto],
-    size: tuple[int, int],
-    tilt: float,
+    found: _Found, lifts: Sequence[Lift | None], photos: Sequence[TargetPhoto], tilt: float
 ) -> None:
     if not any(lifts):
         return
     # foreshortening hardly depends on the focal length, which least squares may get very wrong here
+    size = found.bundle.camera.size
     f = NOMINAL * size[0]
     camera = camera_of(np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, *np.zeros(5)]), size)
     poses = [pose_of(view, camera) for view in found.views]
@@ -176,15 +172,10 @@ def _view(photo: TargetPhoto, target: Target, kept: Bools) -> View:
 
 
 def _without_outliers(
-    photos: Sequence[TargetPhoto],
-    candidates: Sequence[int],
-    target: Target,
-    size: tuple[int, int],
-    free: Bools,
-    reasons: list[str],
+    photos: Sequence[TargetPhoto], target: Target, size: tuple[int, int], free: Bools, reasons: list[str]
 ) -> _Found:
     """Adjust, reject outlying views and corners, and repeat until there are none."""
-    index = list(candidates)
+    index = [i for i, reason in enumerate(reasons) if not reason]
     kept = {i: np.ones(len(view.ids), dtype=bool) for i in index if (view := photos[i].view) is not None}
     views = [_view(photos[i], target, kept[i]) for i in index]
     bundle = initial_guess(views, size)

@@ -19,6 +19,7 @@ from arm.errors import CalibrationRefused
 from arm.se3 import Array, frozen, moved
 from calib.camera.bundle_adjustment import View
 from calib.camera.initial_guess import pose_of
+from calib.camera.score_tests import bulges
 from calib.model.intrinsics import COUNT, camera_of, vector_of
 from calib.model.least_squares import Step, inverse_scaled, levenberg_marquardt, solve_scaled
 from calib.model.projection import Projection
@@ -43,7 +44,6 @@ FAR = 100.0  # m: the plane is nearer
 _CLOSE = 0.02  # of the cost, which is in units of variances
 _STEPS = 12
 _ZOOMS, _UNLIKELY = 3, 6.0
-_OTHERS = COUNT + 3 + 2 + 3  # intrinsics, plane, stretch and shear, bulges; then the corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +232,7 @@ class FlatViews:
         for i, (view, T, ids) in enumerate(zip(self._views, s.poses, self._ids, strict=True)):
             shape, by_shared = self._shape(view.points, ids, shared, v[0] / max(T[2, 3], 1e-6), paper)
             bulge = np.zeros((len(ids), 3, 3))
-            bulge[:, 2] = paper * _bulges(view.points[:, :2] / self._half - 1.0)
+            bulge[:, 2] = paper * bulges(view.points[:, :2] / self._half - 1.0)
             p = Projection(s.camera, T, shape + by_shared @ s.shared + bulge @ s.bulges[i])
             residuals.append(((view.pixels - p.pixels) / self._noise).ravel())
             normal, offset = T[:3, 2], float(s.normal @ T[:3, 3])
@@ -286,7 +286,7 @@ class FlatViews:
         by = np.zeros((len(points), 3, shared))
         by[:, 1, 0] = STRETCH * centred[:, 1]
         by[:, 0, 1] = STRETCH * centred[:, 1]
-        by[:, 2, 2:5] = paper * _bulges(centred / self._half)
+        by[:, 2, 2:5] = paper * bulges(centred / self._half)
         each = np.arange(len(points))
         for axis in range(2):
             by[each, axis, 5 + 2 * ids + axis] = CORNERS_PX / px_per_m
@@ -349,10 +349,6 @@ def _rescaled(s: _State, f: float) -> _State:
 def _across(normal: Array) -> Array:
     """Two directions across a normal, (3, 2)."""
     return np.asarray(np.linalg.svd(normal[None])[2][1:].T)
-
-
-def _bulges(xy: Array) -> Array:
-    return np.stack([xy[:, 0] ** 2, xy[:, 0] * xy[:, 1], xy[:, 1] ** 2], axis=-1)
 
 
 def _weights(tried: Sequence[tuple[float, float, _State, float]]) -> tuple[Array, Array]:

@@ -41,13 +41,7 @@ class NextView:
 
 
 def next_views(
-    camera: Camera,
-    target: Target,
-    information: Array,
-    worth: Array,
-    near: float,
-    far: float,
-    count: int = 3,
+    camera: Camera, target: Target, information: Array, worth: Array, near: float, far: float, count: int = 3
 ) -> list[NextView]:
     """Choose the `count` best next views greedily.
 

@@ -58,7 +58,7 @@ def error_hypotheses(bundle: Bundle, views: Sequence[View], target: Target) -> l
     fitted = [Projection(bundle.camera, T, v.points) for T, v in zip(bundle.poses, views, strict=True)]
     focal, half = np.diag(bundle.camera.K)[:2], np.array(target.size) / 2.0
     # z = a X^2 + b X Y + c Y^2, with X and Y from -1 to 1 over the target
-    bent = [p.by_point[..., 2:] * _bulges(p.points[:, :2] / half - 1.0)[:, None] for p in fitted]
+    bent = [p.by_point[..., 2:] * bulges(p.points[:, :2] / half - 1.0)[:, None] for p in fitted]
     # rows are further apart than columns by a relative amount, as some printers make them
     stretched = [p.by_point[..., 1:2] * p.points[:, 1, None, None] for p in fitted]
     # corners lie towards the middle of their view, as light, blur and ink may shift them
@@ -79,21 +79,22 @@ def error_hypotheses(bundle: Bundle, views: Sequence[View], target: Target) -> l
 
 
 def inwards(pixels: Array) -> Array:
-    """Unit vectors (n, 2) from points (n, 2) px to their middle; shorter within 1 px of it."""
-    away = pixels.mean(axis=0) - pixels
-    return np.asarray(away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1.0))
+    """Unit vectors from the points (..., n, 2) px of an image to their middle; shorter within 1 px of it."""
+    towards = np.nanmean(pixels, axis=-2, keepdims=True) - pixels
+    return np.asarray(towards / np.maximum(np.linalg.norm(towards, axis=-1, keepdims=True), 1.0))
 
 
-def _bulges(xy: Array) -> Array:
+def bulges(xy: Array) -> Array:
+    """Return the shapes X^2, X Y and Y^2 of a sheet that bends, (n, 3), at points (n, 2) from -1 to 1."""
     return np.stack([xy[:, 0] ** 2, xy[:, 0] * xy[:, 1], xy[:, 1] ** 2], axis=-1)
 
 
 def _height(amount: Array) -> Array:
     """Derivative of the height of a bent target by the amounts of its three bulges."""
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), axis=-1).reshape(-1, 2)
-    bulges = _bulges(grid)  # no plane to subtract: the shapes are even, a plane through the middle is odd
-    z = bulges @ amount
-    return np.asarray(bulges[np.argmax(z)] - bulges[np.argmin(z)])
+    shapes = bulges(grid)  # no plane to subtract: the shapes are even, a plane through the middle is odd
+    z = shapes @ amount
+    return np.asarray(shapes[np.argmax(z)] - shapes[np.argmin(z)])
 
 
 def _tested(

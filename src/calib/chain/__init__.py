@@ -2,15 +2,5 @@
 
 from arm.former import former_names
 
-former_names(
-    __name__,
-    "calib.model.chain",
-    "Fixed",
-    "Unknown",
-    "Motion",
-    "Element",
-    "Evaluated",
-    "Chain",
-    "pose_unknowns",
-    "joined",
-)
+_MOVED = ("Fixed", "Unknown", "Motion", "Element", "Evaluated", "Chain", "pose_unknowns", "joined")
+former_names(__name__, "calib.model.chain", *_MOVED)

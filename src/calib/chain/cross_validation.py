@@ -40,10 +40,8 @@ def cross_validate(choice: Choice, folds: int = FOLDS) -> CrossValidation:
             if not len(images):
                 continue
             expected = s.projection(problem.camera, known.unknowns)
-            r, depth = (
-                (s.pixels - expected.pixels - s.shifts(known.unknowns))[images],
-                expected.in_camera[images, :, 2].mean(axis=1),
-            )
+            r = (s.pixels - expected.pixels - s.shifts(known.unknowns))[images]
+            depth = expected.in_camera[images, :, 2].mean(axis=1)
             squares += float(np.nansum(r**2))
             count += int(np.isfinite(r).sum())
             focal = np.diag(problem.camera.K)[:2]

@@ -86,11 +86,7 @@ class Choice:
     trials: tuple[Trial, ...]
 
 
-def choose_model(
-    problem: Problem,
-    parts: Sequence[Part],
-    weights: Sequence[Array] | None = None,
-) -> Choice:
+def choose_model(problem: Problem, parts: Sequence[Part], weights: Sequence[Array] | None = None) -> Choice:
     """Fit with all parts, reject wrong images, then drop the parts that are not needed.
 
     Args:
@@ -122,18 +118,13 @@ def select_parts(problem: Problem, parts: Sequence[Part], fit: ChainFit, freedom
     trials: dict[str, Trial] = {}
     while kept:
         fits = {part.name: fit_chains(without(problem, part), fit.weights, fit) for part in kept}
+        ranks: dict[str, tuple[bool, bool, float]] = {}
         for part in kept:
             limit = largest_rise(MEANINGLESS, len(part.unknowns), freedom)
-            trials[part.name] = Trial(part.name, fits[part.name].cost - fit.cost, limit)
-        # what exists anyway, by its prior, goes last: other parts may only stand in for it
-        least = min(
-            kept,
-            key=lambda part: (
-                trials[part.name].needed,
-                part.known,
-                trials[part.name].rise / trials[part.name].limit,
-            ),
-        )
+            trials[part.name] = t = Trial(part.name, fits[part.name].cost - fit.cost, limit)
+            # what exists anyway, by its prior, goes last: other parts may only stand in for it
+            ranks[part.name] = t.needed, part.known, t.rise / t.limit
+        least = min(kept, key=lambda part: ranks[part.name])
         if trials[least.name].needed:
             break
         problem, fit = without(problem, least), fits[least.name]

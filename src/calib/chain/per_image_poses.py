@@ -20,10 +20,8 @@ from vision.camera.model import Camera
 FEWEST = 4  # corners of an image
 WRONG_CORNER = 6.0  # standard deviations
 _MANY = 8  # corners needed to identify wrong ones
-_FEW_IMAGES, _SURE = (
-    6,
-    3.0,
-)  # images and standard deviations needed to conclude that the images' noise differs
+# images and standard deviations needed to conclude that the images' noise differs
+_FEW_IMAGES, _SURE = 6, 3.0
 _PER_AXIS = 16  # corners needed to estimate x and y separately
 _FINEST = 1e-6  # px; rendered images have no noise, and weights need some
 

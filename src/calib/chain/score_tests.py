@@ -95,12 +95,8 @@ def find_error_hypotheses(
     for name, of in columns[0].items():
         chosen = slice(place, place + of.shape[-1])
         place = chosen.stop
-        if "moved" in name:
-            found += tests.movement(name, chosen)
-        else:
-            unit = "of the way from the last pose" if name == "time skew" else ""
-            found.append(tests.of(name, unit, chosen))
-    return tuple(sorted(found, key=lambda hypothesis: -hypothesis.drop / hypothesis.limit))
+        found += tests.named(name, chosen)
+    return _sorted(found)
 
 
 def find_errors_despite_scatter(
@@ -137,15 +133,14 @@ def find_errors_despite_scatter(
             data = reduced(problem, fit, base, smooth, column)
             return _ScoreTests(problem, fit, equations_of(data, of), shifts, freedom)
 
-        moved = "moved" in name
-        first = tests(sizes).movement(name, chosen)[0].image if moved else 0
+        first = tests(sizes).movement(name, chosen)[0].image if "moved" in name else 0
         after = (np.arange(len(used)) >= first)[:, None, None, None]
         better = estimate_sizes(reduced(problem, fit, base, smooth, column * after), begin=sizes)
-        if moved:
-            found += tests(better).movement(name, chosen)
-        else:
-            unit = "of the way from the last pose" if name == "time skew" else ""
-            found.append(tests(better).of(name, unit, chosen))
+        found += tests(better).named(name, chosen)
+    return _sorted(found)
+
+
+def _sorted(found: Sequence[ChainErrorHypothesis]) -> tuple[ChainErrorHypothesis, ...]:
     return tuple(sorted(found, key=lambda hypothesis: -hypothesis.drop / hypothesis.limit))
 
 
@@ -201,6 +196,12 @@ class _ScoreTests:
         return ChainErrorHypothesis(
             name, float(amount[0]), float(sigmas[0]), unit, test.drop, limit, rms, -1, others
         )
+
+    def named(self, name: str, chosen: slice) -> list[ChainErrorHypothesis]:
+        """Test the error of a name of `_columns`."""
+        if "moved" in name:
+            return self.movement(name, chosen)
+        return [self.of(name, "of the way from the last pose" if name == "time skew" else "", chosen)]
 
     def movement(self, name: str, chosen: slice) -> list[ChainErrorHypothesis]:
         """Test a single movement between two stances, at the most likely time."""

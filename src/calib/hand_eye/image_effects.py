@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arm.se3 import Array, frozen
+from calib.camera.score_tests import inwards
 from calib.chain.per_image_poses import PerImagePoses, fit_per_image_poses
 from calib.model.intrinsics import COUNT, camera_of, vector_of
 from calib.model.projection import Projection
@@ -47,12 +48,6 @@ class ImageEffects:
         columns = [seen.by_intrinsics @ lens, size, bias]
         names = (*(f"lens {k + 1}" for k in range(lens.shape[1])), SIZE, BIAS)
         return cls(names, frozen(np.concatenate(columns, axis=-1)), frozen(lens))
-
-
-def inwards(pixels: Array) -> Array:
-    """Directions from the corners (n, m, 2) px to the middle of each image's target, (n, m, 2) of length 1."""
-    towards = np.nanmean(pixels, axis=1, keepdims=True) - pixels
-    return np.asarray(towards / np.maximum(np.linalg.norm(towards, axis=-1, keepdims=True), 1.0))
 
 
 def poses_without_bias(recording: ArmRecording) -> PerImagePoses:

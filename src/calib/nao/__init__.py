@@ -2,14 +2,5 @@
 
 from arm.former import former_names
 
-former_names(
-    __name__,
-    "calib.nao.chain",
-    "NaoUnknowns",
-    "nao_model",
-    "nao_chain",
-    "gravity_torques",
-    "KnownSides",
-    "gravity_gains",
-    "nao_sightings",
-)
+_MOVED = ("NaoUnknowns", "nao_model", "nao_chain", "gravity_torques", "KnownSides", "gravity_gains")
+former_names(__name__, "calib.nao.chain", *_MOVED, "nao_sightings")

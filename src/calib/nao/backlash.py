@@ -31,10 +31,8 @@ _KINDS = ("compliance", "backlash")
 _FIRST_MEAN, _FIRST_SIGMA = np.radians(0.5), np.radians(1.0)  # first prior; per Nm for compliances
 _KNOWN = np.radians(0.15)  # largest standard deviation of a well determined joint
 _FEWEST_KNOWN, _LEAST_WIDTH = 4, np.radians(0.13)
-_DOUBTFUL, _MOST_DOUBTFUL = (
-    3.5,
-    5,
-)  # largest torque of a doubtful side, in sigmas; most doubtful sides per stance
+# largest torque of a doubtful side, in sigmas; most doubtful sides per stance
+_DOUBTFUL, _MOST_DOUBTFUL = 3.5, 5
 _ROUNDS = 10
 
 

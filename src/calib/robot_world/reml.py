@@ -101,12 +101,7 @@ class PairFit:
 
 
 def fit_pairs(
-    closed: Closed,
-    P: Array,
-    Q: Array,
-    scatter: NoiseModel,
-    used: Bools,
-    like: PairFit | None = None,
+    closed: Closed, P: Array, Q: Array, scatter: NoiseModel, used: Bools, like: PairFit | None = None
 ) -> PairFit:
     """Fit poses and noise sizes by maximum likelihood.
 
