@@ -23,11 +23,10 @@ from cell.collect.record import HandRecord
 from cell.collect.sway import Sway
 from cell.console import Console
 from cell.scene.build import unseen_scene
-from cell.session.homed import initialise_without_homing
-from cell.task.planning import options_of, plan_fingerprint
+from cell.session.homed import home_or_check
+from cell.task.planning import plan_motion
 from cell.task.run import TaskRun
 from driver.mars.stopping import STILL_COUNTS, farthest
-from plan.pick_place.go_to import plan_joint_motion
 from plan.scene import Scene
 from vision.camera.model import Image
 from vision.targets.target import TargetFinder
@@ -111,16 +110,8 @@ def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, cons
         left = not_taken(recipe, taken)[:missing]
         console.step(f"{len(left)} of the recipe's {len(recipe)} poses to take")
         return Choice(left, pool)
-    plan = choose_calibration_poses(
-        pool,
-        missing,
-        A465,
-        cell.camera.at(np.eye(4)),
-        hand.target.points(),
-        cell.camera.T_base_camera,
-        hand.T_flange_target,
-        taken,
-    )
+    lens, points, about = cell.camera.at(np.eye(4)), hand.target.points(), cell.camera.T_base_camera
+    plan = choose_calibration_poses(pool, missing, A465, lens, points, about, hand.T_flange_target, taken)
     console.step(
         f"{missing} of {len(pool)} poses chosen: expected uncertainty of the camera pose "
         f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
@@ -156,15 +147,7 @@ class Collector:
     def initialise_arm(self) -> None:
         """Home the arm, unless it was homed before. The jaws are not moved: they may hold the plate."""
         mars, cell = self.run.connection.mars, self.run.task.cell
-        if self.run.homed_before:
-            initialise_without_homing(mars, cell, self.console, jaws_too=False)
-        else:
-            self.console.step(
-                "homing: the controller moves every axis, without collision checks; the jaws do not move, so the plate "
-                "must be firm in the gripper"
-            )
-            mars.initialise(home=True, soft_home=False)
-        mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+        home_or_check(mars, cell, self.console, self.run.homed_before, jaws_too=False)
         self.run.homed = True
 
     def home(self) -> bool:
@@ -285,18 +268,8 @@ class Collector:
 
     def _drive(self, q: Array, what: str) -> bool:
         """Plan, certify and execute the motion to a configuration; return False if no plan was found."""
-        task = self.run.task
         try:
-            plan = plan_joint_motion(
-                self.scene,
-                self.run.q_now(),
-                q,
-                task.cell.unit,
-                task.cell.limits,
-                options_of(task, self.run.speed),
-                plan_fingerprint(task),
-                {"name": task.name, "kind": task.kind},
-            )
+            plan = plan_motion(self.run.task, self.scene, self.run.q_now(), q, self.run.speed)
         except ImpossibleError as error:
             self.console.step(f"{what}: left out, {error}")
             return False

@@ -12,13 +12,12 @@ from cell.config.calibration_state import CalibrationState, hand_eye_state, lens
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
-from cell.files.task import read_task, task_or_cell
+from cell.files.task import cell_of
 from cell.scene.arm_shape import COMPARE, arm_shape
 from cell.session.camera_watch import camera_watch
 
 CALIBRATE_LENS = "on a real cell: a465 calibrate camera"
 CALIBRATE_ARM = "on a real cell: a465 calibrate hand-eye DATA --collect TASK --port PORT -o FILE --apply"
-
 WATCH = "a465 calibrate background TASK -o background.npz --apply"
 
 
@@ -46,9 +45,7 @@ def read_named(file: Path | None) -> ReadCell:
     if file is None:
         return ReadCell(read_cell(data_file("scenes/cell.toml")), "the built-in scene", ())
     unusable: list[InputError] = []
-    is_task = "task" in task_or_cell(file)
-    cell = read_task(file, unusable.append).cell if is_task else read_cell(file, unusable.append)
-    return ReadCell(cell, str(file), tuple(unusable))
+    return ReadCell(cell_of(file, unusable.append), str(file), tuple(unusable))
 
 
 def check_cell(read: ReadCell) -> Sequence[CheckResult]:

@@ -24,6 +24,7 @@ from plan.options import CHOICES, LOOKS
 KINDS = ("clear-board", "board-to-board")
 KIND = text(*KINDS)
 _IDS = integers(2, 0, 999)
+_LOOK_AFTER = f"one of {', '.join(LOOKS)}, or a number of cubes, 1 or more"
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,7 @@ class TaskValues(Keys):
     """
 
     look_after: str | int = key(
-        "look_after",
-        rule_of(
-            f"one of {', '.join(LOOKS)}, or a number of cubes, 1 or more",
-            lambda v: v in LOOKS or is_whole(v, 1),
-            same,
-        ),
-        "each",
+        "look_after", rule_of(_LOOK_AFTER, lambda v: v in LOOKS or is_whole(v, 1), same), "each"
     )
     order: str = key("order", text(*CHOICES), "free")
     assignment: str = key("assignment", text(*CHOICES), "free")
@@ -137,6 +132,12 @@ def _is_task(file: Path) -> bool:
     with suppress(InputError):
         return "task" in Node.of_toml(file)
     return False
+
+
+def cell_of(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
+    """Read a cell file, or the one that a task file names; see `read_task`."""
+    is_task = "task" in task_or_cell(path)
+    return read_task(path, on_uncalibrated).cell if is_task else read_cell(path, on_uncalibrated)
 
 
 def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Task:

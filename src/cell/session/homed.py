@@ -56,6 +56,25 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
     )
 
 
+def home_or_check(
+    mars: Mars, cell: Cell, console: Console, homed_before: bool, jaws_too: bool = True
+) -> None:
+    """Home the arm, or check it if it was homed before, and set its registers; the jaws open next if `jaws_too`.
+
+    Raises:
+        ImpossibleError, ExecutionStopped: see `initialise_without_homing`; homing failed.
+    """
+    if homed_before:
+        initialise_without_homing(mars, cell, console, jaws_too)
+    else:
+        jaws = "the jaws do not move, so the plate must be firm in the gripper"
+        jaws = "then the jaws open" if jaws_too else jaws
+        console.step(f"homing: the controller moves every axis, without collision checks; {jaws}")
+        with console.doing("homing"):
+            mars.initialise(home=True, soft_home=False)  # the motion from the marks is planned like any other
+    mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+
+
 def initialise_arm(mars: Mars, cell: Cell, console: Console, homed_before: bool) -> None:
     """Home the arm, unless it was homed before; open the jaws.
 
@@ -63,13 +82,7 @@ def initialise_arm(mars: Mars, cell: Cell, console: Console, homed_before: bool)
         ImpossibleError: see `initialise_without_homing`.
         ExecutionStopped: homing failed, or the jaws do not open.
     """
-    if homed_before:
-        initialise_without_homing(mars, cell, console)
-    else:
-        console.step("homing: the controller moves every axis, without collision checks; then the jaws open")
-        with console.doing("homing"):
-            mars.initialise(home=True, soft_home=False)  # the motion from the marks is planned like any other
-    mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+    home_or_check(mars, cell, console, homed_before)
     if mars.gripper(0.0).stalled:
         where = "where it was" if homed_before else "at its homing marks"
         raise ExecutionStopped(f"the jaws do not open: something blocks them; the arm stands {where}")

@@ -29,7 +29,7 @@ from plan.failure import nearness
 from plan.options import PlanOptions
 from plan.pick_place.go_to import plan_joint_motion
 from plan.pick_place.planner import planned_limits
-from plan.scene import Station, Transfer
+from plan.scene import Scene, Station, Transfer
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
 
@@ -278,7 +278,13 @@ def plan_to_start(
     Raises:
         ImpossibleError: there is no such motion.
     """
-    cell, options = task.cell, options_of(task, speed)
+    cell = task.cell
     scene = unseen_scene(cell) if observation is None else build_scene(cell, observation, on_table)
+    return plan_motion(task, scene, q_from, cell.q_start, speed)
+
+
+def plan_motion(task: Task, scene: Scene, q_from: Array, q_to: Array, speed: float) -> Plan | None:
+    """Plan a motion between configurations (6,), rad, in a scene of the task's cell; see `plan_joint_motion`."""
+    cell, options = task.cell, options_of(task, speed)
     inputs = plan_fingerprint(task), _named(task)
-    return plan_joint_motion(scene, q_from, cell.q_start, cell.unit, cell.limits, options, *inputs)
+    return plan_joint_motion(scene, q_from, q_to, cell.unit, cell.limits, options, *inputs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -28,18 +28,11 @@ from calib.nao.chain import SIDES, NaoUnknowns
 from calib.nao.recording import read_nao_recording
 from calib.recordings.arm import ArmRecording, read_arm_recording
 from cell.commands.calibration.cell_change import change_of, work_place
-from cell.commands.calibration.options import (
-    OUTPUT,
-    REPORT,
-    ResultOptions,
-    checked_limit,
-    option_error,
-)
+from cell.commands.calibration.options import OUTPUT, REPORT, ResultOptions, checked_limit, option_error
 from cell.config.cell import Cell
-from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.files.apply_calibration import apply_calibration, name_in, naming
-from cell.files.task import read_task, task_or_cell
+from cell.files.task import cell_of
 from cell.report.chain import chain_page
 from cell.report.chain_text import (
     describe_self_test,
@@ -142,19 +135,15 @@ def hand_eye_step(data: Path, options: ChainOptions, console: Console) -> dict[s
     """
     cell = None
     if options.cell is not None:
-        cell = _read_cell(options.cell, console)
+        cell = cell_of(options.cell, without_calibration(console))
         options = replace(options, cell=cell.file)
     options = options.checked_all((data,) if cell is None else (data, cell.file, cell.camera_file))
     return solve_hand_eye(data, read_arm_recording(data), options, console, cell=cell)
 
 
-def _read_cell(file: Path, console: Console) -> Cell:
-    """Read a cell file, or that of a task; without its calibration if that cannot be used."""
-
-    def unusable(why: InputError) -> None:
-        console.step(f"started without the cell's calibration: {why}")
-
-    return read_task(file, unusable).cell if "task" in task_or_cell(file) else read_cell(file, unusable)
+def without_calibration(console: Console) -> Callable[[InputError], None]:
+    """Return what says that a cell's calibration cannot be used; a calibration can begin without it."""
+    return lambda why: console.step(f"started without the cell's calibration: {why}")
 
 
 def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, SelfTest | None]:
@@ -256,23 +245,21 @@ def _how_to_use(output: Path, recording: ArmRecording, cell_file: Path | None) -
 def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibration:
     """Return the part of a calibration that a cell needs, with the result of the self-test."""
     c = found.chain
-    tested = (
-        {}
-        if test is None
-        else {
-            "self_test": "passed" if test.passed else "failed",
-            "self_test_nees_dof": round(test.nees_dof, 4),
-            "self_test_limits": [round(limit, 4) for limit in test.limits],
-        }
-    )
-    tool = (
-        {
-            "tool_sideways_mm": round(1e3 * found.tool.sideways, 4),
-            "tool_height_mm": round(1e3 * found.tool.height, 4),
-        }
-        if found.tool.holes
-        else {}
-    )
+    made: dict[str, Any] = {
+        "poses": c.images - sum(map(len, c.wrong)),
+        "target": found.recording.kind,
+        "held_out_px": round(c.held_out.px, 4),
+        "held_out_mm": round(1e3 * c.held_out.metres, 4),
+        "chi2_dof": round(c.fit.chi2_dof, 4),
+        "camera_std_mm": round(1e3 * float(np.linalg.norm(found.camera_sigma[0])), 4),
+    }
+    if found.tool.holes:
+        made["tool_sideways_mm"] = round(1e3 * found.tool.sideways, 4)
+        made["tool_height_mm"] = round(1e3 * found.tool.height, 4)
+    if test is not None:
+        made["self_test"] = "passed" if test.passed else "failed"
+        made["self_test_nees_dof"] = round(test.nees_dof, 4)
+        made["self_test_limits"] = [round(limit, 4) for limit in test.limits]
     return ArmCalibration(
         found.T_base_camera,
         found.joint_offsets,
@@ -280,16 +267,7 @@ def arm_calibration(found: HandEye, test: SelfTest | None = None) -> ArmCalibrat
         found.recording.unit,
         found.recording.camera.lens_digest,
         found.recording.dh.digest,
-        {
-            "poses": c.images - sum(map(len, c.wrong)),
-            "target": found.recording.kind,
-            "held_out_px": round(c.held_out.px, 4),
-            "held_out_mm": round(1e3 * c.held_out.metres, 4),
-            "chi2_dof": round(c.fit.chi2_dof, 4),
-            "camera_std_mm": round(1e3 * float(np.linalg.norm(found.camera_sigma[0])), 4),
-            **tool,
-            **tested,
-        },
+        made,
         vector_of(found.camera) if found.lens_factor.shape[1] else None,
         found.joint_scatter,
         _rounded(found.covariance) if len(found.covariance) == sum(COVARIANCE) else None,

@@ -15,7 +15,7 @@ from cell.collect.collector import Choice, CollectOptions, Collector, choose_pos
 from cell.collect.record import CHANGED, HandRecord
 from cell.collect.sway import Sway
 from cell.commands.calibration.background import background_after_hand_eye
-from cell.commands.calibration.chain import ChainOptions, solve_hand_eye
+from cell.commands.calibration.chain import ChainOptions, solve_hand_eye, without_calibration
 from cell.commands.run import Confirm, opened
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
@@ -66,7 +66,7 @@ def collect_step(
         CalibrationRefused: nothing could be computed.
     """
     recording = files.recording
-    task = read_task(files.task, lambda why: console.step(f"started without the cell's calibration: {why}"))
+    task = read_task(files.task, without_calibration(console))
     hand = read_hand_target(files.target)
     if files.apply and options.output is None:
         raise InputError(
