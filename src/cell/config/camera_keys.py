@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from arm.credentials import without_url
 from arm.errors import InputError
@@ -17,6 +17,7 @@ from vision.camera.video.selector import read_video
 from vision.camera.video.settings import VideoSettings
 
 OF_CELL = "cell"  # the selector for the device of the cell file
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -34,44 +35,45 @@ class CellCamera:
     video: VideoSettings = field(default_factory=VideoSettings)
 
 
-def _selector(node: Node) -> str:
+def _parsed(node: Node, parse: Callable[[str], T]) -> tuple[str, T]:
+    """Return the selector of a device, and what `parse` makes of it."""
     device = text().read(node)
     try:
-        read_selector(device)
+        return device, parse(device)
     except InputError as error:
         shown = replace(node, value=without_url(device))
         raise shown.error(str(error).partition(": ")[2]) from error
+
+
+def _selector(node: Node) -> str:
+    device, _ = _parsed(node, read_selector)
     if device == OF_CELL:
         raise node.error(f"must be a camera; write name:{OF_CELL} for a camera of that name")
     return device
 
 
 def _video_selector(node: Node) -> str:
-    device = text().read(node)
-    try:
-        recorded = read_video(device).kind == "file"
-    except InputError as error:
-        shown = replace(node, value=without_url(device))
-        raise shown.error(str(error).partition(": ")[2]) from error
-    if recorded:
+    device, video = _parsed(node, read_video)
+    if video.kind == "file":
         raise node.error("must be a device or a stream; a recording cannot show the present cell")
     return device
 
 
-def _video_features(node: Node) -> dict[str, Any]:
-    features = table().read(node)
-    for name, value in features.items():
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise node.error(f"{name} must be a number, or a string for FOURCC")
-    return features
+def _features(words: str, *kinds: type) -> Rule[dict[str, Any]]:
+    """Return the rule for a table of values of these types, which are `words`."""
+
+    def read(node: Node) -> dict[str, Any]:
+        features = table().read(node)
+        for name, value in features.items():
+            if type(value) not in kinds:
+                raise node.error(f"{name} must be {words}")
+        return features
+
+    return Rule("a table", read)
 
 
-def _features(node: Node) -> dict[str, Any]:
-    features = table().read(node)
-    for name, value in features.items():
-        if not isinstance(value, bool | int | float | str):
-            raise node.error(f"{name} must be a number, a string, true or false")
-    return features
+_BASLER_FEATURES = _features("a number, a string, true or false", bool, int, float, str)
+_VIDEO_FEATURES = _features("a number, or a string for FOURCC", int, float, str)
 
 
 class CameraKeys(Keys):
@@ -82,7 +84,7 @@ class CameraKeys(Keys):
     gain: float | None = key("look.basler.gain_db", number("dB", 0, 60), None)
     timeout: float = key("look.basler.timeout_s", number("s", 0.01, 120), BaslerSettings.timeout)
     heartbeat: float = key("look.basler.heartbeat_s", number("s", 0.5, 60), BaslerSettings.heartbeat)
-    features: Mapping[str, Any] | None = key("look.basler.features", Rule("a table", _features), None)
+    features: Mapping[str, Any] | None = key("look.basler.features", _BASLER_FEATURES, None)
     video_device: str | None = key("look.video.device", Rule("a string", _video_selector), None)
     video_size: tuple[int, ...] | None = key("look.video.size_px", integers(2, 16, 20000), None)
     video_exposure: float | None = key("look.video.exposure_us", number("us", 100, 6e7), None)
@@ -90,9 +92,7 @@ class CameraKeys(Keys):
     video_latency: float | None = key("look.video.latency_s", number("s", 0, 60), None)
     video_timeout: float = key("look.video.timeout_s", number("s", 0.01, 120), VideoSettings.timeout)
     video_stamps: bool | None = key("look.video.stamps", flag(), None)
-    video_features: Mapping[str, Any] | None = key(
-        "look.video.features", Rule("a table", _video_features), None
-    )
+    video_features: Mapping[str, Any] | None = key("look.video.features", _VIDEO_FEATURES, None)
 
 
 def camera_of(keys: CameraKeys, root: Node) -> CellCamera:

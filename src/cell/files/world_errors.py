@@ -11,10 +11,6 @@ from arm.io.rules import integer, number, numbers
 from arm.se3 import Array
 
 
-def _fraction(most: float = 1.0) -> Rule[float]:
-    return number("", 0, most)
-
-
 def _of_joints(largest: float) -> Rule[Array]:
     return numbers(6, "deg", 0, largest)
 
@@ -29,7 +25,7 @@ class ImageKeys(Keys):
     corner_scatter: float = key("image.corner_scatter_px", number("px", 0, 5), 0)
     blur: float = key("image.blur_px", number("px", 0, 10), 0.7)
     exposure: float = key("image.exposure", number("", 0.05, 20), 1)
-    exposure_scatter: float = key("image.exposure_scatter", _fraction(), 0)
+    exposure_scatter: float = key("image.exposure_scatter", number("", 0, 1), 0)
     gamma: float = key("image.gamma", number("", 0.2, 5), 1)
     gradient: Array = key("image.gradient", numbers(2, "", -0.9, 0.9), [0, 0])
 

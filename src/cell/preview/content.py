@@ -15,8 +15,8 @@ from arm.board import Board
 from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.plan_file import GripperStep, LookStep, Move, Plan
-from arm.robot.model import Robot
-from arm.robot.shapes import body_from_json
+from arm.robot.model import LinkBody, Robot
+from arm.robot.shapes import Body, body_from_json
 from arm.se3 import Array, inverse, rotation_vector
 from cell.preview.overlays import (
     CameraView,
@@ -87,21 +87,10 @@ def page_content(
         "duration_s": steps[-1].end_s,
         "joints": _joints(plan, robot_open, unit),
         "arm": _arm(robot_open, robot_holding),
-        "bodies": [
-            {
-                "name": b.name,
-                "kind": b.kind,
-                "shape": shape_numbers(b.shape),
-                "padding": b.padding,
-                "T": pose_numbers(b.T_base_body),
-            }
-            for b in bodies
-        ],
+        "bodies": [{**_body(b), "kind": b.kind, "T": pose_numbers(b.T_base_body)} for b in bodies],
         "cubes": [
             {
-                "name": c.name,
-                "shape": shape_numbers(c.shape),
-                "padding": c.padding,
+                **_body(c),
                 "track": [
                     {"start": round(p.start_s, 6), "held": p.held, "T": pose_numbers(p.T)}
                     for p in tracks[c.name]
@@ -149,16 +138,18 @@ def _arm(robot_open: Robot, robot_holding: Robot) -> dict[str, Any]:
         "T_end_tool": pose_numbers(inverse(zero[-1]) @ robot_open.T_base_tool(np.zeros(count))),
         "bodies": [
             {
-                "name": body.name,
+                **_body(body),
                 "joint": body.joint,
-                "shape": shape_numbers(body.shape),
-                "padding": body.padding,
                 "open": pose_numbers(body.T_joint_body),
                 "holding": pose_numbers(holding[body.name].T_joint_body),
             }
             for body in robot_open.bodies
         ],
     }
+
+
+def _body(body: Body | LinkBody) -> dict[str, Any]:
+    return {"name": body.name, "shape": shape_numbers(body.shape), "padding": body.padding}
 
 
 def _axis(robot: Robot, zero: Array, joint: int) -> dict[str, Any]:

@@ -19,16 +19,8 @@ from cell.report.html import render
 _HERE = Path(__file__).resolve().parent
 # Ordered: a later script may use what an earlier one defines.
 SCRIPTS = (
-    "palette.js",
-    "motion.js",
-    "shapes.js",
-    "stage.js",
-    "cell3d.js",
-    "trace.js",
-    "chart.js",
-    "plots.js",
-    "panels.js",
-    "main.js",
+    *("palette.js", "motion.js", "shapes.js", "stage.js", "cell3d.js"),
+    *("trace.js", "chart.js", "plots.js", "panels.js", "main.js"),
 )
 LIVE_SCRIPTS = ("live.js",)
 

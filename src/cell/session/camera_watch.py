@@ -38,6 +38,14 @@ def watch_with(background: Background, cell: Cell) -> CameraWatch:
     return CameraWatch(background, height, cell.camera_moved)
 
 
+def look_in(
+    cell: Cell, images: Sequence[Image], arm_in_view: bool = False, watch: CameraWatch | None = None
+) -> Observation:
+    """Detect the boards and cubes of a cell in images by its camera; see `vision.observe.look`."""
+    sizes = cell.cube_size, cell.board_limits
+    return look(images, cell.camera, cell.boards, cell.dictionary, *sizes, arm_in_view, cell.tilts, watch)
+
+
 def take_background(cell: Cell, images: Sequence[Image]) -> tuple[Background, Observation]:
     """Choose the features of the background in images of the cell at rest, outside its boards.
 
@@ -45,8 +53,7 @@ def take_background(cell: Cell, images: Sequence[Image]) -> tuple[Background, Ob
         InputError: an image has the wrong size, or shows a marker of no board of the cell.
         ImpossibleError: a board is refused or partly in view, or too few features are seen.
     """
-    sizes = cell.cube_size, cell.board_limits
-    seen = look(images, cell.camera, cell.boards, cell.dictionary, *sizes, tilts=cell.tilts)
+    seen = look_in(cell, images)
     if seen.half_seen:
         name = seen.half_seen[0]
         raise ImpossibleError(

@@ -61,13 +61,8 @@ def interrupt_main() -> None:
 
 
 @contextmanager
-def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> Iterator[bool]:
-    """Let keys act on `control`; yield whether there is a keyboard.
-
-    Args:
-        control: of the execution.
-        abort: called from another thread when q is pressed; Ctrl-C remains a signal.
-    """
+def keyboard(control: Control) -> Iterator[bool]:
+    """Let keys act on the control of an execution; yield whether there is a keyboard. Ctrl-C remains a signal."""
     descriptor = foreground_terminal()
     if descriptor is None:
         yield False
@@ -75,7 +70,7 @@ def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> It
     before = termios.tcgetattr(descriptor)
     wake_reader, wake = os.pipe()
     reader = threading.Thread(
-        target=_read, args=(descriptor, wake_reader, control, abort), name="keyboard", daemon=True
+        target=_read, args=(descriptor, wake_reader, control), name="keyboard", daemon=True
     )
     try:
         tty.setcbreak(descriptor, termios.TCSANOW)
@@ -91,7 +86,7 @@ def keyboard(control: Control, abort: Callable[[], None] = interrupt_main) -> It
         os.close(wake_reader)
 
 
-def _read(descriptor: int, wake: int, control: Control, abort: Callable[[], None]) -> None:
+def _read(descriptor: int, wake: int, control: Control) -> None:
     while True:
         ready, _, _ = select.select([descriptor, wake], [], [])
         if wake in ready:
@@ -105,4 +100,4 @@ def _read(descriptor: int, wake: int, control: Control, abort: Callable[[], None
         if data.startswith(b"\x1b"):
             continue  # arrow and function keys are several characters
         for character in data.decode("latin-1"):
-            on_key(character, control, abort)
+            on_key(character, control, interrupt_main)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,24 +82,20 @@ class TrueCamera:
             textured = [b for b in bodies if b.name == TABLE]
             bodies = [b for b in bodies if b.name != TABLE]
             others = [*others, *(TexturedSolid(BodySolid(b, Light()), self.texture) for b in textured)]
+        draw = partial(
+            render, bodies=bodies, boards=boards, dictionary=dictionary, light=light, others=others
+        )
         images: list[Image] = []
         clean: Floats | None = None
         for _ in range(count):
             if clean is None or not self.alike:
-                clean = self._clean(now_ms, bodies, boards, dictionary, others, light)
+                clean = self._clean(now_ms, draw)
             images.append(with_noise(clean, self.noise, self._world.noise_grey))
             self._taken += 1
         return images
 
-    def _clean(
-        self,
-        now_ms: int,
-        bodies: Sequence[Body],
-        boards: Sequence[PlacedBoard],
-        dictionary: str,
-        others: Sequence[Solid],
-        light: Light | None,
-    ) -> Floats:
+    def _clean(self, now_ms: int, draw: Callable[..., Floats]) -> Floats:
+        """The image without noise that `draw` makes for the present camera, its blur and its displacement."""
         image = self._image
         camera = self.at(self._taken, now_ms)
         rng = np.random.default_rng([self._world.seed, _SWAY, self._taken, 1])
@@ -106,9 +103,7 @@ class TrueCamera:
             smooth_displacement(camera.size, rng, image.corner_scatter) if image.corner_scatter else None
         )
         gain = image.exposure * (1.0 + image.exposure_scatter * float(rng.standard_normal()))
-        seen = render(
-            camera, bodies, boards, dictionary, image.blur, light, others=others, displaced=displaced
-        )
+        seen = draw(camera, psf_px=image.blur, displaced=displaced)
         across, down = image.gradient.tolist()
         return exposed(seen, Exposure(max(gain, 0.0), image.gamma, (across, down)))
 

@@ -272,27 +272,21 @@ class SimulatedCell:
         return SimulatedCube(name, T_base_cube, "fallen", cube.size)
 
     def _unseated(
-        self,
-        fault: str,
-        cube: SimulatedCube,
-        T_base_cube: Array,
-        board: TrueBoard,
-        T_base_hole: Array,
-        into: str,
+        self, fault: str, cube: SimulatedCube, T_base_cube: Array, b: TrueBoard, T_base_hole: Array, into: str
     ) -> SimulatedCube:
         """The cube after a release with a fault of the world file; a pushed board moves with its cubes."""
-        name, depth = cube.name, seat_depth(cube.size, board.board.pocket)
+        name, depth = cube.name, seat_depth(cube.size, b.board.pocket)
         where = frozen(T_base_hole @ T_hole_released(fault, cube.size, depth))
         self._record("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)
             for index, other in enumerate(self._cubes):
-                T_board_cube = inverse(board.T_base_board) @ other.T_base_cube
+                T_board_cube = inverse(b.T_base_board) @ other.T_base_cube
                 on_board = np.abs(T_board_cube[:2, 3] - PLATE_CENTRE).max() < max(PLATE_SIZE) / 2.0
                 if other.where == "pocket" and on_board:
                     self._cubes[index] = replace(other, T_base_cube=frozen(push @ other.T_base_cube))
-            moved = replace(board, T_base_board=frozen(push @ board.T_base_board))
-            boards = tuple(moved if b is board else b for b in self.world.boards)
+            moved = replace(b, T_base_board=frozen(push @ b.T_base_board))
+            boards = tuple(moved if other is b else other for other in self.world.boards)
             self.world = replace(self.world, boards=boards)
             where = frozen(push @ where)
         return SimulatedCube(name, where, "pocket", cube.size)

@@ -68,11 +68,8 @@ class TargetCamera:
 
     def __init__(self, camera: Camera, world: World | None, rng: np.random.Generator) -> None:
         self.camera = camera if world is None or world.camera is None else world.camera
-        self._world, self._rng, self._true = (
-            world,
-            rng,
-            None if world is None else TrueCamera(self.camera, world),
-        )
+        self._world, self._rng = world, rng
+        self._true = None if world is None else TrueCamera(self.camera, world)
 
     def photograph(self, target: Target, T_camera_target: Array) -> Image:
         """One image of a target at a pose, (h, w) uint8."""

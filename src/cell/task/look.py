@@ -10,13 +10,13 @@ from arm.errors import ImpossibleError, InputError
 from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.files.task import Task
-from cell.session.camera_watch import camera_watch, shift_words
+from cell.session.camera_watch import camera_watch, look_in, shift_words
 from vision.camera.frame_source import FrameSource
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers
 from vision.markers.exposure import exposure_complaint
 from vision.observation import Observation
-from vision.observe import annotated, look
+from vision.observe import annotated
 
 
 def look_and_save(
@@ -42,18 +42,8 @@ def look_and_save(
     """
     cell = task.cell
     images = frames.grab(cell.photographs)
-    sizes = cell.cube_size, cell.board_limits
     try:
-        observation = look(
-            images,
-            cell.camera,
-            cell.boards,
-            cell.dictionary,
-            *sizes,
-            arm_in_view,
-            cell.tilts,
-            camera_watch(cell),
-        )
+        observation = look_in(cell, images, arm_in_view, camera_watch(cell))
     except ImpossibleError:  # the image and its markers help to find the cause
         markers = tuple(detect_markers(images[0], cell.camera, cell.dictionary))
         observation = Observation(images=tuple(images), frames=(markers,))
