@@ -101,15 +101,7 @@ def calibrate_lens(
         from cell.commands.calibration.camera import LensOptions, camera_step
 
         options = LensOptions(
-            output,
-            report,
-            limit_mm,
-            target,
-            tuple(hold or ()),
-            work_mm,
-            most_views,
-            tuple(lift or ()),
-            work_region,
+            output, report, limit_mm, target, hold or (), work_mm, most_views, lift or (), work_region
         )
         result = camera_step(images, options, live, camera, simulated, console)
     _finish(result, output, console)
@@ -140,8 +132,7 @@ def calibrate_hand_eye(
     recipe: Annotated[
         bool,
         Option(
-            "--recipe",
-            help="Use the fixed poses of the course report instead of the most informative ones.",
+            "--recipe", help="Use the fixed poses of the course report instead of the most informative ones."
         ),
     ] = False,
     seed: Annotated[int | None, Option(help="Seed for choosing the poses.")] = None,

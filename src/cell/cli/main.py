@@ -241,8 +241,7 @@ def check(
     help="Write an HTML page that shows a plan in 3D, or the motion in a log over the planned one. "
     "The page opens in any browser, without a network.",
     epilog=examples(
-        "a465 preview plan.json scenes/task2.toml -o plan.html",
-        "a465 preview runs/task2-1/wire.jsonl",
+        "a465 preview plan.json scenes/task2.toml -o plan.html", "a465 preview runs/task2-1/wire.jsonl"
     ),
 )
 def preview(

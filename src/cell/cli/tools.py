@@ -93,8 +93,7 @@ def export(
     file: Annotated[
         Path,
         Argument(
-            help="Log of a run, or plan, scene, cell or task file; recognised by its content.",
-            metavar="FILE",
+            help="Log of a run, or plan, scene, cell or task file; recognised by its content.", metavar="FILE"
         ),
     ],
     form: Annotated[

@@ -10,14 +10,7 @@ import numpy.typing as npt
 
 from arm.errors import InputError
 from cell.console import Console
-from cell.files.scene import (
-    MOTION_VERDICTS,
-    QUERY_VERDICTS,
-    Expected,
-    Pair,
-    Query,
-    SceneFile,
-)
+from cell.files.scene import MOTION_VERDICTS, QUERY_VERDICTS, Expected, Pair, Query, SceneFile
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
@@ -156,11 +149,7 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         "queries": [_to_json(a, "distance_mm") for a in queries],
         "motions": [
             _to_json(a, "clearance_mm")
-            | {
-                "clearance_mm": _finite(a.proved),
-                "proved_mm": _finite(a.proved),
-                "seen_mm": _finite(a.seen),
-            }
+            | {"clearance_mm": _finite(a.proved), "proved_mm": _finite(a.proved), "seen_mm": _finite(a.seen)}
             for a in motions
         ],
     }

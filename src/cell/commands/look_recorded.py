@@ -53,17 +53,9 @@ def _to_json(name: str, seen: BoardAssessment, T_base_camera: Array) -> dict[str
         "reasons": [str(doubt) for doubt in seen.doubts],
     }
     if pose is None:
-        empty = (
-            "T_camera_board",
-            "T_base_board",
-            "covariance",
-            "repeatability",
-            "residual_px",
-            "hypothesis_ratio",
-            "tilt_deg",
-            "tilt_hypothesis",
-        )
-        return {**common, **dict.fromkeys(empty), "holes": []}
+        empty = ("T_camera_board", "T_base_board", "covariance", "repeatability", "residual_px")
+        more = ("hypothesis_ratio", "tilt_deg", "tilt_hypothesis")
+        return {**common, **dict.fromkeys((*empty, *more)), "holes": []}
     return {**common, **pose_to_json(pose, T_base_camera), "tilt_deg": _tilt_deg(pose)}
 
 

@@ -30,6 +30,11 @@ DICTIONARIES = (
 """OpenCV's dictionaries, listed here so that reading a cell file does not load OpenCV."""
 DICTIONARY = Rule("one of OpenCV's dictionaries", text(*DICTIONARIES).read)
 _LIMITS = BoardLimits()
+_TILTS = "a list of different angles from 0 to 45 deg, such as [0, 7, 15]"
+
+
+def _are_names(values: Any) -> bool:
+    return isinstance(values, list) and bool(values) and all(isinstance(one, str) for one in values)
 
 
 def _are_tilts(values: Any) -> bool:
@@ -40,26 +45,11 @@ def _are_tilts(values: Any) -> bool:
 class BoardKeys(Keys):
     """Keys of ``[boards]``, and of ``[look]`` about the accuracy of a board's pose."""
 
-    board_files: list[str] = key(
-        "boards.files",
-        rule_of(
-            "a list of board CSV files",
-            lambda v: isinstance(v, list) and v and all(isinstance(one, str) for one in v),
-            list,
-        ),
-    )
+    board_files: list[str] = key("boards.files", rule_of("a list of board CSV files", _are_names, list))
     marker_size: float = key("boards.marker_size_mm", number("mm", 5, 200))
-    pocket: Array = key(
-        "boards.pocket_mm",
-        numbers(2, "mm", 5, 60),
-        (1e3 * POCKET_MOUTH, 1e3 * POCKET_FLOOR),
-    )
+    pocket: Array = key("boards.pocket_mm", numbers(2, "mm", 5, 60), (1e3 * POCKET_MOUTH, 1e3 * POCKET_FLOOR))
     made_within: float = key("boards.made_within_mm", number("mm", 0, 2), MADE_WITHIN_MM)
-    tilts_deg: list[float] = key(
-        "boards.tilts_deg",
-        rule_of("a list of different angles from 0 to 45 deg, such as [0, 7, 15]", _are_tilts, same),
-        [],
-    )
+    tilts_deg: list[float] = key("boards.tilts_deg", rule_of(_TILTS, _are_tilts, same), [])
     stand_size: Array = key("boards.stand_size_mm", numbers(2, "mm", 10, 240))
     zone_centre: Array = key("boards.zone_centre_mm", numbers(3, "mm", -5000, 5000))
     zone_size: tuple[float, float, float] = key("boards.zone_size_mm", triple("mm", 1, 10000))

@@ -14,25 +14,12 @@ from arm.io.storage import canonical_json, sha256
 Inputs = Mapping[str, Any]
 # Keys that do not affect a plan, or that are compared separately (unit, camera, registers).
 LEFT_OUT = (
-    "unit",
-    "camera",
-    "calibration",
-    "background",
-    "tool.least_certain_mm",
-    "tool.least_certain_height_mm",
-    "boards.files",
-    "boards.tilts_deg",
-    "boards.made_within_mm",
-    "look.photographs",
-    "look.camera_moved_mm",
-    "look.least_certain_mm",
-    "look.least_certain_height_mm",
-    "look.least_certain_deg",
-    "look.basler.",
-    "look.video.",
-    "motion.speed",
-    "motion.speed_registers",
-    "motion.acceleration_registers",
+    *("unit", "camera", "calibration", "background"),
+    *("tool.least_certain_mm", "tool.least_certain_height_mm"),
+    *("boards.files", "boards.tilts_deg", "boards.made_within_mm"),
+    *("look.photographs", "look.camera_moved_mm", "look.basler.", "look.video."),
+    *("look.least_certain_mm", "look.least_certain_height_mm", "look.least_certain_deg"),
+    *("motion.speed", "motion.speed_registers", "motion.acceleration_registers"),
 )
 _SHOWN = 4
 

@@ -86,11 +86,7 @@ _HEADER = _object(stamp=_STAMP, frame_id={"type": "string"})
 _NAMES = {"type": "array", "items": {"type": "string"}}
 _NUMBERS = {"type": "array", "items": {"type": "number"}}
 _POINT = _object(
-    positions=_NUMBERS,
-    velocities=_NUMBERS,
-    accelerations=_NUMBERS,
-    effort=_NUMBERS,
-    time_from_start=_STAMP,
+    positions=_NUMBERS, velocities=_NUMBERS, accelerations=_NUMBERS, effort=_NUMBERS, time_from_start=_STAMP
 )
 JOINT_STATE_SCHEMA = message_schema(
     "sensor_msgs/msg/JointState",

@@ -51,12 +51,8 @@ class HandTarget:
         joint = len(robot.joint_names)
         q = np.zeros(joint)
         T_joint_flange = mul(mul(inverse(robot.joint_poses(q)[joint]), robot.T_base_tool(q)), flange)
-        plate = LinkBody(
-            PLATE,
-            joint,
-            Box(self.plate),
-            frozen(mul(mul(T_joint_flange, self.T_flange_target), self.T_target_plate)),
-        )
+        T_joint_plate = mul(mul(T_joint_flange, self.T_flange_target), self.T_target_plate)
+        plate = LinkBody(PLATE, joint, Box(self.plate), frozen(T_joint_plate))
         content = {"robot": robot.digest, "plate": [list(self.plate), plate.T_joint_body.tolist()]}
         return replace(robot, bodies=(*robot.bodies, plate), digest=sha256(content))
 

@@ -24,6 +24,7 @@ from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
 from vision.camera.model import CameraKeys
 
+Texts = Mapping[str, Mapping[str, str]]
 FILES: dict[str, tuple[type[Keys], ...]] = {
     "cell": (CellKeys,),
     "task": (Task1Keys, Task2Keys),
@@ -46,7 +47,7 @@ def declared_keys(*kinds: type[Keys]) -> dict[str, Key]:
 
 
 @cache
-def texts_of(file: str) -> dict[str, Mapping[str, str]]:
+def texts_of(file: str) -> Texts:
     """Return the texts of a file's keys and tables by dotted name."""
     every = read_toml(Path(__file__).with_name("keys.toml"))
     return dict(_texts("", every[file]))
@@ -93,10 +94,7 @@ def commented(values: Mapping[str, Any], file: str, kind: type[Keys], name: str)
 
 
 def _table(
-    values: Mapping[str, Any],
-    texts: Mapping[str, Mapping[str, str]],
-    declared: Mapping[str, Key],
-    prefix: str,
+    values: Mapping[str, Any], texts: Texts, declared: Mapping[str, Key], prefix: str
 ) -> Iterator[str]:
     """Yield the lines of a table, its own keys before its sub-tables, as TOML requires."""
     tables = {key: value for key, value in values.items() if _is_tables(value)}
@@ -113,10 +111,7 @@ def _table(
 
 
 def _offers(
-    values: Mapping[str, Any],
-    texts: Mapping[str, Mapping[str, str]],
-    declared: Mapping[str, Key],
-    prefix: str,
+    values: Mapping[str, Any], texts: Texts, declared: Mapping[str, Key], prefix: str
 ) -> Iterator[str]:
     """Yield commented lines for the keys of a table that may be added, and for its optional tables."""
     head = [""]

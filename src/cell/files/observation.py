@@ -71,13 +71,8 @@ def _require_flat(task: Task, seen: ObservedBoard | None) -> None:
 def observation_to_json(seen: Observation, T_base_camera: Array) -> dict[str, Any]:
     """Return the JSON of ``a465 look``: one scene, with the reasons for missing boards."""
     boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
-    scene: dict[str, Any] = {
-        "boards": boards,
-        "missing": dict(seen.missing),
-        "half_seen": list(seen.half_seen),
-    }
-    if seen.camera_shift is not None:
-        scene["camera"] = seen.camera_shift.to_json()
+    camera = {} if seen.camera_shift is None else {"camera": seen.camera_shift.to_json()}
+    scene = {"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen), **camera}
     return {"scenes": [scene]}
 
 

@@ -98,14 +98,8 @@ class SceneFile:
 
     def world(self, allowed: Iterable[Pair] = ()) -> World:
         """Return the collision world, with further allowed collisions if given."""
-        return World(
-            self.robot,
-            self.bodies,
-            self.held,
-            self.T_tool_held,
-            self.allowed | frozenset(allowed),
-            self.padding,
-        )
+        both = self.allowed | frozenset(allowed)
+        return World(self.robot, self.bodies, self.held, self.T_tool_held, both, self.padding)
 
 
 class _CubeKeys(Keys):

@@ -90,6 +90,10 @@ def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth
     return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*PLATE_CENTRE, 0.0])))
 
 
+def _are_releases(value: Any) -> bool:
+    return isinstance(value, list) and all(one in RELEASES for one in value)
+
+
 def _is_holes(value: Any) -> bool:
     return isinstance(value, list) and all(is_whole(h, 1, 4) for h in value) and len(set(value)) == len(value)
 
@@ -114,13 +118,7 @@ class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, BuildKeys, W
     a: Array = key("dh_a_error_mm", _of_joints("mm", 20), [0] * 6)
     alpha: Array = key("dh_alpha_error_deg", _of_joints("deg", 2), [0] * 6)
     releases: list[str] = key(
-        "releases",
-        rule_of(
-            f"a list of {', '.join(RELEASES)}",
-            lambda v: isinstance(v, list) and all(one in RELEASES for one in v),
-            same,
-        ),
-        [],
+        "releases", rule_of(f"a list of {', '.join(RELEASES)}", _are_releases, same), []
     )
     boards: tuple[TrueBoardKeys, ...] = key(
         "boards", tables(lambda node: TrueBoardKeys.read(node), TrueBoardKeys)

@@ -144,12 +144,7 @@ def _amount(s: ErrorHypothesis) -> str:
 
 def _suspects(c: CameraCalibration) -> Table:
     rows = [
-        (
-            s.name,
-            _amount(s),
-            f"{s.sigmas:.1f}",
-            f"{rms_mm(c.work.shifts(s.intrinsics_change)):.4f} mm",
-        )
+        (s.name, _amount(s), f"{s.sigmas:.1f}", f"{rms_mm(c.work.shifts(s.intrinsics_change)):.4f} mm")
         for s in c.hypotheses
     ]
     return Table(("cause", "amount", "standard deviations", "shift of work points"), rows)

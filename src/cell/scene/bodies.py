@@ -21,11 +21,7 @@ def plate_body(board_name: str, T_base_board: Array) -> Body:
 
 
 def stand_body(
-    board_name: str,
-    T_base_board: Array,
-    footprint: tuple[float, float],
-    table_z: float,
-    padding: float = 0.0,
+    board_name: str, T_base_board: Array, footprint: tuple[float, float], table_z: float, padding: float = 0.0
 ) -> Body | None:
     """The stand as an upright box from the table to the plate's underside, or None if there is no room for one.
 

@@ -171,15 +171,9 @@ class _Planner:
 
     def through(self, leg: _Leg, q: Array, goal: Array | None) -> None:
         """Plan the poses of a leg together."""
+        cell, targets = self.cell, [self.target(place) for place in leg.through]
         made = plan_poses(
-            self.robot,
-            self.bodies,
-            [self.target(place) for place in leg.through],
-            q,
-            self.cell.limits,
-            q_end=goal,
-            unit=self.cell.unit,
-            options=self.options,
+            self.robot, self.bodies, targets, q, cell.limits, q_end=goal, unit=cell.unit, options=self.options
         )
         if made.stopped:
             self.stopped.append(made.stopped)

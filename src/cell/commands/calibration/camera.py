@@ -42,10 +42,10 @@ class LensOptions(ResultOptions):
     """
 
     target: Path | None = None
-    hold: tuple[str, ...] = ()
+    hold: Sequence[str] = ()
     work_mm: tuple[float, float] | None = None
     most_views: int | None = None
-    lift: tuple[str, ...] = ()
+    lift: Sequence[str] = ()
     work_region: Region | None = None
 
     def limits(self) -> CalibrationLimits:
@@ -127,7 +127,7 @@ class LensOptions(ResultOptions):
         for name in self.hold:
             if name not in HOLDABLE:
                 raise option_error("--hold", name, f"must be one of {', '.join(HOLDABLE)}")
-        return self.hold
+        return tuple(self.hold)
 
 
 def camera_step(
