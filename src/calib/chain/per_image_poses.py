@@ -82,10 +82,8 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
         off = np.linalg.norm(residuals / sigma, axis=-1)
         lost = np.flatnonzero(~np.isfinite(off).any(axis=1))
         if len(lost):
-            raise InputError(
-                f"image {lost[0]}: no pose of the target fits; is it this target, and this camera?",
-                images=lost.tolist(),
-            )
+            why = f"image {lost[0]}: no pose of the target fits; is it this target, and this camera?"
+            raise InputError(why, images=lost.tolist())
         worst = np.nanargmax(off, axis=1)
         rows = np.arange(len(off))
         count = mask.sum(axis=1)

@@ -44,11 +44,8 @@ class PosePairs:
     def __post_init__(self) -> None:
         shapes = self.T_base_gripper.shape, self.T_camera_target.shape
         if shapes[0] != shapes[1] or shapes[0][1:] != (4, 4):
-            raise InputError(
-                f"pairs of poses must be two arrays (n, 4, 4), got {shapes[0]} and {shapes[1]}",
-                T_base_gripper=list(shapes[0]),
-                T_camera_target=list(shapes[1]),
-            )
+            why = f"pairs of poses must be two arrays (n, 4, 4), got {shapes[0]} and {shapes[1]}"
+            raise InputError(why, T_base_gripper=list(shapes[0]), T_camera_target=list(shapes[1]))
 
     @property
     def names(self) -> tuple[str, str]:

@@ -57,11 +57,8 @@ class CollectOptions:
 
     def __post_init__(self) -> None:
         if not FEWEST_POSES <= self.poses <= 300:
-            raise InputError(
-                f"--poses {self.poses}: must be from {FEWEST_POSES} to 300",
-                option="--poses",
-                value=self.poses,
-            )
+            why = f"--poses {self.poses}: must be from {FEWEST_POSES} to 300"
+            raise InputError(why, option="--poses", value=self.poses)
         if self.seed < 0:
             raise InputError(f"--seed {self.seed}: must be 0 or more", option="--seed", value=self.seed)
 

@@ -48,11 +48,8 @@ class HandRecord:
         }
         differing = [name for name, is_other in other.items() if is_other]
         if differing:
-            raise InputError(
-                f"{self.file}: holds poses of another {' and '.join(differing)}; give a new file",
-                file=str(self.file),
-                differing=differing,
-            )
+            why = f"{self.file}: holds poses of another {' and '.join(differing)}; give a new file"
+            raise InputError(why, file=str(self.file), differing=differing)
         self.joints, self.pixels = list(before.joints), list(before.pixels)
 
     def __len__(self) -> int:

@@ -209,10 +209,8 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
     except ValueError:
         degrees = []
     if len(degrees) != 6 or not np.isfinite(degrees).all():
-        raise InputError(
-            f"q = {configuration!r}: must be six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0",
-            q=configuration,
-        )
+        why = f"q = {configuration!r}: must be six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0"
+        raise InputError(why, q=configuration)
     rule = scene.unit.beyond_limits(np.radians(degrees))
     if rule:
         raise InputError(f"q = {configuration!r}: {rule}", q=configuration)

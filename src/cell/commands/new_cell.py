@@ -168,17 +168,12 @@ def _require_name(name: str) -> str:
 def _require_free(folder: Path, place: Path) -> None:
     """Refuse a folder that is not empty or cannot be replaced."""
     if place == Path.cwd():
-        raise InputError(
-            f"{folder}: is the current folder and cannot be replaced; give a new one, such as my-cell",
-            folder=str(folder),
-        )
+        why = f"{folder}: is the current folder and cannot be replaced; give a new one, such as my-cell"
+        raise InputError(why, folder=str(folder))
     try:
         held = sorted(os.listdir(place)) if os.path.lexists(place) else []
     except OSError as error:
         raise InputError(f"{folder}: is not a usable folder: {error.strerror}", folder=str(folder)) from error
     if held:
-        raise InputError(
-            f"{folder}: is not empty ({held[0]}); give a new or an empty folder",
-            folder=str(folder),
-            holds=held[0],
-        )
+        why = f"{folder}: is not empty ({held[0]}); give a new or an empty folder"
+        raise InputError(why, folder=str(folder), holds=held[0])

@@ -148,11 +148,8 @@ def plan_step(
     write_plan(output, plan)
     _print_plan(plan, task.cell, console)
     if stopped is not None:
-        raise ExecutionStopped(
-            f"{stopped}; it is written to {output}, certified, code {plan.code}",
-            plan=str(output),
-            reason="interrupted",
-        )
+        why = f"{stopped}; it is written to {output}, certified, code {plan.code}"
+        raise ExecutionStopped(why, plan=str(output), reason="interrupted")
     console.say(f"clearances refer to the bodies of the cell file; {arm_shape(task.cell)}")
     console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {

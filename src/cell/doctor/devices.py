@@ -147,10 +147,8 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
 
     device = selector if selector != OF_CELL else None if cell is None else cell.live_camera.device
     if device is None:
-        raise InputError(
-            f"--camera {OF_CELL} needs --cell FILE whose [look.basler] or [look.video] names a device",
-            camera=selector,
-        )
+        why = f"--camera {OF_CELL} needs --cell FILE whose [look.basler] or [look.video] names a device"
+        raise InputError(why, camera=selector)
     live, size = (None, None) if cell is None else (cell.live_camera, cell.camera.size)
     with camera_by(device, live, size) as camera:
         (image,) = camera.grab(1)

@@ -76,11 +76,8 @@ def _refuse_options(
     file: Path, kind: str, asked: ExportOptions, fitting: tuple[str, ...], forms: tuple[str, ...]
 ) -> None:
     if asked.form is not None and asked.form not in forms:
-        raise InputError(
-            f"--format {asked.form}: must be one of {', '.join(forms)}, as {file} is {kind}",
-            value=asked.form,
-            choices=list(forms),
-        )
+        why = f"--format {asked.form}: must be one of {', '.join(forms)}, as {file} is {kind}"
+        raise InputError(why, value=asked.form, choices=list(forms))
     for name in ("planned", "unit", "period", "cell", "look"):
         if name not in fitting and getattr(asked, name) not in (None, False):
             raise InputError(f"--{name} does not go with {kind} ({file})", option=name)
@@ -222,10 +219,8 @@ def _sent(session: Session, unit: Unit) -> dict[str, Any]:
     """All motions sent, as one trajectory; a rest between two motions has both of their end points."""
     motions = planned(session, unit)
     if not motions:
-        raise InputError(
-            f"{session.file}: has no motion with a known start, so there is no planned trajectory",
-            file=str(session.file),
-        )
+        why = f"{session.file}: has no motion with a known start, so there is no planned trajectory"
+        raise InputError(why, file=str(session.file))
     time_s = np.concatenate([m.time_s for m in motions])
     q = np.concatenate([m.q for m in motions])
     parts = [m.velocity for m in motions if m.velocity is not None]

@@ -22,10 +22,8 @@ def write_folder(path: Path, files: Mapping[str, bytes | str]) -> None:
     """
     try:
         if path.is_symlink() or (path.exists() and (not path.is_dir() or any(path.iterdir()))):
-            raise InputError(
-                f"{path}: must be a new or an empty folder; existing files are never replaced",
-                folder=str(path),
-            )
+            why = f"{path}: must be a new or an empty folder; existing files are never replaced"
+            raise InputError(why, folder=str(path))
         path.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryFolder(path) as temporary:
             for name, content in files.items():

@@ -75,11 +75,8 @@ def unit_of(session: Session, name: str | None) -> Unit:
     fitting = [u for u in map(load_unit, UNITS) if f"ANAXSETUP{u.gripper.axis}" in sent]
     if len(fitting) == 1:
         return fitting[0]
-    raise InputError(
-        f"{session.file}: does not name its unit; give --unit, one of {', '.join(UNITS)}",
-        file=str(session.file),
-        choices=list(UNITS),
-    )
+    why = f"{session.file}: does not name its unit; give --unit, one of {', '.join(UNITS)}"
+    raise InputError(why, file=str(session.file), choices=list(UNITS))
 
 
 def executed(session: Session, unit: Unit) -> Executed:

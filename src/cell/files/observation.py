@@ -35,11 +35,8 @@ def require_boards(seen: Observation, task: Task) -> None:
     for board in task.boards:
         if seen.board(board.name) is None:
             why = seen.missing.get(board.name, "its markers are not in the image")
-            raise ImpossibleError(
-                f"board {board.name} was not found: {why}; move it completely into the camera's view",
-                board=board.name,
-                why=why,
-            )
+            message = f"board {board.name} was not found: {why}; move it completely into the camera's view"
+            raise ImpossibleError(message, board=board.name, why=why)
     if seen.half_seen:
         name = seen.half_seen[0]
         raise ImpossibleError(

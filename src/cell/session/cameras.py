@@ -23,11 +23,8 @@ def require_one_camera(images: Path | None, camera: str | None) -> None:
         InputError: both are given.
     """
     if images is not None and camera is not None:
-        raise InputError(
-            f"--images {images} and --camera {camera}: give only one source of images",
-            images=str(images),
-            camera=camera,
-        )
+        why = f"--images {images} and --camera {camera}: give only one source of images"
+        raise InputError(why, images=str(images), camera=camera)
 
 
 def require_live(live: CellCamera, selector: str) -> None:

@@ -145,10 +145,8 @@ def world_file(task: Task, world: Path | None) -> Path:
     """
     path = world or task.file.with_suffix(".world.toml")
     if not path.exists():  # its reader reports anything else
-        raise InputError(
-            f"{path}: no such world file; give --world for the simulated cell, or --port for the real one",
-            file=str(path),
-        )
+        why = f"{path}: no such world file; give --world for the simulated cell, or --port for the real one"
+        raise InputError(why, file=str(path))
     return path
 
 
@@ -163,10 +161,8 @@ def require_openable(task: Task, where: WhichCell) -> None:
     if time_scale is not None and not 0.01 <= time_scale <= 100.0:
         raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
     if time_scale is not None and port is not None:
-        raise InputError(
-            f"--time-scale {time_scale:g} is for the simulated cell; the unit on {port} has its own time",
-            time_scale=time_scale,
-        )
+        why = f"--time-scale {time_scale:g} is for the simulated cell; the unit on {port} has its own time"
+        raise InputError(why, time_scale=time_scale)
     require_one_camera(images, camera)
     for option, given in (("--images", images), ("--camera", camera)):
         if port is None and given is not None:

@@ -46,11 +46,8 @@ def override_of(plan: Plan, asked: float | None) -> float:
 
 def _require(asked: float, most: float, why: str) -> None:
     if not (math.isfinite(asked) and LEAST_SPEED <= asked <= most):
-        raise InputError(
-            f"--speed {asked:g}: must be from {LEAST_SPEED:g} to {most:g}: {why}",
-            option="--speed",
-            value=asked,
-        )
+        message = f"--speed {asked:g}: must be from {LEAST_SPEED:g} to {most:g}: {why}"
+        raise InputError(message, option="--speed", value=asked)
 
 
 def tool_words(plan: Plan, cell: Cell, override: float = 1.0) -> str:

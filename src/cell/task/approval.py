@@ -57,11 +57,8 @@ class Approval:
         self._answer = answer or typed
         self._known = code is not None
         if code is not None and not self._is_right(code):
-            raise InputError(
-                f"--yes {code!r}: is not the code shown by the preview of {plan_file}; {self._where()}",
-                option="--yes",
-                value=code,
-            )
+            why = f"--yes {code!r}: is not the code shown by the preview of {plan_file}; {self._where()}"
+            raise InputError(why, option="--yes", value=code)
         if code is None and answer is None and not at_terminal():
             raise InputError(
                 f"no terminal to confirm {plan_file} on a real arm: give --yes CODE, the code shown by its preview; "
@@ -87,19 +84,15 @@ class Approval:
             InputError: the code was not given, or the plan differs; nothing moved.
         """
         if plan.code != self.plan.code:
-            raise InputError(
-                f"{self.plan_file}: changed while it was being read; check its preview, and try again",
-                file=str(self.plan_file),
-            )
+            why = f"{self.plan_file}: changed while it was being read; check its preview, and try again"
+            raise InputError(why, file=str(self.plan_file))
         self._report(run)
         if self._known:
             return
         question = f"type the code shown by the preview of this plan ({self._where()}):"
         if not asked(self.console, question, "the code of this plan", self._is_right, self._answer):
-            raise InputError(
-                f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved",
-                option="--yes",
-            )
+            why = f"{self.plan_file}: was not confirmed with the code of its preview; nothing moved"
+            raise InputError(why, option="--yes")
 
     def _report(self, run: TaskRun) -> None:
         plan, cell, say = self.plan, run.task.cell, self.console.say

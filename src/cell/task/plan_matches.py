@@ -102,12 +102,8 @@ def _require_same_job(task: Task, plan: Plan) -> None:
         ("unit", plan.unit, task.cell.unit.name),
     ):
         if then != now:
-            raise ImpossibleError(
-                f"the plan is for {what} {then}, but {task.file.name} is of {what} {now}; plan again",
-                differing=[what],
-                plan={what: then},
-                now={what: now},
-            )
+            why = f"the plan is for {what} {then}, but {task.file.name} is of {what} {now}; plan again"
+            raise ImpossibleError(why, differing=[what], plan={what: then}, now={what: now})
 
 
 def _changed_inputs(task: Task, plan: Plan) -> dict[str, list[str]]:
@@ -219,10 +215,8 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
     now = replace(now, allowed=now.allowed | served)
     differing = _differing(stated, now)
     if differing:
-        raise ImpossibleError(
-            f"the plan's scene is not that of the present cell: {', '.join(differing)}; plan again",
-            differing=differing,
-        )
+        why = f"the plan's scene is not that of the present cell: {', '.join(differing)}; plan again"
+        raise ImpossibleError(why, differing=differing)
     return now
 
 

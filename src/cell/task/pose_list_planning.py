@@ -120,10 +120,8 @@ class _Planner:
         if back:
             self.leg(_Leg((), None), self.cell.q_start)
         if not any(isinstance(step, Move) for step in self.steps):
-            raise ImpossibleError(
-                f"{self.poses.file}: nothing moves: the list leads to q_start, where the arm is",
-                file=str(self.poses.file),
-            )
+            why = f"{self.poses.file}: nothing moves: the list leads to q_start, where the arm is"
+            raise ImpossibleError(why, file=str(self.poses.file))
         task: dict[str, object] = {
             "name": self.task.name,
             "kind": self.task.kind,

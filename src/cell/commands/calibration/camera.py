@@ -193,10 +193,8 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
         raise InputError(f"{folder}: there is no such folder of images", path=str(folder))
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     if not files:
-        raise InputError(
-            f"{folder}: contains no images; their names must end in {' '.join(IMAGE_SUFFIXES)}",
-            path=str(folder),
-        )
+        why = f"{folder}: contains no images; their names must end in {' '.join(IMAGE_SUFFIXES)}"
+        raise InputError(why, path=str(folder))
     finder = TargetFinder(target)
     photos: list[TargetPhoto] = []
     first: Image | None = None

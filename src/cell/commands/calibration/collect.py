@@ -140,9 +140,7 @@ def _add(
     except ExecutionStopped as error:
         if not len(record) or error.data.get("reason") == CHANGED:
             raise
-        raise ExecutionStopped(
-            f"{error}; {len(record)} poses are in {record.file}, and the same command continues from them",
-            **error.data,
-        ) from error
+        why = f"{error}; {len(record)} poses are in {record.file}, and the same command continues from them"
+        raise ExecutionStopped(why, **error.data) from error
     console.step(f"{taken} poses recorded, {len(record)} in {record.file}")
     return np.array([record.to_readings(q) for q in choices[0].pool]), run.folder, images
