@@ -25,16 +25,19 @@ app = typer.Typer(
 
 _TARGET = "Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."
 _Report = Annotated[Path | None, Option(help="HTML report to write; default: beside the file of -o.")]
-_Output = Annotated[
-    Path | None,
-    Option("-o", "--output", help="File to write if the result is accepted: TOML, or JSON for a NAO."),
-]
-_LimitMm = Annotated[
-    float | None, Option(help="Largest accepted prediction error of held-out images; default 1, for a NAO 2.")
-]
-_EncoderStep = Annotated[
-    float | None, Option(help="Encoder resolution; default: estimated from the readings.")
-]
+_OUTPUT = "File to write if the result is accepted: TOML, or JSON for a NAO."
+_Output = Annotated[Path | None, Option("-o", "--output", help=_OUTPUT)]
+_LIMIT = "Largest accepted prediction error of held-out images; default 1, for a NAO 2."
+_LimitMm = Annotated[float | None, Option(help=_LIMIT)]
+_ENCODER = "Encoder resolution; default: estimated from the readings."
+_EncoderStep = Annotated[float | None, Option(help=_ENCODER)]
+_LIFT = (
+    "For a target that lies flat: in this image it lies on a box of this height, in the others without --lift on the "
+    "table. IMAGE=HEIGHT_MM+-STD_MM states its standard deviation; default 0.2. May be repeated."
+)
+_LIVE = "Take the images now, with advice on where to hold the target, until the views suffice."
+_REGION = "Part of the image that matters, px; default: all of it. `look` refuses boards outside."
+_CELL = "Cell or task file to compare with, whose limits and zone decide; with --collect: that of TASK."
 _OF_COLLECT = (  # options of hand-eye
     *("target", "poses", "recipe", "seed", "port", "world", "images", "camera", "speed", "time_scale"),
     *("unseen", "homed", "free", "folder", "apply"),
@@ -60,10 +63,7 @@ def calibrate_lens(
     ] = None,
     work_region: Annotated[
         tuple[float, float, float, float] | None,
-        Option(
-            metavar="LEFT TOP RIGHT BOTTOM",
-            help="Part of the image that matters, px; default: all of it. `look` refuses boards outside.",
-        ),
+        Option(metavar="LEFT TOP RIGHT BOTTOM", help=_REGION),
     ] = None,
     limit_mm: Annotated[
         float | None, Option(help="Largest accepted standard deviation at the work points; default 0.3.")
@@ -71,21 +71,8 @@ def calibrate_lens(
     most_views: Annotated[
         int | None, Option(help="Largest number of views to fit; the others are held out. Default 40.")
     ] = None,
-    lift: Annotated[
-        list[str] | None,
-        Option(
-            metavar="IMAGE=HEIGHT_MM",
-            help="For a target that lies flat: in this image it lies on a box of this height, in the others without "
-            "--lift on the table. IMAGE=HEIGHT_MM+-STD_MM states its standard deviation; default 0.2. May be repeated.",
-        ),
-    ] = None,
-    live: Annotated[
-        bool,
-        Option(
-            "--live",
-            help="Take the images now, with advice on where to hold the target, until the views suffice.",
-        ),
-    ] = False,
+    lift: Annotated[list[str] | None, Option(metavar="IMAGE=HEIGHT_MM", help=_LIFT)] = None,
+    live: Annotated[bool, Option("--live", help=_LIVE)] = False,
     camera: Annotated[
         str | None,
         Option(help="With --live: camera, such as name:camera-crs93, video:0@1280x720 or video:clip.mp4."),
@@ -150,12 +137,7 @@ def calibrate_hand_eye(
     apply: Annotated[
         bool, Option("--apply", help="Name the file of -o in the cell file, as its calibration.")
     ] = False,
-    cell: Annotated[
-        Path | None,
-        Option(
-            help="Cell or task file to compare with, whose limits and zone decide; with --collect: that of TASK."
-        ),
-    ] = None,
+    cell: Annotated[Path | None, Option(help=_CELL)] = None,
     report: _Report = None,
     limit_mm: _LimitMm = None,
     encoder_step_deg: _EncoderStep = None,

@@ -18,18 +18,15 @@ from cell.console import Console, say_on_stderr
 TaskFile = Annotated[Path, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
 PlanFile = Annotated[Path, Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
 LookFile = Annotated[Path, Option(help="File of detected boards, as written by a465 look.")]
-Json = Annotated[
-    bool, Option("--json", help="Print one JSON object on standard output, the rest on standard error.")
-]
+_JSON = "Print one JSON object on standard output, the rest on standard error."
+Json = Annotated[bool, Option("--json", help=_JSON)]
 _FRACTION = (
     "Fraction of what the speed registers allow, 0.01 to 1; accelerations scale with its square. Default: "
 )
 Speed = Annotated[float | None, Option(help=f"{_FRACTION}motion.speed of the cell file.")]
 LowerSpeed = Annotated[float | None, Option(help=f"{_FRACTION}the plan's speed, which it can only lower.")]
-WorldFile = Annotated[
-    Path | None,
-    Option(help="Ground truth of the simulated cell; default: beside TASK, such as scenes/task2.world.toml."),
-]
+_WORLD = "Ground truth of the simulated cell; default: beside TASK, such as scenes/task2.world.toml."
+WorldFile = Annotated[Path | None, Option(help=_WORLD)]
 Port = Annotated[str | None, Option(help="Serial port of the controller, such as /dev/mars or socket://...")]
 Images = Annotated[Path | None, Option(help="Folder of images, in place of a camera.")]
 SELECTORS = (
@@ -39,56 +36,33 @@ SELECTORS = (
 RECORDING = "video:FILE is a recording."
 Camera = Annotated[str | None, Option(help=f"Camera: {SELECTORS}", metavar="SELECTOR")]
 LookCamera = Annotated[str | None, Option(help=f"Camera: {SELECTORS} {RECORDING}", metavar="SELECTOR")]
-TimeScale = Annotated[
-    float | None,
-    Option(help="Simulated cell only: at most this many emulated seconds per second; default: 10."),
-]
+_SCALE = "Simulated cell only: at most this many emulated seconds per second; default: 10."
+TimeScale = Annotated[float | None, Option(help=_SCALE)]
 Advice = Annotated[bool, Option(help="After a refusal, search for a change that would help.")]
-Budget = Annotated[
-    float | None,
-    Option(
-        help="Search effort in nominal seconds; when it is spent, the best complete plan so far is used. Effort is "
-        "counted, not timed, so the plan is repeatable.",
-        metavar="S",
-    ),
-]
-GiveUp = Annotated[
-    float | None,
-    Option(help="Wall time in s after which planning is refused. It never changes a plan.", metavar="S"),
-]
+_BUDGET = (
+    "Search effort in nominal seconds; when it is spent, the best complete plan so far is used. Effort is counted, not "
+    "timed, so the plan is repeatable."
+)
+Budget = Annotated[float | None, Option(help=_BUDGET, metavar="S")]
+_GIVE_UP = "Wall time in s after which planning is refused. It never changes a plan."
+GiveUp = Annotated[float | None, Option(help=_GIVE_UP, metavar="S")]
 Output = Annotated[Path | None, Option("-o", "--output", help="File to write; an existing one is replaced.")]
 PlanOutput = Annotated[Path, Option("-o", "--output", help="Plan file to write.")]
 LiveFlag = Annotated[bool, Option("--live", help="Serve a page on this machine that shows the run live.")]
 LivePort = Annotated[int | None, Option(help="Port of the live view on 127.0.0.1; default: any free port.")]
-Unseen = Annotated[
-    bool,
-    Option(
-        "--unseen",
-        help="With --port: do not ask for the unit's name before executing plans that nobody has previewed.",
-    ),
-]
-Homed = Annotated[
-    bool,
-    Option(
-        "--homed",
-        help="With --port: do not home. You state that the unit was homed since power-up, which cannot be verified.",
-    ),
-]
-Preload = Annotated[
-    bool,
-    Option(
-        "--preload",
-        help="For a noisy serial line: load each motion (its first 149 segments) into the unit and verify it before "
-        "it begins. A damaged motion is sent again.",
-    ),
-]
-Free = Annotated[
-    bool,
-    Option(
-        "--free",
-        help="With --port: home without asking. You state that the arm can home freely with the boards in place.",
-    ),
-]
+_UNSEEN = "With --port: do not ask for the unit's name before executing plans that nobody has previewed."
+Unseen = Annotated[bool, Option("--unseen", help=_UNSEEN)]
+_HOMED = (
+    "With --port: do not home. You state that the unit was homed since power-up, which cannot be verified."
+)
+Homed = Annotated[bool, Option("--homed", help=_HOMED)]
+_PRELOAD = (
+    "For a noisy serial line: load each motion (its first 149 segments) into the unit and verify it before it begins. "
+    "A damaged motion is sent again."
+)
+Preload = Annotated[bool, Option("--preload", help=_PRELOAD)]
+_FREE = "With --port: home without asking. You state that the arm can home freely with the boards in place."
+Free = Annotated[bool, Option("--free", help=_FREE)]
 NO_PORT = "needs --port: the simulated cell asks for no confirmation"
 
 
