@@ -83,13 +83,8 @@ class NoiseModel:
         """Names of the sizes, in order; those of the arm's geometry come last."""
         camera = ["camera across", "camera along", "camera turn"] if self.shape == "axes" else ["image"]
         target = ["target", *(["middle x", "middle y"] if self.off_centre else [])]
-        return [
-            *camera,
-            "arm shift",
-            "arm turn",
-            *(target if self.shape == "image" else []),
-            *(["arm geometry shift", "arm geometry turn"] if self.geometry else []),
-        ]
+        names = [*camera, "arm shift", "arm turn", *(target if self.shape == "image" else [])]
+        return [*names, *(["arm geometry shift", "arm geometry turn"] if self.geometry else [])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,12 +20,8 @@ MADE_WITHIN_MM = 0.1  # default manufacturing tolerance of boards
 
 DICTIONARIES = (
     *(f"DICT_{side}X{side}_{count}" for side in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
-    "DICT_ARUCO_ORIGINAL",
-    "DICT_ARUCO_MIP_36h12",
-    "DICT_APRILTAG_16h5",
-    "DICT_APRILTAG_25h9",
-    "DICT_APRILTAG_36h10",
-    "DICT_APRILTAG_36h11",
+    *("DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12"),
+    *(f"DICT_APRILTAG_{name}" for name in ("16h5", "25h9", "36h10", "36h11")),
 )
 """OpenCV's dictionaries, listed here so that reading a cell file does not load OpenCV."""
 DICTIONARY = Rule("one of OpenCV's dictionaries", text(*DICTIONARIES).read)

@@ -67,11 +67,9 @@ def _hull(node: Node, file: Path, unit: str) -> Convex:
         raise node.error_at("mesh", f"cannot be used: {error}") from error
     size = np.ptp(hull.points, axis=0)
     if not size.max() <= LARGEST_MM / 1e3:
-        raise node.error_at(
-            "mesh_unit",
-            f"makes the mesh {' x '.join(f'{v:.4g}' for v in size)} m; a body may be at most {LARGEST_MM / 1e3:g} m",
-            "is it in mm?",
-        )
+        shown = " x ".join(f"{v:.4g}" for v in size)
+        rule = f"makes the mesh {shown} m; a body may be at most {LARGEST_MM / 1e3:g} m"
+        raise node.error_at("mesh_unit", rule, "is it in mm?")
     return hull
 
 

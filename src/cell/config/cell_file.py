@@ -133,11 +133,9 @@ def _check_padding(keys: CellKeys, root: Node) -> None:
     """Check that ``arm_compared`` is a date and a name, and is there if the padding is less than the default."""
     compared = keys.arm_compared
     if keys.arm_padding < ARM_PADDING_MM / 1e3 and not compared:
-        raise root.error_at(
-            "arm_padding_mm",
-            f"must be at least {ARM_PADDING_MM:g} mm until the arm's assumed bodies are compared with the real arm",
-            'compare them (docs/real-cell.md), and add arm_compared = "who and when"',
-        )
+        rule = f"must be at least {ARM_PADDING_MM:g} mm until the arm's assumed bodies are compared with the real arm"
+        help = 'compare them (docs/real-cell.md), and add arm_compared = "who and when"'
+        raise root.error_at("arm_padding_mm", rule, help)
     if compared and not (any(c.isdigit() for c in compared) and any(c.isalpha() for c in compared)):
         rule = "must be the date and the name of who compared the arm's bodies with the arm"
         raise root.error_at("arm_compared", rule)

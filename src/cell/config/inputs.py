@@ -50,15 +50,12 @@ def config_inputs(
 
 def _flat(prefix: str, value: Any) -> list[tuple[str, Any]]:
     if isinstance(value, Mapping):
-        return [
-            pair
-            for key, inner in value.items()
-            for pair in _flat(f"{prefix}.{key}" if prefix else key, inner)
-        ]
-    if isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
-        named = [(v.get("name", i), v) for i, v in enumerate(value)]
-        return [pair for name, inner in named for pair in _flat(f"{prefix}[{name}]", inner)]
-    return [(prefix, _plain(value))]
+        inside = [(f"{prefix}.{key}" if prefix else key, inner) for key, inner in value.items()]
+    elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+        inside = [(f"{prefix}[{v.get('name', i)}]", v) for i, v in enumerate(value)]
+    else:
+        return [(prefix, _plain(value))]
+    return [pair for name, inner in inside for pair in _flat(name, inner)]
 
 
 def _plain(value: Any) -> Any:

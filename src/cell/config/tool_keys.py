@@ -75,11 +75,9 @@ def gripper_of(keys: GripperKeys, root: Node, cube_size: float) -> Gripper:
             raise root.error_at("tool.length_mm", f"must be at least that of fingers and palm, {parts:g} mm")
         return replace(jaws, length=keys.length, **whole)
     if abs(keys.length - SHIPPED.length) > 1e-6:
-        raise root.error_at(
-            "tool.length_mm",
-            f"must be {SHIPPED.length * 1e3:g} mm, that of the shipped gripper, which is the default",
-            "for another gripper give finger_mm, palm_mm and body_radius_mm, or its urdf",
-        )
+        rule = f"must be {SHIPPED.length * 1e3:g} mm, that of the shipped gripper, which is the default"
+        help = "for another gripper give finger_mm, palm_mm and body_radius_mm, or its urdf"
+        raise root.error_at("tool.length_mm", rule, help)
     return replace(jaws, length=keys.length)
 
 

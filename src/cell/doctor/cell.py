@@ -50,13 +50,8 @@ def read_named(file: Path | None) -> ReadCell:
 
 def check_cell(read: ReadCell) -> Sequence[CheckResult]:
     """Check the cell, the arm's shape, the lens, the hand-eye calibration and the watch on the camera."""
-    return (
-        _cell_finding(read),
-        _shape_finding(read.cell),
-        _finding("lens", lens_state(read.cell), CALIBRATE_LENS),
-        _arm_finding(read),
-        _watch_finding(read.cell),
-    )
+    lens = _finding("lens", lens_state(read.cell), CALIBRATE_LENS)
+    return _cell_finding(read), _shape_finding(read.cell), lens, _arm_finding(read), _watch_finding(read.cell)
 
 
 def _cell_finding(read: ReadCell) -> CheckResult:

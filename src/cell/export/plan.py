@@ -48,11 +48,8 @@ class TimedStep:
 
     def knots_s(self) -> Array:
         """Return the times at which segments begin, and the end."""
-        return (
-            np.array([self.begin_s, self.end_s])
-            if self.path is None
-            else self.begin_s + self.path.knot_times()
-        )
+        at_rest = np.array([self.begin_s, self.end_s])
+        return at_rest if self.path is None else self.begin_s + self.path.knot_times()
 
 
 @dataclass(frozen=True, eq=False)

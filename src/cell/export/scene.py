@@ -13,6 +13,7 @@ from arm.plan_file import Plan
 from arm.robot.gripper import HAND
 from arm.robot.model import Robot
 from arm.robot.tool import padded
+from arm.se3 import Array
 from cell.config.cell_values import ARM_PADDING_MM
 from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
@@ -61,14 +62,13 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
         if task.kind != POSES:
             require_boards(observation, task)
         scene = build_scene(cell, observation)
-    return Surroundings(
-        robot=scene.robot_open,
-        limits=cell.limits,
-        jaw_opening=cell.jaw_opening,
-        bodies=(*scene.bodies, *scene.cubes),
-        allowed=scene.allowed,
-        states={"home": cell.unit.soft_home, "q_start": cell.q_start},
-    )
+    return _around(scene, cell.limits, cell.jaw_opening, cell.unit, cell.q_start)
+
+
+def _around(scene: Scene, limits: Limits, jaw_opening: float, unit: Unit, q_start: Array) -> Surroundings:
+    """Return what is exported of a scene, jaws open."""
+    bodies, states = (*scene.bodies, *scene.cubes), {"home": unit.soft_home, "q_start": q_start}
+    return Surroundings(scene.robot_open, limits, jaw_opening, bodies, allowed=scene.allowed, states=states)
 
 
 def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surroundings:
@@ -89,14 +89,8 @@ def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surround
     scene = scene_from_json(plan.scene, robot_open, robot_holding)
     velocity = unit.velocity(plan.speed_registers)
     acceleration = unit.acceleration(plan.acceleration_registers)
-    return Surroundings(
-        robot=robot_open,
-        limits=Limits(unit.lower, unit.upper, velocity, acceleration),
-        jaw_opening=jaw_opening,
-        bodies=(*scene.bodies, *scene.cubes),
-        allowed=scene.allowed,
-        states={"home": unit.soft_home, "q_start": unit.positions(plan.start)},
-    )
+    limits = Limits(unit.lower, unit.upper, velocity, acceleration)
+    return _around(scene, limits, jaw_opening, unit, unit.positions(plan.start))
 
 
 def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
@@ -110,13 +104,9 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
         raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _GIVE_CELL)
     if plan.provenance.get("unit") != unit.digest:
         of = "as it is in its own file" if place is None else f"of {place.file.name}"
-        raise FileInputError(
-            path,
-            "provenance.unit",
-            str(plan.provenance.get("unit"))[:12],
-            f"must be {unit.digest[:12]}, the unit {of}; its counts would give other angles",
-            _GIVE_CELL,
-        )
+        stated = str(plan.provenance.get("unit"))[:12]
+        rule = f"must be {unit.digest[:12]}, the unit {of}; its counts would give other angles"
+        raise FileInputError(path, "provenance.unit", stated, rule, _GIVE_CELL)
     return unit
 
 

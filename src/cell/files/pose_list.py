@@ -209,10 +209,9 @@ def _pose(node: Node, values: Array, lengths: str) -> Array:
     T[: len(values) // 4] = values.reshape(-1, 4)
     T[:3, 3] *= LENGTHS[lengths]
     if not np.abs(T[:3, 3]).max() <= FARTHEST:
-        raise replace(node, value=values[3:12:4].tolist()).error(
-            f"is a position in {lengths}; must be within {FARTHEST:g} m of the base",
-            'for positions in mm give --lengths mm, or "lengths": "mm" in the file',
-        )
+        rule = f"is a position in {lengths}; must be within {FARTHEST:g} m of the base"
+        help = 'for positions in mm give --lengths mm, or "lengths": "mm" in the file'
+        raise replace(node, value=values[3:12:4].tolist()).error(rule, help)
     try:
         return orthonormalised(T, tolerance=PRINTED)
     except A465Error as error:

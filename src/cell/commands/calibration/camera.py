@@ -91,11 +91,8 @@ class LensOptions(ResultOptions):
             return None
         left, top, right, bottom = self.work_region
         if not (0.0 <= left < right <= size[0] and 0.0 <= top < bottom <= size[1]):
-            raise option_error(
-                "--work-region",
-                list(self.work_region),
-                f"must be left, top, right and bottom of a part of the image of {size[0]} x {size[1]} px",
-            )
+            rule = f"must be left, top, right and bottom of a part of the image of {size[0]} x {size[1]} px"
+            raise option_error("--work-region", list(self.work_region), rule)
         return self.work_region
 
     def lifts(self, names: Sequence[str]) -> dict[str, Lift]:
