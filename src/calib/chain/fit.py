@@ -268,12 +268,8 @@ def normal_equations(
         extra: derivatives of the projected points by further unknowns, (n, m, 2, k) px of every chain.
     """
     prior = _priors(problem, fit.unknowns, 0 if extra is None else extra[0].shape[-1])
-    stances = [
-        stance
-        for number in range(len(problem.sightings))
-        for stance in _stances(problem, number, fit.unknowns, fit.errors, fit.weights, extra)
-    ]
-    each = [s.equations for s in stances]
+    at, chains = (fit.unknowns, fit.errors, fit.weights), range(len(problem.sightings))
+    each = [s.equations for k in chains for s in _stances(problem, k, *at, extra)]
     return NormalEquations(prior, np.array([e.S for e in each]), np.array([e.g for e in each]))
 
 

@@ -57,19 +57,16 @@ def gripper_of(keys: GripperKeys, root: Node, cube_size: float) -> Gripper:
             "tool.close_to_mm",
             f"must be from {keys.shut * 1e3:g} mm (jaw_shut_mm) to less than {edge}, so that the jaws close on a cube",
         )
+    declared = GripperKeys.declared()
     given = [name for name in SIZES if getattr(keys, name) is not None]
     jaws = Gripper(opening=keys.opening, shut=keys.shut, close_to=close_to)
     if keys.urdf is not None:
         for name in given:
             rule = "cannot be combined with urdf, which describes the whole gripper"
-            raise root.error_at(GripperKeys.declared()[name].name, rule)
+            raise root.error_at(declared[name].name, rule)
         return replace(jaws, length=keys.length, urdf=keys.urdf)
     if given:
-        whole = {
-            name: root.get(one.name, one.rule)
-            for name, one in GripperKeys.declared().items()
-            if name in SIZES
-        }
+        whole = {name: root.get(declared[name].name, declared[name].rule) for name in SIZES}
         parts = 1e3 * (whole["finger"][2] + whole["palm"][2])
         if 1e3 * keys.length < parts:
             raise root.error_at("tool.length_mm", f"must be at least that of fingers and palm, {parts:g} mm")

@@ -64,11 +64,8 @@ def check_extras() -> Iterator[CheckResult]:
 def requirements(package: Distribution, extra: str = "") -> dict[str, SpecifierSet]:
     """Return the libraries that a package requires, always or for an extra, with the accepted versions."""
     stated = [Requirement(line) for line in package.requires or ()]
-    return {r.name: r.specifier for r in stated if bool(extra) == _optional(r) and _holds(r, extra)}
-
-
-def _optional(needed: Requirement) -> bool:
-    return needed.marker is not None and not needed.marker.evaluate({"extra": ""})
+    always = {r for r in stated if extra and _holds(r, "")}
+    return {r.name: r.specifier for r in stated if _holds(r, extra) and r not in always}
 
 
 def _holds(needed: Requirement, extra: str) -> bool:

@@ -195,11 +195,5 @@ def _tilt_from_json(board: Node) -> TiltHypothesis | None:
     return TiltHypothesis(float(np.radians(nearest)), z, probability, tilt["fits"].read(flag()))
 
 
-former_names(
-    __name__,
-    __name__,
-    Seen="Observation",
-    SeenBoard="ObservedBoard",
-    read_seen="read_observation",
-    seen_to_json="observation_to_json",
-)
+_FORMER = {"Seen": "Observation", "SeenBoard": "ObservedBoard", "read_seen": "read_observation"}
+former_names(__name__, __name__, **_FORMER, seen_to_json="observation_to_json")

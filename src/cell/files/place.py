@@ -25,9 +25,6 @@ def read_place(path: Path) -> Task:
         kind=POSES,
         cell=cell,
         from_board=cell.boards[0],  # required, but unused without cubes to move
-        to_board=None,
-        places=None,
-        board_height=None,
         look_after="never",
         order="given",
         assignment="given",

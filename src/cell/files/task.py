@@ -74,9 +74,9 @@ class Task(TaskValues):
     kind: str
     cell: Cell
     from_board: Board
-    to_board: Board | None
-    places: TablePlaces | None
-    board_height: float | None
+    to_board: Board | None = None
+    places: TablePlaces | None = None
+    board_height: float | None = None
     inputs: Inputs
     digest: str
 
