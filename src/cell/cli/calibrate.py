@@ -35,6 +35,10 @@ _LIFT = (
     "For a target that lies flat: in this image it lies on a box of this height, in the others without --lift on the "
     "table. IMAGE=HEIGHT_MM+-STD_MM states its standard deviation; default 0.2. May be repeated."
 )
+_CAMERA = "With --live: camera, such as name:camera-crs93, video:0@1280x720 or video:clip.mp4."
+_COLLECT = "Record DATA first, in the cell of this task file: simulated, or real with --port."
+_RECIPE = "Use the fixed poses of the course report instead of the most informative ones."
+_WORK = "Nearest and farthest working distance from the camera; default: as in the views."
 _LIVE = "Take the images now, with advice on where to hold the target, until the views suffice."
 _REGION = "Part of the image that matters, px; default: all of it. `look` refuses boards outside."
 _CELL = "Cell or task file to compare with, whose limits and zone decide; with --collect: that of TASK."
@@ -57,13 +61,9 @@ def calibrate_lens(
     hold: Annotated[
         list[str] | None, Option(help="Fix k1, k2, p1, p2 or k3 at zero. May be repeated.")
     ] = None,
-    work_mm: Annotated[
-        tuple[float, float] | None,
-        Option(help="Nearest and farthest working distance from the camera; default: as in the views."),
-    ] = None,
+    work_mm: Annotated[tuple[float, float] | None, Option(help=_WORK)] = None,
     work_region: Annotated[
-        tuple[float, float, float, float] | None,
-        Option(metavar="LEFT TOP RIGHT BOTTOM", help=_REGION),
+        tuple[float, float, float, float] | None, Option(metavar="LEFT TOP RIGHT BOTTOM", help=_REGION)
     ] = None,
     limit_mm: Annotated[
         float | None, Option(help="Largest accepted standard deviation at the work points; default 0.3.")
@@ -73,10 +73,7 @@ def calibrate_lens(
     ] = None,
     lift: Annotated[list[str] | None, Option(metavar="IMAGE=HEIGHT_MM", help=_LIFT)] = None,
     live: Annotated[bool, Option("--live", help=_LIVE)] = False,
-    camera: Annotated[
-        str | None,
-        Option(help="With --live: camera, such as name:camera-crs93, video:0@1280x720 or video:clip.mp4."),
-    ] = None,
+    camera: Annotated[str | None, Option(help=_CAMERA)] = None,
     simulated: Annotated[
         Path | None, Option(help="With --live: use the simulated camera of this task file.")
     ] = None,
@@ -108,20 +105,12 @@ def calibrate_hand_eye(
     data: Annotated[
         Path, Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
     ],
-    collect: Annotated[
-        Path | None,
-        Option(help="Record DATA first, in the cell of this task file: simulated, or real with --port."),
-    ] = None,
+    collect: Annotated[Path | None, Option(help=_COLLECT)] = None,
     target: Annotated[
         Path | None, Option(help="Target in the gripper; default: scenes/targets/hand.toml.")
     ] = None,
     poses: Annotated[int | None, Option(help="Number of poses; default 24, or 270 with --recipe.")] = None,
-    recipe: Annotated[
-        bool,
-        Option(
-            "--recipe", help="Use the fixed poses of the course report instead of the most informative ones."
-        ),
-    ] = False,
+    recipe: Annotated[bool, Option("--recipe", help=_RECIPE)] = False,
     seed: Annotated[int | None, Option(help="Seed for choosing the poses.")] = None,
     port: shared.Port = None,
     world: shared.WorldFile = None,

@@ -31,6 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(calibrate_app)
+_AVOIDED = "Detected boards, to be avoided like the table and the walls; default: none."
 
 
 def _version(wanted: bool) -> None:
@@ -181,10 +182,7 @@ def plan(
 def plan_poses(
     place: Annotated[Path, Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
     poses: Annotated[Path, Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
-    look: Annotated[
-        Path | None,
-        Option(help="Detected boards, to be avoided like the table and the walls; default: none."),
-    ] = None,
+    look: Annotated[Path | None, Option(help=_AVOIDED)] = None,
     output: shared.PlanOutput = Path("plan.json"),
     frame: Annotated[
         str | None, Option(help="Frame of poses that do not name one: flange (as in ctu_crs) or tool.")

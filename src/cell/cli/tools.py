@@ -13,6 +13,9 @@ from cell.cli.options import SELECTORS, answering, examples, refuse, refuse_give
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
+_LOG = "Log to write: every line received and sent, faults and protocol violations."
+_EXPORTED = "Log of a run, or plan, scene, cell or task file; recognised by its content."
+_FORM = "csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
 
 
 @tools.command(
@@ -36,10 +39,7 @@ def emulate(
     fault: Annotated[
         Path | None, Option(help="File of faults to inject, such as scenes/faults/bad-day.toml.")
     ] = None,
-    log: Annotated[
-        Path | None,
-        Option(help="Log to write: every line received and sent, faults and protocol violations."),
-    ] = None,
+    log: Annotated[Path | None, Option(help=_LOG)] = None,
     task: Annotated[Path | None, Option(help="Task file of the simulated cell.")] = None,
     world: shared.WorldFile = None,
     photographs: Annotated[
@@ -90,18 +90,8 @@ def render(
     ),
 )
 def export(
-    file: Annotated[
-        Path,
-        Argument(
-            help="Log of a run, or plan, scene, cell or task file; recognised by its content.", metavar="FILE"
-        ),
-    ],
-    form: Annotated[
-        str | None,
-        Option(
-            "--format", help="csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
-        ),
-    ] = None,
+    file: Annotated[Path, Argument(help=_EXPORTED, metavar="FILE")],
+    form: Annotated[str | None, Option("--format", help=_FORM)] = None,
     output: Annotated[
         Path | None, Option("-o", "--output", help="File to write; for urdf a new folder.")
     ] = None,
