@@ -74,9 +74,16 @@ def assumed_camera() -> Camera:
     return Camera(K, np.array([K1, 0.0, 0.0, 0.0, 0.0]), SIZE, np.eye(4))
 
 
+def two_markers(
+    name: str, ids: tuple[int, int], size: float, second: tuple[float, float], tolerance: float = 1e-4
+) -> Board:
+    """A board of two markers of this size, made within `tolerance`, all m; its holes are unused."""
+    return Board(name, ids, np.zeros((4, 3)), size, second, tolerance=tolerance)
+
+
 def wire_board(tolerance: float = 1e-4) -> Board:
-    """The board of the hoop with its two markers, made within `tolerance`, m; its holes are unused."""
-    return Board("wire", (1, 2), np.zeros((4, 3)), SQUARE, SECOND, tolerance=tolerance)
+    """The board of the hoop with its two markers."""
+    return two_markers("wire", (1, 2), SQUARE, SECOND, tolerance)
 
 
 def table(title: str, *header: str) -> None:
@@ -329,14 +336,14 @@ def other_targets(photos: Photos) -> None:
         print(f"- as {target.label()}: {corners} corners of {target.corners}{said and f'; refused: {said}'}")
 
 
-def conditions() -> str:
-    """Commit, versions and machine."""
+def versions() -> str:
+    """Commit and versions."""
     commit = subprocess.run(
         ["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
     )
     return (
         f"commit {commit.stdout.strip()}; Python {platform.python_version()}, numpy {np.__version__}, OpenCV "
-        f"{cv2.__version__}; assumed f {FOCAL:g} px, k1 {K1:g}, camera {DISTANCE:g} m above the table"
+        f"{cv2.__version__}"
     )
 
 
@@ -351,7 +358,8 @@ def main() -> None:
     parser.add_argument("--noisy", type=int, default=200, help="photographs with new noise")
     options = parser.parse_args()
     photos, camera = Photos(options.folder), assumed_camera()
-    print(f"# Photographs of a real cell\n\n{conditions()}")
+    assumed = f"assumed f {FOCAL:g} px, k1 {K1:g}, camera {DISTANCE:g} m above the table"
+    print(f"# Photographs of a real cell\n\n{versions()}; {assumed}")
     for name in options.tables:
         if name == "markers":
             markers(photos, camera)
