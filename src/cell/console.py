@@ -61,6 +61,7 @@ class Console:
         self._bar_s = -math.inf  # when the bar or a line was last written: the busy line waits after it
         self._lost: OSError | None = None
         self._needed = False
+        self._warned: set[str] = set()
         self._started = time.monotonic()
         self.listener: Callable[[str], None] | None = None
 
@@ -82,6 +83,12 @@ class Console:
     def say(self, text: str = "") -> None:
         """Write one line. Control characters are escaped."""
         self._write(f"{_harmless(text)}\n")
+
+    def warn(self, text: str, about: str) -> None:
+        """Write a warning; of those about the same subject only the first."""
+        if about not in self._warned:
+            self._warned.add(about)
+            self.say(f"WARNING: {text}")
 
     def step(self, text: str) -> None:
         """Write one line with the wall time since the start, and pass it to the listener."""

@@ -293,3 +293,10 @@ def test_a_line_has_no_password(capsys: pytest.CaptureFixture[str]) -> None:
     said = capsys.readouterr()
     assert "secret" not in said.out + said.err
     assert "--camera video:rtsp://***@host/1 --resume" in said.err
+
+
+def test_a_warning_about_the_same_subject_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console()
+    for text, about in (("90 % saturated", "exposure"), ("88 % saturated", "exposure"), ("dirty", "lens")):
+        console.warn(text, about)
+    assert capsys.readouterr().out.splitlines() == ["WARNING: 90 % saturated", "WARNING: dirty"]

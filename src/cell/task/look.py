@@ -67,7 +67,7 @@ def look_and_save(
 def _complain(observation: Observation, console: Console) -> None:
     complaint = exposure_complaint(observation.images[0], observation.frames[0])
     if complaint is not None:
-        console.say(f"WARNING: the images are {complaint}")
+        console.warn(f"the images are {complaint}", "exposure")
 
 
 def _draw(picture: Path | None, camera: Camera, observation: Observation) -> None:
