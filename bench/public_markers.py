@@ -313,7 +313,7 @@ def main() -> None:
     with patch.object(detect, "predefined", folders.predefined):
         found = {s: images for s in SETS if folders.named(s.files) and (images := compared(folders, s))}
         if not found:
-            sys.exit(f"{', '.join(map(str, folders.paths))}: no picture of docs/sources.md")
+            sys.exit(f"{', '.join(map(str, folders.paths))}: none of the known pictures")
         markers(found)
         head = "print", "marker mm", "lens", "photographs", "corners", "accepted", "off deg: rms, max"
         table("Boards of two markers", *head, "refused ones: rms, max", "refused as")
