@@ -137,6 +137,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "cell/scene/test_build.py",
     ),
     "plan/collision/certificate.py": (
+        "plan/collision/test_bezier.py",
         "plan/collision/test_certificate_attacked.py",
         "plan/collision/test_subdivision.py",
         "plan/collision/test_few_parts.py",
