@@ -99,14 +99,12 @@ def hand_eye_json(h: HandEye, more: Sequence[NextPose] = ()) -> dict[str, Any]:
     }
 
 
-def self_test_json(test: SelfTest) -> dict[str, Any]:
-    """Return the result of the self-test on synthetic twins."""
-    return {
-        "nees_dof": test.nees_dof,
-        "limits": list(test.limits),
-        "worst_sigmas": test.worst,
-        "passed": test.passed,
-    }
+def self_test_json(test: SelfTest | None) -> dict[str, Any]:
+    """Return the result of the self-test on synthetic twins as ``self_test``; nothing if it was not run."""
+    if test is None:
+        return {}
+    result = {"nees_dof": test.nees_dof, "limits": list(test.limits), "worst_sigmas": test.worst}
+    return {"self_test": {**result, "passed": test.passed}}
 
 
 def describe_self_test(test: SelfTest) -> str:

@@ -55,35 +55,31 @@ class CubeRow:
 
     def to_json(self) -> dict[str, Any]:
         """Return the row for ``a465 run --json``."""
+        motion_s, clearance, error, tilt = self.figures()
         return {
             "from": self.source,
             "to": self.target,
             "placed": self.placed,
-            "error_mm": _scaled(self.error, 1e3),
-            "tilt_error_deg": _scaled(self.tilt_error, 180.0 / np.pi),
-            "motion_s": round(self.motion_s, 3),
-            "min_clearance_mm": _scaled(self.min_clearance, 1e3),
+            "error_mm": error,
+            "tilt_error_deg": tilt,
+            "motion_s": round(motion_s, 3),
+            "min_clearance_mm": clearance,
             "remarks": self.remarks,
         }
+
+    def figures(self) -> tuple[float, float | None, float | None, float | None]:
+        """Return duration, s, least clearance and error, mm, and tilt error, deg; None if not known."""
+        scaled = ((self.min_clearance, 1e3), (self.error, 1e3), (self.tilt_error, 180.0 / np.pi))
+        clearance, error, tilt = (None if v is None else float(v * factor) for v, factor in scaled)
+        return self.motion_s, clearance, error, tilt
 
 
 def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
     """Print the table at the end of a run."""
-    table = [
-        (
-            number,
-            row.source,
-            row.target,
-            row.placed,
-            row.motion_s,
-            _scaled(row.min_clearance, 1e3),
-            _scaled(row.error, 1e3),
-            _scaled(row.tilt_error, 180.0 / np.pi),
-        )
-        for number, row in enumerate(rows, start=1)
-    ]
     console.say()
-    console.table(HEADER, table)
+    console.table(
+        HEADER, [(n, r.source, r.target, r.placed, *r.figures()) for n, r in enumerate(rows, start=1)]
+    )
     for number, row in enumerate(rows, start=1):
         for remark in row.remarks:
             console.say(f"cube {number}: {remark}")
@@ -114,7 +110,3 @@ def _true_place(task: Task, simulated: SimulatedCell, target: str) -> Array:
         if b.board.name == board_name:
             return np.asarray(b.T_base_board @ b.board.T_board_hole(int(number) - 1))
     return transform()
-
-
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else float(value * factor)

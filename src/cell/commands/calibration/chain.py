@@ -114,7 +114,7 @@ def kinematic_step(data: Path, options: ChainOptions, console: Console) -> dict[
     calibration, test = _tested(
         calibrate_nao(recording, options.limits(NAO_LIMITS), options.encoder_step()), console
     )
-    result = kinematic_json(calibration, _ALL.si(), images) | _test_json(test)
+    result = kinematic_json(calibration, _ALL.si(), images) | self_test_json(test)
     tables = kinematic_tables(calibration, _ALL.si())
     print_chain(calibration, tables, console, images)
     options.write_report(
@@ -161,10 +161,6 @@ def _tested(c: ChainCalibration, console: Console) -> tuple[ChainCalibration, Se
     return replace(c, reasons=(reason,)), test
 
 
-def _test_json(test: SelfTest | None) -> dict[str, Any]:
-    return {} if test is None else {"self_test": self_test_json(test)}
-
-
 def solve_hand_eye(
     data: Path,
     recording: ArmRecording,
@@ -197,7 +193,7 @@ def solve_hand_eye(
     chain, test = _tested(found.chain, console)
     found = replace(found, chain=chain)
     more = next_poses(found, pool=pool)
-    result = hand_eye_json(found, more) | _test_json(test)
+    result = hand_eye_json(found, more) | self_test_json(test)
     if cell is None:
         console.say("not compared with a cell: --cell FILE tells how far camera and joints have moved")
     else:
