@@ -29,6 +29,7 @@ WIDER = np.radians(10.0)  # margin around the joints of a recording
 OBLIQUE = np.radians(55.0)  # largest angle between a target's normal and the line of sight
 MARGIN_PX = 20.0
 _POOL, _BATCH, _MOST_BATCHES = 1000, 4000, 25
+_NEXT = 3  # poses proposed after a calibration
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +101,11 @@ def choose_calibration_poses(
     return CalibrationPoses(chosen.places, sigma, at_lever / LEVER)
 
 
-def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None = None) -> list[NextPose]:
-    """Choose greedily the poses that reduce the error of predicted targets most.
+def next_poses(found: HandEye, pool: Array | None = None) -> list[NextPose]:
+    """Choose greedily the three poses that reduce the error of predicted targets most.
 
     Args:
         found: a calibration.
-        count: number of poses.
-        seed: of the sampled candidates.
         pool: readings (n, joints) rad to choose from. Default: sampled around the recorded joints, within the limits
             of the unit if the recording names it, with the whole target in the image and facing the camera. The
             caller has to check that the arm is clear there.
@@ -114,7 +113,7 @@ def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None
     recording, problem = found.recording, found.chain.problem
     x = found.chain.fit.unknowns
     if pool is None:
-        pool = _pool(found, np.random.default_rng(seed))
+        pool = _pool(found, np.random.default_rng(0))
     if not len(pool):
         return []
     unseen = _unseen(recording.dh, recording.camera, recording.points, pool, found.start)
@@ -122,9 +121,8 @@ def next_poses(found: HandEye, count: int = 3, seed: int = 0, pool: Array | None
     twists = unseen.sightings[0].evaluate(x, np.zeros_like(pool)).by_unknown[:, problem.free, :3]
     values, vectors = np.linalg.eigh(np.einsum("nui,nvi->uv", twists, twists) / len(pool))
     worth = vectors * np.sqrt(np.maximum(values, 0.0))
-    best = OptimalDesign(_information(unseen, x), found.chain.fit.information, worth).best(
-        count, exchange=False
-    )
+    design = OptimalDesign(_information(unseen, x), found.chain.fit.information, worth)
+    best = design.best(_NEXT, exchange=False)
     return [
         NextPose(frozen(pool[place]), 1.0 - float(np.sqrt(left / best.before)))
         for place, left in zip(best.places, best.variances, strict=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -97,9 +98,7 @@ def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, cons
     cell, hand = record.cell, record.hand
     view = HandView(scene.robot_open, scene.bodies, cell.limits, cell.camera, hand, cell.clearance)
 
-    def progress(part: float) -> None:
-        console.progress("poses in view of the camera", part)
-
+    progress = partial(console.progress, "poses in view of the camera")
     missing, taken = options.poses - len(record), record.configurations()
     pool = not_taken(hand_pool(view, POOL, options.seed, progress), taken)
     if options.recipe:

@@ -188,17 +188,11 @@ def _set_down(run: TaskRun, plan: Plan, observation: Observation, carried: Carri
     others = [t for t in plan.task["cubes"] if t != transfer]
     q = run.q_now()
     touches = _touched(task, observation, transfer, scene.robot_open.T_base_tool(q))
+    jaws, station = replace(carried.jaws, touches=touches), _station(task, observation, transfer["to"])
+    options, inputs = options_of(task, run.speed), plan_fingerprint(task)
+    stated = {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]}
     made = place_held_object(
-        scene,
-        q,
-        replace(carried.jaws, touches=touches),
-        _station(task, observation, transfer["to"]),
-        cell.q_start,
-        cell.unit,
-        cell.limits,
-        options_of(task, run.speed),
-        plan_fingerprint(task),
-        {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]},
+        scene, q, jaws, station, cell.q_start, cell.unit, cell.limits, options, inputs, stated
     )
     run.keep(made, "set-down")
     release = 1 + next(i for i, s in enumerate(made.steps) if isinstance(s, GripperStep))
