@@ -34,8 +34,13 @@ SELECTORS = (
     "or cell for the one in the cell file."
 )
 RECORDING = "video:FILE is a recording."
-Camera = Annotated[str | None, Option(help=f"Camera: {SELECTORS}", metavar="SELECTOR")]
-LookCamera = Annotated[str | None, Option(help=f"Camera: {SELECTORS} {RECORDING}", metavar="SELECTOR")]
+TRIED = (
+    "Tried so far: pylon's emulation, and motion JPEG by HTTP and RTSP on one machine; no real Basler camera, no UVC "
+    "device."
+)
+Camera = Annotated[str | None, Option(help=f"Camera: {SELECTORS} {TRIED}", metavar="SELECTOR")]
+_RECORDED = f"Camera: {SELECTORS} {RECORDING} {TRIED}"
+LookCamera = Annotated[str | None, Option(help=_RECORDED, metavar="SELECTOR")]
 _SCALE = "Simulated cell only: at most this many emulated seconds per second; default: 10."
 TimeScale = Annotated[float | None, Option(help=_SCALE)]
 Advice = Annotated[bool, Option(help="After a refusal, search for a change that would help.")]

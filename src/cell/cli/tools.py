@@ -9,7 +9,7 @@ import typer
 from typer import Argument, Option
 
 from cell.cli import options as shared
-from cell.cli.options import SELECTORS, answering, examples, refuse, refuse_given
+from cell.cli.options import SELECTORS, TRIED, answering, examples, refuse, refuse_given
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
@@ -147,7 +147,7 @@ def doctor(
         str | None, Option(help="Identify the controller on this port, sending only ECHO, STAMP and VER.")
     ] = None,
     camera: Annotated[
-        str | None, Option(help=f"Take an image with this camera: {SELECTORS}", metavar="SELECTOR")
+        str | None, Option(help=f"Take an image with this camera: {SELECTORS} {TRIED}", metavar="SELECTOR")
     ] = None,
     cell: Annotated[
         Path | None, Option(help="Cell or task file to check; default: the built-in one.", metavar="CELL")

@@ -28,7 +28,7 @@ class FakeDevice:
         frozen, dead: frames equal each other to the bit; none comes any more.
         damaged: number of frames that are yet to be damaged.
         hangs: names of calls that do not return until `free` is set.
-        slow: what a frame takes to be read, s.
+        slow, opening: what a frame takes to be read, and the device to be opened, s.
     """
 
     PERIOD_S, QUEUE = 0.005, 4
@@ -44,7 +44,7 @@ class FakeDevice:
         self.properties: dict[int, float] = {}
         self.fixed: set[int] = set()
         self.frozen = self.dead = False
-        self.damaged, self.slow = 0, 0.0
+        self.damaged, self.slow, self.opening = 0, 0.0, 0.0
         self.hangs: set[str] = set()
         self.free = threading.Event()
         self.released = False
@@ -88,6 +88,7 @@ class FakeDevice:
 
     def open(self, *arguments: Any) -> bool:
         self.opened = arguments
+        time.sleep(self.opening)
         self._hang("open")
         return not self.dead
 

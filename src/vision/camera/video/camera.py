@@ -12,7 +12,8 @@ from typing import Any, Self
 from arm.errors import CameraError
 from vision.camera.deadline_worker import T, Worker
 from vision.camera.frame_source import Image
-from vision.camera.video.reader import Frame, FrameReader, grey
+from vision.camera.video.network import why_no_stream
+from vision.camera.video.reader import Frame, FrameReader, keep_coded, retrieve
 from vision.camera.video.selector import COUNTED, read_video
 from vision.camera.video.settings import VideoSettings, set_device
 
@@ -64,6 +65,7 @@ class VideoCamera:
         self._worker: Worker | None = None
         self._reader: FrameReader | None = None
         self._last: Image | None = None
+        self._opened, self._coded = 0.0, False
 
     # -- opening and closing
 
@@ -128,6 +130,10 @@ class VideoCamera:
         import cv2
 
         chosen, timeout_ms = self.selector, max(1, round(1e3 * self.settings.timeout))
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # the error says it in one line
+        if "OPENCV_LOG_LEVEL" not in os.environ:
+            cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+        self._opened = time.monotonic()
         device = cv2.VideoCapture()
         if chosen.kind == "device":
             backend = cv2.CAP_V4L2 if sys.platform.startswith("linux") else cv2.CAP_ANY
@@ -135,17 +141,19 @@ class VideoCamera:
         else:
             limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, round(1e3 * OPEN_S / 2.0)]
             limits += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms]
+            limits += [cv2.CAP_PROP_N_THREADS, 1]  # each further thread of a decoder delays it by a frame
             opened = device.open(chosen.source, cv2.CAP_FFMPEG, limits)
         if not opened:
-            reason, rule = {
-                "device": ("in use", "cannot be opened: another program has it open, or it takes no images"),
-                "stream": (
-                    "missing",
-                    "no stream comes from there; check address, path, user name and password",
-                ),
-                "file": ("missing", "cannot be read as a video"),
-            }[chosen.kind]
-            raise self._error(reason, rule)
+            if chosen.kind == "device":
+                rule = "cannot be opened: another program has it open, or it takes no images"
+                raise self._error("in use", rule)
+            waited_s = time.monotonic() - self._opened
+            rule = (
+                "cannot be read as a video"
+                if chosen.kind == "file"
+                else why_no_stream(chosen.source, waited_s, OPEN_S / 2.0)
+            )
+            raise self._error("missing", rule)
         self.device = device
         device.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # pixels as of the sensor, as for images from files
         if chosen.kind == "stream" and device.get(cv2.CAP_PROP_FRAME_COUNT) > 0.0:
@@ -154,17 +162,20 @@ class VideoCamera:
             self.doubts = set_device(device, self.settings, self._size, self._refused)
             for doubt in self.doubts:
                 self._tell(f"camera {chosen}: {doubt}")
-        elif chosen.kind == "stream" and (key := self.settings.first_of_device()) is not None:
-            raise self._refused(key, None, "a stream has no such setting here; set it in the camera itself")
+        elif chosen.kind == "stream":
+            if (key := self.settings.first_of_device()) is not None:
+                raise self._refused(
+                    key, None, "a stream has no such setting here; set it in the camera itself"
+                )
+            self._coded = keep_coded(device)
 
     def _first(self) -> Image:
         for _ in range(1 + FAILED_FRAMES):
             if not self.device.grab():
                 break
-            decoded, raw = self.device.retrieve()
-            if decoded and raw is not None:
-                return grey(raw)
-        rule = "opened, but gives no frame; is it a camera, and can its cable carry the size?"
+            if (image := retrieve(self.device, self._coded)) is not None:
+                return image
+        rule = "opened, but gives no frame; is it a camera, and can its cable or network carry the size?"
         raise self._error("removed", rule)
 
     def _describe(self, first: Image) -> None:
@@ -181,11 +192,18 @@ class VideoCamera:
             raise self._error("closed", "is not open")
         use = self.settings.stamps
         use_stamps = self.selector.scheme not in COUNTED if use is None else use
-        reader = FrameReader(self.device, use_stamps, self.selector.kind == "device", first)
+        reader = FrameReader(
+            self.device, use_stamps, self.selector.kind == "device", first, self._opened, self._coded
+        )
         self._reader = reader
         self._worker.begin(reader.run)
-        if reader.next(0, time.monotonic() + self.settings.timeout + MARGIN_S) is None:
-            raise self._late(reader, [])
+        begun, number = time.monotonic(), 0
+        queued: list[Frame] = []
+        until = begun + max(begun - self._opened, self.settings.timeout) + MARGIN_S
+        while (frame := reader.next(number, until)) is not None and frame.taken < begun:
+            number, queued = frame.number, [frame]
+        if frame is None:
+            raise self._late(reader, queued)
         if not reader.stamped:
             latency = self.settings.latency_of(self.selector)
             self.doubts += (
@@ -246,10 +264,8 @@ class VideoCamera:
         while True:
             if not self.device.grab():
                 raise self._error("ended", "the recording has no more frames")
-            decoded, raw = self.device.retrieve()
-            if decoded and raw is not None:
+            if (image := retrieve(self.device, self._coded)) is not None:
                 break
-        image = grey(raw)
         self._require_size(image)
         return image
 
@@ -265,9 +281,14 @@ class VideoCamera:
         if unfit:
             late = max(frame.received - frame.taken for frame in unfit)
             rule = (
-                f"its frames arrive up to {late:.2f} s late by their time stamps, so that none was surely taken after "
-                "the request; if its stamps are not those of a clock, write stamps = false under [look.video]"
+                f"its frames may be up to {late:.2f} s old: it paused, and what was held back then comes first; is its "
+                "network good? a larger timeout_s under [look.video] waits longer"
             )
+            if reader.stamped:
+                rule = (
+                    f"its frames arrive up to {late:.2f} s late by their time stamps, so that none was surely taken "
+                    "after the request; if its stamps are not those of a clock, write stamps = false under [look.video]"
+                )
             return self._error("stale", rule, late_s=late)
         # the driver's call is waiting for a frame: does it return at all?
         again = reader.next(reader.last_number(), time.monotonic() + MARGIN_S)

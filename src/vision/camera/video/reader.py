@@ -2,6 +2,8 @@
 
 Drivers queue frames: V4L2 keeps four buffers, a network stream keeps what the sender and the sockets hold. A frame that
 is read from a queue shows the past. So a thread reads all the time; a frame is as old as the transport, and no older.
+A transport that paused may have held frames back, which then come in a burst: `Lateness` tells by the time stamps,
+`Pauses` without them.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -75,6 +77,28 @@ class Lateness:
         return max(offset, 0.0) if self.host else offset - self._least
 
 
+@dataclass
+class Pauses:
+    """How late a frame without time stamp may be: by the sum of the pauses that ended less than their own length ago.
+
+    What was held back for a pause has come after a further pause of that length, if the line carries at least twice
+    what the camera sends. Steady frames are late by at most one period or two: each may be from right after the last.
+
+    Attributes:
+        last: arrival of the last frame, s; at first, when opening began, as frames may wait since then; None: unknown.
+    """
+
+    last: float | None
+    _open: list[tuple[float, float]] = field(default_factory=list)
+
+    def of(self, received: float) -> float:
+        """Return by how much a frame that arrived at `received`, s, may be late, s."""
+        pause = 0.0 if self.last is None else received - self.last
+        self.last = received
+        self._open = [(end, s) for end, s in self._open if end > received] + [(received + pause, pause)]
+        return sum(s for _, s in self._open)
+
+
 class FrameReader:
     """Reads a source until told to stop; keeps the last frame. `run` is for a thread of its own.
 
@@ -89,6 +113,8 @@ class FrameReader:
         use_stamps: bool,
         local: bool,
         first: Image | None = None,
+        opened: float | None = None,
+        coded: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """
@@ -97,16 +123,20 @@ class FrameReader:
             use_stamps: whether its time stamps are those of a clock.
             local: whether it is a device of this machine, which stamps by the host's clock.
             first: image taken before; the first one read must differ from it.
+            opened: when opening began, s of `clock`, as frames may wait since then; None: none wait.
+            coded: whether the device hands out JPEG images as they were sent.
             clock: s.
         """
         self.fault: tuple[str, str] | None = None
         self._device, self._use_stamps, self._local, self._clock = device, use_stamps, local, clock
+        self._coded, self._opened = coded, opened
+        self._settled: float | None = None  # when those that waited since opening have come, s
         self._changed = threading.Condition()
         self._wanted = self._stopped = False
         self._frame: Frame | None = None
         self._number = 0
         self._image = first
-        self._lateness = Lateness()
+        self._lateness, self._pauses = Lateness(), Pauses(opened)
 
     @property
     def stamped(self) -> bool:
@@ -147,10 +177,13 @@ class FrameReader:
             return None if self.fault is not None else self._frame
 
     def _read(self, position: int) -> None:
+        asked = self._clock()
         if not self._device.grab():
-            self._end(
-                "removed", "sends no more frames: it was unplugged, its stream ended, or its network is lost"
+            words = (
+                "sends no more frames: it was unplugged, its stream ended, or its network is lost; nothing came for "
+                f"{self._clock() - asked:.1f} s, and a stream has timeout_s; start again when it sends"
             )
+            self._end("removed", words)
             return
         received = self._clock()
         taken = self._taken(received, 1e-3 * float(self._device.get(position)) if self._use_stamps else 0.0)
@@ -158,8 +191,7 @@ class FrameReader:
             return
         image, repeats, wanted = None, False, self._wanted
         if wanted:
-            decoded, raw = self._device.retrieve()
-            image = grey(raw) if decoded and raw is not None else None
+            image = retrieve(self._device, self._coded)
             if image is not None:
                 repeats = self._image is not None and np.array_equal(image, self._image)
                 self._image = image
@@ -172,8 +204,11 @@ class FrameReader:
             self._changed.notify_all()
 
     def _taken(self, received: float, stamp: float) -> float | None:
+        if self._settled is None:
+            self._settled = received + (0.0 if self._opened is None else received - self._opened)
+        paused = self._pauses.of(received)
         if stamp <= 0.0 and not self.stamped:
-            return received
+            return received - paused
         late = self._lateness.of(received, stamp, self._local)
         if late is None:
             self._end(
@@ -182,12 +217,45 @@ class FrameReader:
                 "if its stamps are not those of a clock, write stamps = false under [look.video]",
             )
             return None
-        return received - late
+        opening = received < self._settled and not self._lateness.host  # the promptest frame is not yet known
+        return received - (max(late, paused) if opening else late)
 
     def _end(self, reason: str, words: str) -> None:
         with self._changed:
             self.fault = (reason, words)
             self._changed.notify_all()
+
+
+def keep_coded(device: Any) -> bool:
+    """Make a stream of JPEG images hand them out as they were sent, before its first frame; return whether it does.
+
+    OpenCV would decode each frame, wanted or not, and scale frames of another size to the first one's.
+    """
+    import cv2
+
+    is_jpeg = device.get(cv2.CAP_PROP_FOURCC) == cv2.VideoWriter.fourcc(*"MJPG")
+    return is_jpeg and bool(device.set(cv2.CAP_PROP_FORMAT, -1.0))
+
+
+def retrieve(device: Any, coded: bool = False) -> Image | None:
+    """The frame that a device has read, as grey (h, w); None if it cannot be decoded.
+
+    Args:
+        device: OpenCV's VideoCapture.
+        coded: whether it hands out JPEG images as they were sent.
+
+    Raises:
+        ValueError: it is neither 8-bit grey nor 8-bit BGR.
+    """
+    import cv2
+
+    decoded, raw = device.retrieve()
+    if not decoded or raw is None:
+        return None
+    if not coded:
+        return grey(raw)
+    image = cv2.imdecode(raw.ravel(), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
 def grey(raw: npt.NDArray[Any]) -> Image:

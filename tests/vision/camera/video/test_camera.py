@@ -79,6 +79,22 @@ def test_without_stamps_the_latency_guards(monkeypatch: pytest.MonkeyPatch) -> N
         assert any("no time stamps of use: only latency_s = 0.5" in doubt for doubt in camera.doubts)
 
 
+def test_a_source_that_opens_slowly_is_ready_when_it_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = plugged(monkeypatch, FakeDevice(""))
+    device.opening = 0.5  # what waited meanwhile does not count, nor does the first look wait for it
+    with VideoCamera(STREAM, VideoSettings(latency=0.05, timeout=0.4)) as camera:
+        assert len(camera.grab(1)) == 1
+
+
+def test_what_waited_while_it_was_opened_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    device = plugged(monkeypatch, FakeDevice(""))
+    device.opening, device.slow = 0.5, 0.002
+    device.hold(0.6)  # some hundred frames, which take longer to be read than the latency
+    with VideoCamera(STREAM, VideoSettings(latency=0.01, timeout=5.0)) as camera:
+        device.show(2)
+        assert {scene_of(image) for image in camera.grab(5)} == {2}
+
+
 def test_a_frozen_stream_is_stale(device: FakeDevice) -> None:
     with VideoCamera(DEVICE, QUICK) as camera:
         assert len(camera.grab(1)) == 1
@@ -157,7 +173,10 @@ def test_a_release_that_hangs_is_told(device: FakeDevice) -> None:
     device.free.set()
 
 
-def test_a_source_that_cannot_be_opened_is_told(device: FakeDevice, tmp_path: Path) -> None:
+def test_a_source_that_cannot_be_opened_is_told(
+    device: FakeDevice, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(video, "why_no_stream", lambda url, waited, deadline: f"{deadline:g} s")
     assert "/dev/video9x: not found" in not_opened("video:/dev/video9x", QUICK, "missing")
     assert "no such video file" in not_opened(f"video:{tmp_path / 'no.avi'}", QUICK, "missing")
     assert "are needed" in not_opened(DEVICE, QUICK, "size", (64, 48))
@@ -166,7 +185,7 @@ def test_a_source_that_cannot_be_opened_is_told(device: FakeDevice, tmp_path: Pa
     device.dead = True
     assert "another program has it open" in not_opened(DEVICE, QUICK, "in use")
     told = not_opened(STREAM, QUICK, "missing")
-    assert told.startswith("camera video:rtsp://***@camera/1: no stream comes from there")
+    assert told.startswith("camera video:rtsp://***@camera/1: 10 s")
 
 
 def test_a_device_that_one_may_not_open_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,7 +199,14 @@ def test_streams_have_limits_for_opening_and_reading(device: FakeDevice) -> None
         assert "compression can shift edges" in " ".join(camera.doubts)
     source, backend, limits = device.opened
     assert (source, backend) == ("rtsp://me:secret@camera/1", cv2.CAP_FFMPEG)
-    assert limits == [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 10000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 300]
+    assert limits == [
+        cv2.CAP_PROP_OPEN_TIMEOUT_MSEC,
+        10000,
+        cv2.CAP_PROP_READ_TIMEOUT_MSEC,
+        300,
+        cv2.CAP_PROP_N_THREADS,
+        1,
+    ]
     for settings in (
         VideoSettings(gain=3.0),
         VideoSettings(exposure=0.01),

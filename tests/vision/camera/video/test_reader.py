@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from vision.camera.frame_source import Image
-from vision.camera.video.reader import Frame, FrameReader, Lateness, grey
+from vision.camera.video.reader import Frame, FrameReader, Lateness, Pauses, grey, keep_coded, retrieve
 
 NOISE = np.random.default_rng(0).integers(0, 256, (4, 6, 8), dtype=np.uint8)
 
@@ -79,8 +80,11 @@ def test_stamps_of_the_hosts_own_clock_are_absolute() -> None:
 
 def test_without_stamps_a_frame_is_dated_by_its_arrival() -> None:
     for stamps, used in (((0.0, 0.0), True), ((9.0, 9.0), False)):
-        script = Script((1.0, stamps[0], NOISE[0]), (2.0, stamps[1], NOISE[1]))
-        assert [(f.received, f.taken) for f in frames_of(script, use_stamps=used)] == [(1.0, 1.0), (2.0, 2.0)]
+        script = Script(
+            (1.0, stamps[0], NOISE[0]), (1.1, stamps[1], NOISE[1])
+        )  # as late as the first at most
+        found = [(frame.received, frame.taken) for frame in frames_of(script, use_stamps=used)]
+        assert found == [(1.0, 1.0), (1.1, pytest.approx(1.0))]
 
 
 @pytest.mark.parametrize("second", [40.0, 39.0, 0.0])
@@ -125,3 +129,55 @@ def test_colour_is_made_grey_and_other_forms_are_refused() -> None:
         reader.run()
         assert reader.fault is not None
         assert reader.fault[0] == "driver"
+
+
+def test_what_may_have_been_held_back_during_a_pause_is_late_for_as_long_again() -> None:
+    steady = [0.1 * n for n in range(10)]
+    burst = [2.0 + 0.01 * n for n in range(10)]  # after a pause of 1.1 s
+    pauses = Pauses(None)
+    late = [pauses.of(t) for t in [*steady, *burst, 3.0, 3.15, 3.2]]
+    assert max(late[:10]) < 0.25
+    assert late[10:20] == pytest.approx([1.1] + [1.11] * 9, abs=0.02)
+    assert late[20] > 1.1
+    assert late[21] == pytest.approx(0.15 + 0.91)  # the pause of 0.91 s has ended less than that ago
+    assert pauses.of(4.2) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("use_stamps", [True, False])
+def test_what_waited_while_the_source_was_opened_is_late(use_stamps: bool) -> None:
+    queued = ((2.0, 1000.0, NOISE[0]), (2.01, 1100.0, NOISE[1]), (2.02, 1200.0, NOISE[2]))
+    script = Script(*queued, *((2.0 + 0.1 * n, 1900.0 + 100.0 * n, NOISE[n % 2]) for n in range(1, 40)))
+    found = frames_of(script, use_stamps=use_stamps, opened=1.0)
+    assert all(frame.taken <= 1.03 for frame in found[:3])
+    assert all(frame.received - frame.taken < 0.25 for frame in found[-15:])
+
+
+class Coded:
+    """A stream that hands out one JPEG image as it was sent."""
+
+    def __init__(self, data: bytes, fourcc: str = "MJPG") -> None:
+        self.data, self.fourcc, self.made = data, fourcc, {}
+
+    def get(self, code: int) -> float:
+        return float(cv2.VideoWriter.fourcc(*self.fourcc)) if code == cv2.CAP_PROP_FOURCC else -1.0
+
+    def set(self, code: int, value: float) -> bool:
+        self.made[code] = value
+        return True
+
+    def retrieve(self) -> tuple[bool, Image]:
+        return True, np.frombuffer(self.data, dtype=np.uint8)[None]
+
+
+def test_jpeg_images_are_decoded_by_us_and_cut_ones_are_damaged() -> None:
+    encoded, image = cv2.imencode(".jpg", np.kron(NOISE[0], np.ones((16, 16), np.uint8)))
+    assert encoded
+    stream, data = Coded(image.tobytes()), image.tobytes()
+    assert keep_coded(stream)
+    assert stream.made == {cv2.CAP_PROP_FORMAT: -1.0}
+    np.testing.assert_array_equal(retrieve(stream, coded=True), cv2.imdecode(image, cv2.IMREAD_GRAYSCALE))
+    assert retrieve(Coded(data[: len(data) * 2 // 3]), coded=True) is None
+    assert retrieve(Coded(b"no image" + data[-2:]), coded=True) is None
+    other = Coded(b"", "H264")
+    assert not keep_coded(other)
+    assert not other.made
