@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 from pathlib import Path
 
 TESTS = Path(__file__).parent
@@ -71,3 +73,12 @@ def test_files_and_folders_of_tests_are_as_small_as_those_of_src() -> None:
     for path in files:
         counts[path.parent] += 1
     assert {str(folder.relative_to(TESTS)): n for folder, n in counts.items() if n > MOST_FILES} == {}
+
+
+def test_no_docstring_has_a_word_that_the_pages_take_for_a_link() -> None:
+    """A word that ends with an underscore is a reference in reStructuredText; `make docs` fails for it."""
+    for file in sorted(SRC.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
+                text = re.sub(r"``.*?``|`.*?`", "", ast.get_docstring(node) or "", flags=re.DOTALL)
+                assert not re.findall(r"\b\w+_(?!\w)", text), f"{file.relative_to(SRC)}: {text}"

@@ -81,7 +81,7 @@ class MarkerPrint:
 
 
 def family(dictionary: str) -> str:
-    """Name of the dictionaries whose first markers are the same, such as DICT_4X4_; its own name if there are none."""
+    """Name of the dictionaries with the same first markers, such as ``DICT_4X4_``; its own name if there are none."""
     match = _FAMILY.match(dictionary)
     return match[0] if match else dictionary
 

@@ -29,7 +29,7 @@ class VideoSettings:
             a device, 2 for a stream.
         timeout: for a frame, s.
         stamps: whether time stamps are those of a clock; None: yes, but not those of HTTP.
-        features: other properties of OpenCV's, by their names without CAP_PROP_, made in this order.
+        features: other properties of OpenCV's, by their names without ``CAP_PROP_``, made in this order.
     """
 
     size: tuple[int, int] | None = None
