@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -34,6 +36,15 @@ FLAT = 2.0  # times the strength of noise, which a feature exceeds
 FEWEST = 24  # features of a usable background
 _FORMAT = 1
 _SIDE = 2 * HALF + 1
+_LARGEST = 1_000_000  # bytes of an array in a file; `MOST` patches have 265,000
+_MEMBERS: dict[str, tuple[str, tuple[int | None, ...]]] = {
+    "format": ("iu", ()),
+    "points_px": ("f", (None, 2)),
+    "patches": ("f", (None, _SIDE, _SIDE)),
+    "size_px": ("iu", (2,)),
+    "camera": ("U", ()),
+}
+"""Kinds of numpy types and shapes of the arrays in a file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,18 +192,61 @@ def read_background(file: Path, camera: Camera) -> Background:
         InputError: it cannot be read, is none, or was taken for another calibration.
     """
     try:
-        with np.load(io.BytesIO(read_bytes(file, "background")), allow_pickle=False) as data:
-            points, patches = data["points_px"].astype(float), data["patches"].astype(np.float32)
-            size, digest = tuple(data["size_px"].tolist()), str(data["camera"])
-            known = int(data["format"]) == _FORMAT
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(io.BytesIO(read_bytes(file, "background"))) as archive:
+            read = {key: _member(archive, key, *of) for key, of in _MEMBERS.items()}
+    # what zipfile raises for damaged, encrypted and unknown data
+    except (ValueError, KeyError, EOFError, OSError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
         raise InputError(f"{file}: is no background that a465 wrote ({error})", file=str(file)) from error
-    if not known or patches.shape != (len(points), _SIDE, _SIDE) or not np.isfinite(points).all():
-        raise InputError(f"{file}: is no background of this version; take it again", file=str(file))
+    if int(read["format"]) != _FORMAT:
+        raise InputError(
+            f"{file}: format is {int(read['format'])}, must be {_FORMAT}: take a new background",
+            file=str(file),
+        )
+    size, digest = (int(read["size_px"][0]), int(read["size_px"][1])), str(read["camera"])
     if (size, digest) != (camera.size, camera.digest):
         raise InputError(
             f"{file}: was taken for another calibration of the camera (lens, pose or image size); take it again with "
             "`a465 calibrate background`",
             file=str(file),
         )
-    return Background(points, patches, (size[0], size[1]), digest)
+    points, patches = read["points_px"].astype(float), read["patches"].astype(np.float32)
+    if (broken := _broken(points, patches, size)) is not None:
+        raise InputError(f"{file}: {broken}; take a new background", file=str(file))
+    return Background(points, patches, size, digest)
+
+
+def _member(
+    archive: zipfile.ZipFile, key: str, kinds: str, shape: tuple[int | None, ...]
+) -> npt.NDArray[Any]:
+    """Read one array of a background, after its length, type and shape were checked.
+
+    Raises:
+        ValueError: it is not as `write_background` writes it.
+    """
+    with archive.open(f"{key}.npy") as member:
+        data = io.BytesIO(member.read(_LARGEST + 1))
+    if len(data.getvalue()) > _LARGEST:
+        raise ValueError(f"{key} has more than {_LARGEST} bytes")
+    version = np.lib.format.read_magic(data)
+    if version != (1, 0):
+        raise ValueError(f"{key} is written in version {version} of numpy's format, must be (1, 0)")
+    there, _, dtype = np.lib.format.read_array_header_1_0(data)
+    fits = len(there) == len(shape) and all(
+        n >= 0 and w in (None, n) for n, w in zip(there, shape, strict=True)
+    )
+    if not fits or dtype.kind not in kinds or dtype.itemsize * int(np.prod(there, dtype=object)) > _LARGEST:
+        raise ValueError(f"{key} is an array {there} of {dtype}")
+    data.seek(0)
+    return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
+
+
+def _broken(points: Array, patches: Floats, size: tuple[int, int]) -> str | None:
+    """Return which key of a background is not as `background_features` makes it, or None."""
+    if len(points) != len(patches) or not FEWEST <= len(points) <= MOST:
+        return f"points_px has {len(points)} and patches {len(patches)} features, must be {FEWEST} to {MOST} of both"
+    within = (points >= 0.0) & (points < size)
+    if not within.all() or len(np.unique(points, axis=0)) < len(points):
+        return "points_px must be different places in the image"
+    if not (np.abs(patches) <= 255.0).all() or (np.ptp(patches, axis=(1, 2)) == 0.0).any():
+        return "patches must have grey levels from -255 to 255, in none all the same"
+    return None

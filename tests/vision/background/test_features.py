@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,4 +78,86 @@ def test_a_background_of_another_calibration_is_refused(
 def test_what_is_no_background_is_refused(data: bytes, camera: Camera, tmp_path: Path) -> None:
     (file := tmp_path / "background.npz").write_bytes(data)
     with pytest.raises(InputError, match="is no background"):
+        read_background(file, camera)
+
+
+def _arrays(background: Background, folder: Path) -> dict[str, Any]:
+    write_background(file := folder / "sound.npz", background)
+    with np.load(file) as data:
+        return dict(data)
+
+
+def _every(n: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
+    def changed(array: np.ndarray) -> np.ndarray:
+        array = array.copy()
+        array[::n] = value
+        return array
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "said"),
+    [
+        ("format", lambda _: np.array(2), "format is 2, must be 1"),
+        ("format", lambda _: np.array(np.inf), "format is an array"),
+        ("format", lambda _: np.array([1, 1]), "format is an array"),
+        ("size_px", lambda _: np.array(5), "size_px is an array"),
+        ("points_px", lambda _: np.array(5.0), "points_px is an array"),
+        ("points_px", lambda a: a[:, 0], "points_px is an array"),
+        ("points_px", lambda a: np.hstack([a, a[:, :1]]), "points_px is an array"),
+        ("points_px", lambda a: a.astype(complex), "points_px is an array"),
+        ("points_px", lambda a: a[:-1], "points_px has .* and patches .* features"),
+        ("points_px", lambda a: np.zeros_like(a), "points_px must be different places in the image"),
+        ("points_px", _every(2, np.nan), "points_px must be different places in the image"),
+        ("points_px", _every(7, 5000.0), "points_px must be different places in the image"),
+        ("patches", _every(2, np.nan), "patches must have grey levels"),
+        ("patches", _every(1, 0.0), "patches must have grey levels"),
+        ("patches", lambda a: 1e30 * a.astype(float), "patches must have grey levels"),
+        ("patches", lambda a: np.zeros((30_000, 21, 21), np.float16), "patches has more than 1000000 bytes"),
+        ("camera", lambda _: np.array([None], dtype=object), "camera is an array|Object arrays"),
+    ],
+)
+def test_a_background_with_a_wrong_array_is_refused_by_its_key(
+    background: Background,
+    camera: Camera,
+    tmp_path: Path,
+    key: str,
+    change: Callable[[np.ndarray], np.ndarray],
+    said: str,
+) -> None:
+    arrays = _arrays(background, tmp_path)
+    np.savez_compressed(file := tmp_path / "background.npz", **{**arrays, key: change(arrays[key])})
+    with pytest.raises(InputError, match=said):
+        read_background(file, camera)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_damaged_background_is_refused(
+    background: Background, camera: Camera, tmp_path: Path, seed: int
+) -> None:
+    """Any bytes may be wrong: of the archive, of what is packed in it, of a header."""
+    write_background(file := tmp_path / "background.npz", background)
+    rng, data = np.random.default_rng(seed), bytearray(file.read_bytes())
+    for at in rng.integers(0, len(data), 400):
+        data[at] ^= int(rng.integers(1, 256))
+    file.write_bytes(bytes(data))
+    with pytest.raises(InputError, match="background"):
+        read_background(file, camera)
+
+
+@pytest.mark.parametrize("shape", [10**12, 10**25, -1])
+def test_a_header_that_promises_too_much_reserves_nothing(
+    background: Background, camera: Camera, tmp_path: Path, shape: int
+) -> None:
+    promised = {"descr": "<f8", "fortran_order": False, "shape": (shape, 2)}
+    with zipfile.ZipFile(file := tmp_path / "background.npz", "w") as archive:
+        for key, array in _arrays(background, tmp_path).items():
+            data = io.BytesIO()
+            if key == "points_px":
+                np.lib.format.write_array_header_1_0(data, promised)
+            else:
+                np.lib.format.write_array(data, array)
+            archive.writestr(f"{key}.npy", data.getvalue())
+    with pytest.raises(InputError, match="points_px is an array"):
         read_background(file, camera)
