@@ -1,11 +1,11 @@
-"""Intrinsics from views of a target that lies flat, whose geometry hardly tells focal length from distance.
+"""Intrinsics from views of a target that lies flat, whose geometry hardly separates focal length from distance.
 
-Such views say little, and the covariance of least squares says too much: each view's tilt is found with an error of its
-own, and these errors look like tilts that would determine the focal length. Here all small effects are unknowns with a
-prior: the print is not to scale, paper is not flat, corners have errors common to all views, a lens has its principal
-point near the middle, and the tilts scatter about a mean by an amount that is found as well. The focal length has the
-marginal likelihood of all others (Laplace's approximation) over a grid, so its interval may be wide and asymmetric.
-If views are on a box of known height, the distances of the planes are observations: they determine the focal length.
+Such views hold little information, and the covariance of least squares is too small: each view's tilt has an error, and
+these errors look like tilts that would determine the focal length. Here all small effects are unknowns with a prior:
+the print is not to scale, paper is not flat, corners have errors common to all views, a lens has its principal point
+near the middle, and the tilts scatter about a mean by an amount that is found as well. The focal length has the
+marginal likelihood of all others (Laplace's approximation) over a grid, so its interval may be wide and asymmetric. If
+views are on a box of known height, the distances of the planes are observations: they determine the focal length.
 """
 
 from __future__ import annotations

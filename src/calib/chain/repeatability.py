@@ -1,4 +1,4 @@
-"""Fit an arm that scatters: its errors' sizes, wrong images and the parts of its model, found together.
+"""Fit an arm that scatters: estimate the sizes of its errors, its wrong images and the parts of its model together.
 
 A chain whose images disagree by more than corners explain has either a fault or an arm that does not repeat. A fault is
 one cause that explains the disagreement. The rest is scatter, which the fit then expects of every reading.

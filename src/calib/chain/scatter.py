@@ -2,7 +2,7 @@
 
 An arm that does not repeat comes to rest beside its reading, by an error of its own at every pose. Gears that run out
 of true and links that sag add errors that vary smoothly with the pose. Neither is a fault, and no image determines them
-one by one; but their sizes show in how far the images disagree (variance components, as in `calib.robot_world.reml`).
+one by one, but how far the images disagree shows their sizes (variance components, as in `calib.robot_world.reml`).
 
 Every image is reduced to the six degrees of freedom of its target's pose, which is all that it says about the arm. For
 given sizes the unknowns follow in closed form, so the likelihood with all of them integrated out costs milliseconds.

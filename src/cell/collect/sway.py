@@ -1,7 +1,7 @@
 """The camera's sway while a target is shown: images as the camera would have taken them before the first pose.
 
-A camera on a post sways and drifts by more than corners scatter. Without this, the hand-eye calibration takes its
-motion for scatter of the arm, or refuses a camera that moved.
+A camera on a post sways and drifts by more than the corners' noise. Without this correction, the hand-eye calibration
+takes the camera's motion for scatter of the arm, or refuses a camera that moved.
 """
 
 from __future__ import annotations

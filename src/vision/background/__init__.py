@@ -1,1 +1,1 @@
-"""The unmoving background in images: small features that show whether the camera has moved since its calibration."""
+"""The static background in images: small features that show whether the camera has moved since its calibration."""

@@ -1,4 +1,4 @@
-"""How far the camera has turned since its calibration, measured on the background; and images as it saw them before.
+"""Rotation of the camera since its calibration, measured on the background; resample images to the calibrated pose.
 
 A camera on a post sways: its image of a table that stands still shifts by up to some px from photograph to photograph.
 Features of the background (`vision.background.features`) are found in a new image, and one small rotation of the

@@ -1,4 +1,4 @@
-"""Features of the unmoving background: scratches, specks and edges, each kept as a small patch of the image.
+"""Features of the static background: scratches, specks and edges, each kept as a small patch of the image.
 
 They are chosen once, with the camera's calibration, and found again in later images (`vision.background.tracking`).
 Images are band-passed first, because shadows and changes of the light are smooth and would move features with them.

@@ -1,4 +1,4 @@
-"""Why no stream comes from a URL, as far as a plain connection tells."""
+"""Why no stream comes from a URL, as far as a plain connection shows."""
 
 from __future__ import annotations
 
