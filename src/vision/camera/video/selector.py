@@ -46,7 +46,7 @@ class VideoSelector:
         return Path(f"/dev/video{self.source}" if self.source.isdigit() else self.source)
 
     def __str__(self) -> str:
-        shown = hide_credentials(self.source) if self.kind == "stream" else self.source
+        shown = hide_credentials(self.source)
         return f"{PREFIX}{shown}" + ("" if self.size is None else f"@{self.size[0]}x{self.size[1]}")
 
 

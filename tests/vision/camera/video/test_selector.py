@@ -60,6 +60,8 @@ def test_a_password_is_not_shown() -> None:
         ("video:rtsp://me:se@cret@host:554/a:b", "video:rtsp://***@host:554/a:b"),
         ("video:rtsp://host:554/a:b", "video:rtsp://host:554/a:b"),
         ("video:http://host/live?user=me&pwd=secret", "video:http://host/live?***"),
+        ("video:http:/me:secret@host/x", "video:***@host/x"),
+        ("video:clip@2.mp4", "video:clip@2.mp4"),
     ):
         selector = read_video(text)
         assert str(selector) == shown
