@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ FAILED_FRAMES = 2  # frames per look that could not be decoded and are taken aga
 OPEN_S = 20.0  # wall time for a step of opening
 CLOSE_S = 5.0
 MARGIN_S = 2.0  # wall time for a call of the driver beyond the time-out
+VIDEO_MAJOR = 81  # of every V4L2 device (Linux, Documentation/admin-guide/devices.txt)
 
 
 class VideoCamera:
@@ -111,7 +113,7 @@ class VideoCamera:
     def _require_there(self) -> None:
         chosen = self.selector
         if chosen.kind == "file" and not chosen.path.is_file():
-            raise self._error("missing", f"{chosen.path}: no such video file")
+            raise self._error("missing", f"{chosen.path}: {_no_camera(chosen.path) or 'no such video file'}")
         if chosen.kind != "device" or not sys.platform.startswith("linux"):
             return
         found = sorted(str(path) for path in Path("/dev").glob("video*"))
@@ -145,6 +147,8 @@ class VideoCamera:
             opened = device.open(chosen.source, cv2.CAP_FFMPEG, limits)
         if not opened:
             if chosen.kind == "device":
+                if rule := _no_camera(chosen.path):
+                    raise self._error("missing", rule)
                 rule = "cannot be opened: another program has it open, or it takes no images"
                 raise self._error("in use", rule)
             waited_s = time.monotonic() - self._opened
@@ -338,3 +342,20 @@ class VideoCamera:
 
     def _error(self, reason: str, rule: str, **data: Any) -> CameraError:
         return CameraError(self.selector, reason, rule, **data)
+
+
+def _no_camera(path: Path) -> str:
+    """Say what a path that exists is, if it is no video file or camera; else ""."""
+    if not path.exists():
+        return ""
+    found = path.stat()
+    is_other = sys.platform.startswith("linux") and os.major(found.st_rdev) != VIDEO_MAJOR
+    kinds = (
+        (stat.S_ISDIR, "a directory"),
+        (stat.S_ISFIFO, "a pipe"),
+        (stat.S_ISSOCK, "a socket"),
+        (stat.S_ISBLK, "a block device"),
+        (lambda mode: stat.S_ISCHR(mode) and is_other, "a character device that is no camera"),
+    )
+    kind = next((words for is_one, words in kinds if is_one(found.st_mode)), "")
+    return f"is no video file or camera: {kind}" if kind else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -177,9 +178,28 @@ def test_a_source_that_cannot_be_opened_is_told(
     device.properties[cv2.CAP_PROP_FRAME_COUNT] = 300.0
     assert "is a recording that is sent over the network" in not_opened(STREAM, QUICK, "stale")
     device.dead = True
+    monkeypatch.setattr(video, "VIDEO_MAJOR", os.major(os.stat("/dev/null").st_rdev))
     assert "another program has it open" in not_opened(DEVICE, QUICK, "in use")
     told = not_opened(STREAM, QUICK, "missing")
     assert told.startswith("camera video:rtsp://***@camera/1: 10 s")
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("", "a directory"),
+        ("pipe", "a pipe"),
+        ("/dev", "a directory"),
+        ("/dev/null", "a character device that is no camera"),
+    ],
+)
+def test_what_exists_and_is_no_camera_is_named(
+    device: FakeDevice, tmp_path: Path, path: str, kind: str
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    device.dead = True
+    said = not_opened(f"video:{tmp_path / path}", QUICK, "missing")
+    assert said.endswith(f"is no video file or camera: {kind}")
 
 
 def test_a_device_that_one_may_not_open_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
