@@ -16,7 +16,7 @@ import numpy as np
 
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import numbers, rigid, table, text
+from arm.io.rules import covariance_matrix, numbers, rigid, table, text
 from arm.io.storage import sha256, write_atomic
 from arm.io.toml_writer import toml_lines, toml_rows
 from arm.robot.link_errors import LinkErrors
@@ -86,6 +86,13 @@ def _links(unit: str, largest: float) -> Rule[Array]:
     return numbers(6, unit, -largest, largest)
 
 
+def _intrinsics(node: Node) -> Array:
+    values = numbers(9).read(node)
+    if values[:2].min() <= 0.0:
+        raise node.error("must be [fx, fy, cx, cy, k1, k2, p1, p2, k3] with fx, fy above 0")
+    return values
+
+
 class CalibrationKeys(Keys):
     """Keys of a calibration file."""
 
@@ -98,9 +105,9 @@ class CalibrationKeys(Keys):
     unit: str = key("unit", text(), "")
     lens: str = key("lens", text(), "")
     dh: str = key("dh", text(), "")
-    intrinsics: Array | None = key("intrinsics", numbers(9), None)
+    intrinsics: Array | None = key("intrinsics", Rule(numbers(9).words, _intrinsics), None)
     scatter: Array | None = key("joint_scatter_rad", numbers(6, "rad", 0.0, LARGEST_ZERO), None)
-    covariance: Array | None = key("covariance", numbers((sum(COVARIANCE), sum(COVARIANCE))), None)
+    covariance: Array | None = key("covariance", covariance_matrix(sum(COVARIANCE)), None)
     made: Mapping[str, Any] = key("made", Rule("a table", _made), {})
 
 

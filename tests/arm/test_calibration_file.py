@@ -89,6 +89,31 @@ def test_a_file_that_was_changed_by_hand_is_refused(tmp_path: Path, old: str, ne
     assert str(path) in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("changed", "key", "rule"),
+    [
+        ({"covariance": -np.eye(39)}, "covariance", "must be a covariance: 39 rows of 39 finite numbers"),
+        ({"covariance": np.eye(39) + 0.1 * np.eye(39, k=1)}, "covariance", "symmetric, without negative"),
+        (
+            {"intrinsics": np.zeros(9)},
+            "intrinsics",
+            "must be [fx, fy, cx, cy, k1, k2, p1, p2, k3] with fx, fy above 0",
+        ),
+        ({"intrinsics": np.array([4e3, -4e3, *[0.0] * 7])}, "intrinsics", "with fx, fy above 0"),
+    ],
+)
+def test_values_that_no_calibration_has_are_refused(
+    tmp_path: Path, changed: dict[str, np.ndarray], key: str, rule: str
+) -> None:
+    path = tmp_path / "c.toml"
+    write_arm_calibration(path, replace(FOUND, **changed))
+    with pytest.raises(FileInputError) as refused:
+        read_arm_calibration(path)
+    assert refused.value.data["key"] == key
+    assert rule in str(refused.value.data["rule"])
+    assert f"{path}: {key}" in str(refused.value)
+
+
 @pytest.mark.parametrize("which", range(3))
 @pytest.mark.parametrize("joint", range(6))
 def test_link_errors_of_a_single_kind_are_written(tmp_path: Path, which: int, joint: int) -> None:

@@ -18,6 +18,7 @@ from arm.se3 import Array, frozen, orthonormalised
 
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
+SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
 _SI: dict[str, Callable[[Any], Any]] = {
     "mm": lambda v: v / 1e3,
     "mm/s": lambda v: v / 1e3,
@@ -155,6 +156,37 @@ def rigid() -> Rule[Array]:
             raise node.error(str(error)) from error
 
     return Rule(matrix.words, read)
+
+
+def covariance_matrix(count: int) -> Rule[Array]:
+    """A covariance, (count, count); limits are relative to the standard deviations, because rows differ in unit."""
+    matrix = numbers((count, count))
+    words = f"a covariance: {matrix.words}, symmetric, without negative variances"
+
+    def read(node: Node) -> Array:
+        C = matrix.read(node)
+        scale = _scale(C)
+        correlations = C / np.where(scale > 0.0, scale, 1.0)
+        bounded = (np.abs(C) <= (1.0 + SLACK) * scale).all()  # also refuses a variance below 0
+        symmetric = np.abs(correlations - correlations.T).max() <= SLACK
+        if not (bounded and symmetric and np.linalg.eigvalsh(correlations)[0] >= -ROUNDING):
+            raise node.error(f"must be {words}")
+        return C
+
+    return Rule(words, read)
+
+
+def exceeds(part: Array, whole: Array) -> bool:
+    """Whether a covariance is larger than another one, of the same shape and units, in any direction (by 1e-6)."""
+    scale = _scale(whole)
+    left = ((1.0 + SLACK) * whole - part) / np.where(scale > 0.0, scale, 1.0)
+    return bool(np.linalg.eigvalsh(left)[0] < -ROUNDING)
+
+
+def _scale(C: Array) -> Array:
+    """Products of the standard deviations of rows and columns; 0 for a variance that is not above 0."""
+    std = np.sqrt(np.maximum(np.diag(C), 0.0))
+    return np.asarray(std[:, None] * std)
 
 
 def integer(low: int, high: int) -> Rule[int]:

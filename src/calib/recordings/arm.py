@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from arm.io.node import Node
-from arm.io.rules import line, number, numbers
+from arm.io.rules import covariance_matrix, line, number, numbers
 from arm.io.storage import write_atomic
 from arm.robot.dh import DhTable
 from arm.se3 import Array, frozen
@@ -78,7 +78,7 @@ def read_arm_recording(path: Path) -> ArmRecording:
     others = [dh[key].read(numbers(len(d))) for key in ("a_m", "alpha_rad", "theta_offset_rad")]
     camera = read_recorded_camera(root["camera"])
     if "covariance" in root["camera"]:
-        camera = replace(camera, lens_covariance=root["camera"]["covariance"].read(numbers((9, 9))))
+        camera = replace(camera, lens_covariance=root["camera"]["covariance"].read(covariance_matrix(9)))
     points = target_points(root["target"]["points_m"], FEWEST_CORNERS, "points")
     poses = root["poses"].items()
     if not poses:

@@ -19,7 +19,7 @@ from arm.errors import InputError
 from arm.former import former_names
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integers, numbers, rigid, table, tables
+from arm.io.rules import covariance_matrix, integers, numbers, rigid, table, tables
 from arm.io.storage import sha256, write_atomic
 from arm.io.toml_writer import toml_lines, toml_rows
 from arm.se3 import Array, apply, frozen, inverse
@@ -165,7 +165,7 @@ class CameraKeys(Keys):
     size: tuple[int, ...] = key("intrinsics.size_px", integers(2, 16, 20000))
     K: Array = key("intrinsics.K_px", INTRINSIC_MATRIX)
     distortion: Array = key("intrinsics.distortion_k1k2p1p2k3", numbers(5))
-    covariance: Array | None = key("intrinsics.covariance", numbers((9, 9)), None)
+    covariance: Array | None = key("intrinsics.covariance", covariance_matrix(9), None)
     region: Region | None = key("intrinsics.region_px", REGION, None)
     T_base_camera: Array | None = key("pose.T_base_camera", rigid(), None)
     calibration: Mapping[str, Any] = key("calibration", table(), {})

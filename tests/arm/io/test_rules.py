@@ -7,7 +7,21 @@ import pytest
 
 from arm.errors import FileInputError
 from arm.io.node import Node
-from arm.io.rules import flag, integer, integers, number, numbers, path, rigid, table, tables, text, triple
+from arm.io.rules import (
+    covariance_matrix,
+    exceeds,
+    flag,
+    integer,
+    integers,
+    number,
+    numbers,
+    path,
+    rigid,
+    table,
+    tables,
+    text,
+    triple,
+)
 
 TEXT = """
 length_mm = 134.1
@@ -104,6 +118,62 @@ def test_bad_values_are_refused(root: Node, key: str, rule, message: str) -> Non
         root.get(key, rule)
     assert "t.toml" in str(error.value)
     assert {"file", "key", "value", "rule"} <= set(error.value.data)
+
+
+STD = np.array([1e-5, 1e-5, 1e2])  # m and px: the largest variance is 1e14 times the smallest
+CORRELATIONS = np.array([[1.0, 0.9, 0.3], [0.9, 1.0, 0.2], [0.3, 0.2, 1.0]])
+
+
+def covariance_with(row: int, column: int, correlation: float, both: bool = True) -> np.ndarray:
+    C = CORRELATIONS.copy()
+    C[row, column] = correlation
+    if both:
+        C[column, row] = correlation
+    return np.asarray(C * np.outer(STD, STD))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        -covariance_with(0, 0, 1.0),
+        np.diag([-1e-12, 1e-12, 4.0]),
+        np.array([[0.0, 1e-12, 0.0], [1e-12, 1e-12, 0.0], [0.0, 0.0, 4.0]]),  # no variance, but a correlation
+        covariance_with(0, 1, 0.9 + 2e-6, both=False),
+        covariance_with(0, 1, 1.0 + 2e-6),
+        covariance_with(0, 2, -0.3),  # each pair is possible, not the three: the least eigenvalue is -0.03
+        covariance_with(1, 2, 0.7),
+    ],
+)
+def test_what_is_no_covariance_is_refused(tmp_path: Path, rows: np.ndarray) -> None:
+    words = "t.toml: C = .*: must be a covariance: 3 rows of 3 finite numbers, symmetric, without negative variances"
+    with pytest.raises(FileInputError, match=words) as refused:
+        Node(tmp_path / "t.toml", "C", rows.tolist()).read(covariance_matrix(3))
+    assert refused.value.data["key"] == "C"
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        covariance_with(0, 0, 1.0),
+        covariance_with(0, 1, 0.9 + 1e-8, both=False),
+        np.zeros((3, 3)),
+        np.diag([1e-12, 0.0, 4.0]),
+        np.outer(STD, STD) * (1.0 + 1e-14 * np.eye(3)),
+        np.outer(STD, STD) * (1.0 - 1e-14 * np.eye(3)),
+    ],
+)
+def test_a_covariance_may_be_rounded_or_singular(tmp_path: Path, rows: np.ndarray) -> None:
+    assert Node(tmp_path, "C", rows.tolist()).read(covariance_matrix(3)).tolist() == rows.tolist()
+
+
+def test_a_covariance_exceeds_another_in_a_single_direction() -> None:
+    whole = covariance_with(0, 0, 1.0)
+    assert not exceeds(whole, whole)
+    assert exceeds(1.00001 * whole, whole)
+    least = np.array([1.0, -1.0, 0.0]) * STD  # variance 0.2, from 1 + 1 - 2 * 0.9
+    assert not exceeds(0.04 * np.outer(least, least), whole)
+    assert exceeds(0.06 * np.outer(least, least), whole)
+    assert not exceeds(np.diag([1e-12, 0.0, 4.0]), np.diag([1e-12, 0.0, 4.0]))
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), "1", None, True])

@@ -96,6 +96,10 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
             lambda v: v["poses"][3]["corners_px"].__setitem__(0, [None, None]),
             "poses[3].corners_px: must have at least 4 corners that are not null",
         ),
+        (
+            lambda v: v["camera"].update(covariance=(-np.eye(9)).tolist()),
+            "camera.covariance: must be a covariance: 9 rows of 9 finite numbers, symmetric, without negative",
+        ),
         (lambda v: v["camera"].pop("K_px"), "K_px"),
         (lambda v: v["camera"]["distortion_k1k2p1p2k3"].pop(), "distortion_k1k2p1p2k3"),
     ],

@@ -91,6 +91,18 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
             "01-02.repeatability.*must be 6 rows of 6 finite numbers",
         ),
         (lambda b: b.update(covariance=np.full((6, 6), 1e400).tolist()), "finite"),
+        *(
+            (
+                lambda b, k=key, C=C: b.update({k: C.tolist()}),
+                f"01-02.{key}: must be a covariance: 6 rows of 6",
+            )
+            for key in ("covariance", "repeatability")
+            for C in (-1e-6 * np.eye(6), 1e-8 * (np.eye(6) + 0.1 * np.eye(6, k=1)))
+        ),
+        (
+            lambda b: b.update(repeatability=(101.0 * np.array(b["covariance"])).tolist()),
+            "01-02.repeatability: must not exceed 100 times the board's covariance in any direction",
+        ),
         (lambda b: b.update(verdict="refused"), "verdict = 'refused': must be one of accepted"),
         (lambda b: b["holes"].reverse(), "in the order of the board's file"),
         (

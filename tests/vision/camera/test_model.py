@@ -90,6 +90,12 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         ("1.19294", "1192.94", "pose.T_base_camera.*1192.94 m from the base.*metres"),
         ("size_px", "size_pix", "did you mean|the file has intrinsics.size_pix"),
         ("[pose]", "region_px = [9, 0, 8, 7]\n[pose]", "intrinsics.region_px.*left < right and top < bottom"),
+        pytest.param(
+            "[pose]",
+            f"covariance = {np.diag([-1.0, *[1.0] * 8]).tolist()}\n[pose]",
+            "intrinsics.covariance: must be a covariance: 9 rows of 9 finite numbers, symmetric",
+            id="covariance",
+        ),
         ("[pose]", "[place]", "pose"),
         ("[calibration]", "[calibraton]", "calibraton.*not a known key"),
     ],
