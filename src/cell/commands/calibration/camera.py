@@ -25,7 +25,8 @@ from vision.markers.exposure import darkness
 from vision.targets.target import Target, TargetFinder, read_target
 
 HOLDABLE = NAMES[4:]
-_LIFT = re.compile(r"(.+)=(\d+(?:\.\d+)?)(?:\+-(\d+(?:\.\d+)?))?")
+_LIFT = re.compile(r"(.+)=([^=]+?)(?:\+-([^=]+))?")
+_MM = re.compile(r"\d{1,9}(?:\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -85,11 +86,15 @@ class LensOptions(ResultOptions):
             size: of the images, px.
 
         Raises:
-            InputError: it is empty, or not in the image.
+            InputError: it is empty or inverted, or not in the image.
         """
         if self.work_region is None:
             return None
         left, top, right, bottom = self.work_region
+        for first, at, second, until in (("left", left, "right", right), ("top", top, "bottom", bottom)):
+            if not at < until:
+                rule = f"must be left, top, right and bottom: {first} {at:g} must be less than {second} {until:g}"
+                raise option_error("--work-region", list(self.work_region), rule)
         if not (0.0 <= left < right <= size[0] and 0.0 <= top < bottom <= size[1]):
             rule = f"must be left, top, right and bottom of a part of the image of {size[0]} x {size[1]} px"
             raise option_error("--work-region", list(self.work_region), rule)
@@ -102,7 +107,7 @@ class LensOptions(ResultOptions):
             names: of the images.
 
         Raises:
-            InputError: the form is wrong, or there is no such image.
+            InputError: the form or a number is wrong, or there is no such image.
         """
         found = {}
         for text in self.lift:
@@ -110,6 +115,10 @@ class LensOptions(ResultOptions):
             if match is None:
                 raise option_error("--lift", text, "must be IMAGE=HEIGHT_MM or IMAGE=HEIGHT_MM+-STD_MM")
             name, height, within = match.groups()
+            for what, number in (("height", height), ("standard deviation", within)):
+                if number is not None and not _MM.fullmatch(number):
+                    rule = f"its {what} {number} must be from 0 to 999999999 mm in digits, such as 50 or 30.5"
+                    raise option_error("--lift", text, rule)
             if name not in names:
                 raise option_error("--lift", text, f"must name an image of the folder, such as {names[0]}")
             found[name] = Lift(float(height) / 1e3, *([float(within) / 1e3] if within else []))

@@ -242,6 +242,35 @@ def test_heights_of_lifted_images_are_read_or_refused():
     assert (lifts["a.png"].height, lifts["a.png"].within) == (0.05, 0.2e-3)
     assert lifts["b=2.png"].height == pytest.approx(0.0305)
     assert lifts["b=2.png"].within == pytest.approx(1e-4)
-    for text, why in (("a.png", "must be IMAGE=HEIGHT_MM"), ("c.png=5", "must name an image of the folder")):
-        with pytest.raises(InputError, match=why):
-            LensOptions(lift=(text,)).lifts(["a.png"])
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a.png", "must be IMAGE=HEIGHT_MM"),
+        ("c.png=5", "must name an image of the folder"),
+        ("a.png=-5", "--lift a.png=-5: its height -5 must be from 0 to 999999999 mm in digits, such as 50"),
+        ("a.png=nan", "its height nan must be from 0"),
+        ("a.png=1e400", "its height 1e400 must be from 0"),
+        (f"a.png={'9' * 40}", "its height 9999.*must be from 0"),
+        ("a.png=5+--1", "its standard deviation -1 must be from 0"),
+    ],
+)
+def test_a_wrong_lift_is_refused_by_its_value(text: str, why: str) -> None:
+    with pytest.raises(InputError, match=why):
+        LensOptions(lift=(text,)).lifts(["a.png"])
+
+
+@pytest.mark.parametrize(
+    ("region", "why"),
+    [
+        (
+            (500.0, 500.0, 100.0, 900.0),
+            r"500.0, 100.0, 900.0\]: must be .*: left 500 must be less than right 100",
+        ),
+        ((100.0, 500.0, 500.0, 500.0), "top 500 must be less than bottom 500"),
+    ],
+)
+def test_an_inverted_region_is_called_so(region: tuple[float, float, float, float], why: str) -> None:
+    with pytest.raises(InputError, match=why):
+        LensOptions(work_region=region).region((960, 600))
