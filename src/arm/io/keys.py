@@ -86,8 +86,8 @@ def _unknown(node: Node, known: Sequence[str], prefix: str = "") -> Iterator[tup
     )
     for name in node.value if isinstance(node.value, dict) else ():
         one = node[name]
-        if isinstance(one.value, dict) and any(k.startswith(f"{prefix}{name}.") for k in known):
-            yield from _unknown(one, known, f"{prefix}{name}.")
+        if "." not in name and any(k.startswith(f"{prefix}{name}.") for k in known):
+            yield from _unknown(one, known, f"{prefix}{name}.")  # a value that is no table has none
         elif prefix + name not in known or "." in name:
             guess = difflib.get_close_matches(name, beside, n=1)
             before = one.key.removesuffix(name)

@@ -137,7 +137,8 @@ class Node:
     def _find(self, name: str) -> Node | None:
         """Return the value of a key (dotted in a table); None if it is missing."""
         if not isinstance(self.value, dict):
-            raise self.error("must be a table")
+            header = self.key and self.file.suffix == ".toml" and "[" not in self.key
+            raise self.error("must be a table" + (f" [{self.key}]" if header else ""))
         if name in self.value:
             return self._child(name, self.value[name])
         table, dot, rest = name.partition(".")

@@ -68,7 +68,12 @@ def test_declarations_are_the_keys_in_order() -> None:
         ),
         ({"frame.seats": 3}, r"frame.seats = 3: is not a known key"),
         ({"wheels": [{"radius_mm": 1}, {"radius_mm": 1, "x": 2}]}, r"wheels\[1\].x = 2: is not a known key"),
-        ({"frame": 3}, r"frame = 3: must be a table"),
+        ({"frame": 3}, r"frame = 3: must be a table \[frame\]$"),
+        ({"frame": [{"seats": 3}]}, r"frame = \[\{'seats': 3\}\]: must be a table \[frame\]$"),
+        (
+            {"frame": 3, "fram": 1},
+            r"must be a table \[frame\] \(fram is not a known key: did you mean frame\?\)$",
+        ),
         ({"frame": {}}, r"frame.length_mm: is missing; it must be a number in mm from 1 to 5000$"),
         (
             {"frame": {"lenght_mm": 3}},
