@@ -135,9 +135,9 @@ def _board_to_json(seen: ObservedBoard, T_base_camera: Array) -> dict[str, Any]:
 _TABLE = rule_of("a table", lambda v: isinstance(v, dict), lambda v: {str(k): str(w) for k, w in v.items()})
 _LIST = rule_of("a list", lambda v: isinstance(v, list), lambda v: [str(one) for one in v])
 _COVARIANCE = covariance_matrix(6)
-LARGEST_REPEATABILITY = 100.0
-"""In parts of the covariance. Both are estimates: of some 500 single photographs with noise of 6 to 15 grey levels, the
-largest one was 5.8."""
+LARGEST_REPEATABILITY = 2.0
+"""In parts of the covariance. Both are estimates: of 116 single photographs with noise of 2 to 15 grey levels, the
+largest was 0.71."""
 _NUMBER = rule_of("a number", is_number, float)
 _STATE: Rule[HoleState] = text(*get_args(HoleState))  # type: ignore[assignment]
 

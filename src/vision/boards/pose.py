@@ -124,9 +124,11 @@ def assess_board(
     both = (hypotheses.best, hypotheses.second)
     errors = [_shared(board, fit, frames, camera) for fit in both]
     left = None if errors[0] is None else left_over(hypotheses.best, corners.points, camera, errors[0])
-    variance = mean_corner_variance(corners, hypotheses.best, floor, left)
-    fits = [_fitted(fit, corners, camera, variance, e) for fit, e in zip(both, errors, strict=True)]
     noise = _noise(board, frames, corners, hypotheses.best)
+    # one image has no scatter between images: its corners' own noise is the least that residuals may stand for
+    least = floor if len(frames) > 1 or noise is None else float(np.hypot(floor, _rms(noise)))
+    variance = mean_corner_variance(corners, hypotheses.best, least, left)
+    fits = [_fitted(fit, corners, camera, variance, e) for fit, e in zip(both, errors, strict=True)]
     poses = [
         _pose(board, f, fit, corners, camera, hypotheses.ratio, noise)
         for f, fit in zip(fits, both, strict=True)
@@ -199,6 +201,10 @@ def _fitted(
     inverse_information = np.linalg.inv(information)
     gain = inverse_information @ (np.repeat(fit.shares, 2)[:, None] * J.reshape(-1, 6)).T
     return Fitted(fit.T_camera_board, variance * inverse_information, fit.cost / variance, gain)
+
+
+def _rms(covariance: Array) -> float:
+    return float(np.sqrt(np.diag(covariance).mean()))
 
 
 def _noise(board: Board, frames: Sequence[Sequence[Marker]], corners: Corners, fit: Fit) -> Array | None:

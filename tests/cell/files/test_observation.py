@@ -101,7 +101,7 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
         ),
         (
             lambda b: b.update(repeatability=(101.0 * np.array(b["covariance"])).tolist()),
-            "01-02.repeatability: must not exceed 100 times the board's covariance in any direction",
+            "01-02.repeatability: must not exceed 2 times the board's covariance in any direction",
         ),
         (lambda b: b.update(verdict="refused"), "verdict = 'refused': must be one of accepted"),
         (lambda b: b["holes"].reverse(), "in the order of the board's file"),

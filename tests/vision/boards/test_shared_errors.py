@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from arm.poses import BoardPose
 from arm.se3 import Array, frozen, transform
@@ -176,3 +177,17 @@ def test_repeatability_of_many_photographs_comes_from_their_scatter() -> None:
         4.0, rel=0.5
     )
     assert np.trace(many.covariance[:3, :3]) > 10.0 * np.trace(many.repeatability[:3, :3])
+
+
+def test_repeatability_is_a_part_of_the_covariance_of_one_noisy_photograph() -> None:
+    """Few residuals may be small by chance; the noise of the edges is not."""
+    exact, parts = replace(BOARD, tolerance=0.0), []
+    for seed in range(30):
+        T = random_pose(np.random.default_rng(seed), TILTS[seed % 3])
+        of = Exposure(frames=1, noise=15.0)
+        frames = photographed(exact, panes(exact, T), of, np.random.default_rng([seed, 3]))
+        pose = assess_board(exact, frames, CAMERA).pose
+        if pose is not None and pose.repeatability is not None:
+            parts.append(float(eigh(pose.repeatability, pose.covariance, eigvals_only=True)[-1]))
+    assert len(parts) >= 25
+    assert max(parts) < 0.9, max(parts)
