@@ -43,8 +43,8 @@ def require_live(live: CellCamera, selector: str) -> None:
     video = read_video(selector)
     if video.kind == "file":
         raise InputError(
-            f"--camera {video}: is a recording, which cannot show the present cell; only a465 look, doctor and "
-            "calibrate camera take one",
+            f"--camera {video}: is a recording, which cannot show the present cell; only a465 look, doctor, "
+            "calibrate camera and calibrate background take one",
             camera=str(video),
         )
     if video.kind == "stream" and live.video.latency is None:
