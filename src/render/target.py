@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import numpy.typing as npt
 
-from arm.se3 import Array, frozen, inverse, transform
+from arm.se3 import Array, Indices, frozen, inverse, transform
 from render.light import Light
 from render.rays import Floats, PixelRays, bundle_in
 from render.solids import Cast
@@ -14,6 +16,7 @@ from vision.markers.dictionaries import marker_modules
 from vision.targets.target import Target
 
 MARGIN = 0.012  # m of white paper around the chessboard
+MARGIN_REGION = 2  # beside 0 for ink and 1 for paper
 _BENT_STEPS = 6  # iterations for a bent plate; each reduces the error by a factor of about 20
 
 
@@ -49,9 +52,8 @@ class TargetSolid:
         normal = -self.T_base_solid[:3, 2]
         lit = light.lambert(np.abs(normal @ light.towards(self.T_base_solid[:3, 3])))
         self._levels = (np.float32(self._how.black * lit), np.float32(self._how.white * lit))
-        # all markers with their black borders, (markers, m, m), True for white
-        count = 0 if target.kind == "checkerboard" else len(target.marker_squares())
-        self._modules = np.array([marker_modules(target.dictionary, i) for i in range(count)])
+        self._modules = 0  # of a marker, along each side
+        self._parts = self._design()
 
     def cast(self, T_base_camera: Array, rays: PixelRays) -> Cast:
         """Cast the rays of a camera at the plate. Regions: 0 ink, 1 paper, 2 the paper's margin."""
@@ -69,7 +71,7 @@ class TargetSolid:
             x, y = o[0] + depth * bundle.dx, o[1] + depth * bundle.dy
             met = (depth > 0.0) & (np.abs(x) <= self._half[0]) & (np.abs(y) <= self._half[1])
         met &= o[2] < 0.0  # the back is not rendered
-        region = np.full(x.shape, 2, dtype=np.uint8)
+        region = np.full(x.shape, MARGIN_REGION, dtype=np.uint8)
         hit = np.flatnonzero(met)
         region[hit] = self._print(*self._how.designed(x[hit], y[hit]))
         grey = np.where(region == 0, *self._levels).astype(np.float32)
@@ -77,34 +79,47 @@ class TargetSolid:
         shape = rays.x.shape
         return Cast(depth.reshape(shape), grey.reshape(shape), region.reshape(shape))
 
+    def _design(self) -> npt.NDArray[np.uint8]:
+        """Return the region of each part of the print by its row and column, with a frame of the paper's margin.
+
+        Each square is one part per module of its marker wide, and one more on either side; so is it high.
+        """
+        target = self._target
+        squares = target.marker_squares() if target.kind == "charuco" else []
+        modules = [marker_modules(target.dictionary, i) for i in range(len(squares))]  # True for white
+        self._modules = len(modules[0]) if modules else 0
+        row, column = np.ogrid[: target.rows, : target.columns]
+        white = ((column + row + target.white_first) % 2).astype(np.uint8)
+        wide = self._modules + 2
+        parts = np.repeat(np.repeat(white, wide, axis=0), wide, axis=1)
+        for (i, j), marker in zip(squares, modules, strict=True):
+            parts[j * wide + 1 : (j + 1) * wide - 1, i * wide + 1 : (i + 1) * wide - 1] = marker
+        return np.pad(parts, 1, constant_values=MARGIN_REGION)
+
     def _print(self, x: Floats, y: Floats) -> npt.NDArray[np.uint8]:
         """Return the region of the print, its ink spread, at (x, y) m of the design from the chessboard's centre."""
-        region = self._design(x, y)
+        columns, rows = self._target.columns, self._target.rows
+        region = self._regions(self._part_at(y, rows), self._part_at(x, columns))
         if self._how.spread:
-            white = self._how.white_at(lambda x, y: self._design(x, y) > 0, x, y)
-            region = np.where(white, region, 0).astype(np.uint8)
+            spread = np.float32(self._how.spread)
+            row_range, column_range = (
+                [self._part_at(at - spread, count), self._part_at(at + spread, count)]
+                for at, count in ((y, rows), (x, columns))
+            )
+            for row, column in product(row_range, column_range):
+                region[self._regions(row, column) == 0] = 0
         return region
 
-    def _design(self, x: Floats, y: Floats) -> npt.NDArray[np.uint8]:
-        """Return the region of the print at (x, y) m from the chessboard's centre."""
-        target = self._target
-        column_at = x / np.float32(target.square) + np.float32(target.columns / 2.0)
-        row_at = y / np.float32(target.square) + np.float32(target.rows / 2.0)
-        column, row = np.floor(column_at).astype(np.intp), np.floor(row_at).astype(np.intp)
-        inside = (column >= 0) & (column < target.columns) & (row >= 0) & (row < target.rows)
-        white = (column + row + target.white_first) % 2 == 1
-        region = np.where(inside, white, 2).astype(np.uint8)
-        if not len(self._modules):
-            return region
-        number = np.full((target.rows, target.columns), -1)
-        for marker, (i, j) in enumerate(target.marker_squares()):
-            number[j, i] = marker
-        across = self._modules.shape[1]
-        share = np.float32(self._marker / target.square)
-        u = (column_at - column - np.float32(0.5)) / share + np.float32(0.5)
-        v = (row_at - row - np.float32(0.5)) / share + np.float32(0.5)
-        on = np.flatnonzero(inside & white & (u >= 0.0) & (u < 1.0) & (v >= 0.0) & (v < 1.0))
-        at_u = np.minimum((u[on] * across).astype(np.intp), across - 1)
-        at_v = np.minimum((v[on] * across).astype(np.intp), across - 1)
-        region[on] = self._modules[number[row[on], column[on]], at_v, at_u]
-        return region
+    def _regions(self, row: Indices, column: Indices) -> npt.NDArray[np.uint8]:
+        """Return the regions (n,) of parts by row and column, (n,) each."""
+        return np.asarray(np.take(self._parts, row * self._parts.shape[1] + column))
+
+    def _part_at(self, x: Floats, squares: int) -> Indices:
+        """Return the column of parts (n,) at `x` (n,) m from the middle of so many squares; rows likewise."""
+        at = x / np.float32(self._target.square) + np.float32(squares / 2.0)
+        square = np.floor(at)
+        share = np.float32(self._marker / self._target.square)
+        module = np.floor(((at - square - np.float32(0.5)) / share + np.float32(0.5)) * self._modules)
+        wide = self._modules + 2
+        part = square * wide + np.clip(module, -1, self._modules) + 2
+        return np.asarray(np.clip(part, 0, squares * wide + 1), dtype=np.intp)

@@ -30,8 +30,8 @@ WorldFile = Annotated[Path | None, Option(help=_WORLD)]
 Port = Annotated[str | None, Option(help="Serial port of the controller, such as /dev/mars or socket://...")]
 Images = Annotated[Path | None, Option(help="Folder of images, in place of a camera.")]
 SELECTORS = (
-    "name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS (Basler), video:NUMBER, video:/dev/NAME, video:URL or video:FILE (others) "
-    "or cell for the one in the cell file."
+    "name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS (Basler), "
+    "video:NUMBER, video:/dev/NAME, video:URL or video:FILE (others) or cell for the one in the cell file."
 )
 RECORDING = "video:FILE is a recording."
 TRIED = (
