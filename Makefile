@@ -39,9 +39,9 @@ run: $(AT)/installed
 test: $(AT)/installed-test lint
 	$(PYTEST) $(IN_PARALLEL) -m "not slow"
 
-# Slow tests wait more than they compute: for ports, clocks, browsers and commands.
+# Slow tests wait longer than they compute, for ports, clocks, browsers and commands: six of them keep two processors busy.
 test-all: test
-	$(PYTEST) -n 4 --dist loadgroup -m slow
+	$(PYTEST) -n 6 --dist loadgroup -m slow
 
 docs: $(AT)/installed-docs
 	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html

@@ -6,8 +6,8 @@ Modules of the cell are imported only if a task is given, so that the controller
 from __future__ import annotations
 
 import os
+import queue
 import signal
-import threading
 from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
@@ -71,9 +71,11 @@ def emulate_step(
     simulated = _cell(task_file, world, hand_file)
     unit, clock = _unit(unit_name, simulated), Clock(time_scale)
     options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
-    over = threading.Event()
+    # A handler runs between any two steps of this thread. A SimpleQueue's put may; an Event's set would wait forever for
+    # the lock that its own wait holds.
+    signals = queue.SimpleQueue[int]()
     for number in SIGNALS:
-        signal.signal(number, lambda *_: over.set())
+        signal.signal(number, lambda number, _: signals.put(number))
     with ExitStack() as stack:
         log = stack.enter_context(WireLog(log_file, clock)) if log_file else None
         emulator = stack.enter_context(Emulator(unit, clock, simulated, options, log))
@@ -98,13 +100,22 @@ def emulate_step(
             print(f"simulated cell: {simulated.world.file}", flush=True)
         if camera is not None:
             print(f"images: {photographs}, written while the arm stands still", flush=True)
-        while not over.wait(POLL_S):
+        while not _arrived(signals, POLL_S):
             if log is not None:
                 log.check()
             if emulator.failure is not None:
                 raise ExecutionStopped(f"emulate: {emulator.failure}", reason="port")
             if camera is not None:
                 camera.poll()
+
+
+def _arrived(signals: queue.SimpleQueue[int], within_s: float) -> bool:
+    """Whether a signal has arrived, or does so within that wall time."""
+    try:
+        signals.get(timeout=within_s)
+    except queue.Empty:
+        return False
+    return True
 
 
 def _is_dead(link: Path) -> bool:

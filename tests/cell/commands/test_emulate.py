@@ -91,6 +91,23 @@ def test_faults_happen_as_the_file_says_and_everything_is_in_the_log(tmp_path: P
     assert next(r["ms"] for r in found if r["kind"] == "fault") == obeyed + 100
 
 
+# All its time goes by in the step that a signal must not interrupt in a way that blocks it.
+RESTLESS = """
+import os, signal, threading, time
+from cell.commands import emulate
+emulate.POLL_S = 0.0
+for number in range(8):
+    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+    emulate.emulate_step()
+"""
+
+
+def test_a_signal_ends_it_whatever_it_interrupts() -> None:
+    ended = subprocess.run([sys.executable, "-c", RESTLESS], capture_output=True, text=True, timeout=LONGEST_S)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert len(ended.stdout.splitlines()) == 8
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [
