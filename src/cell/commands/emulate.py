@@ -71,8 +71,8 @@ def emulate_step(
     simulated = _cell(task_file, world, hand_file)
     unit, clock = _unit(unit_name, simulated), Clock(time_scale)
     options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
-    # A handler runs between any two steps of this thread. A SimpleQueue's put may; an Event's set would wait forever for
-    # the lock that its own wait holds.
+    # A handler runs between any two steps of this thread. A SimpleQueue's put may do so; an Event's set would wait
+    # forever for the lock that its own wait holds.
     signals = queue.SimpleQueue[int]()
     for number in SIGNALS:
         signal.signal(number, lambda number, _: signals.put(number))
