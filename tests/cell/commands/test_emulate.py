@@ -103,7 +103,9 @@ for number in range(8):
 
 
 def test_a_signal_ends_it_whatever_it_interrupts() -> None:
-    ended = subprocess.run([sys.executable, "-c", RESTLESS], capture_output=True, text=True, timeout=LONGEST_S)
+    ended = subprocess.run(
+        [sys.executable, "-c", RESTLESS], capture_output=True, text=True, timeout=LONGEST_S
+    )
     assert (ended.returncode, ended.stderr) == (0, "")
     assert len(ended.stdout.splitlines()) == 8
 
