@@ -118,8 +118,11 @@ class TargetSolid:
         """Return the column of parts (n,) at `x` (n,) m from the middle of so many squares; rows likewise."""
         at = x / np.float32(self._target.square) + np.float32(squares / 2.0)
         square = np.floor(at)
-        share = np.float32(self._marker / self._target.square)
-        module = np.floor(((at - square - np.float32(0.5)) / share + np.float32(0.5)) * self._modules)
         wide = self._modules + 2
-        part = square * wide + np.clip(module, -1, self._modules) + 2
+        # A chessboard's markers have no size: both parts of a square are alike.
+        part = square * wide + 1
+        if self._modules:
+            share = np.float32(self._marker / self._target.square)
+            module = np.floor(((at - square - np.float32(0.5)) / share + np.float32(0.5)) * self._modules)
+            part += np.clip(module, -1, self._modules) + 1
         return np.asarray(np.clip(part, 0, squares * wide + 1), dtype=np.intp)
