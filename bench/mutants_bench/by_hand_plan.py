@@ -264,10 +264,10 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     ),
     (
         "sequence-clock",
-        "plan/pick_place/search.py",
+        "plan/program/assignment/search.py",
         '            if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):\n',
         "            if self.complete is None:\n",
         "what a clock cut off is planned, though another machine would have another plan",
-        ("plan/test_pick_place_budget.py",),
+        ("plan/test_task_budget.py",),
     ),
 )

@@ -11,7 +11,7 @@ from arm.controller.unit import Unit
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array
 from plan.options import PlanOptions
-from plan.pick_place.planner import plan_task
+from plan.program.tasks import plan_task
 from plan.trajectory.extremes import segment_extremes
 from planning_bench.query import CLEARANCE, Answer, Query, Stretch
 
@@ -34,7 +34,7 @@ class Sent:
 
 
 class Ours:
-    """`plan.pick_place.planner.plan_task` at full speed and acceleration, 5 mm of clearance, no looks between cubes."""
+    """`plan.program.tasks.plan_task` at full speed and acceleration, 5 mm of clearance, no looks between cubes."""
 
     name = "ours"
 

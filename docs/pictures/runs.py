@@ -21,8 +21,8 @@ from arm.se3 import Array, transform
 from plan.collision.certificate import check_move
 from plan.collision.world import World
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_way
-from plan.pick_place.planner import planned_limits
+from plan.program.go_to import plan_way
+from plan.program.tasks import planned_limits
 from plan.scene import Scene
 
 HERE = Path(__file__).resolve().parent

@@ -9,9 +9,9 @@ millisecond:
 | `load_unit` | a controller's encoder counts and limits (`arm.controller.unit`) |
 | `World`, `Body`, `Scene` | collision bodies and their distances (`plan.collision.world`) |
 | `solve_ik` | all configurations for a pose (`plan.kinematics.numeric_ik`) |
-| `plan_task` | bring cubes from hole to hole (`plan.pick_place.planner`) |
-| `plan_poses`, `Target` | follow a list of poses with any arm (`plan.waypoints.planner`) |
-| `plan_joint_motion` | go from one configuration to another (`plan.pick_place.go_to`) |
+| `plan_task` | bring cubes from hole to hole (`plan.program.tasks`) |
+| `plan_poses`, `Target` | follow a list of poses with any arm (`plan.program.pose_lists`) |
+| `plan_joint_motion` | go from one configuration to another (`plan.program.go_to`) |
 | `certify` | prove the clearance of a whole motion (`plan.collision.certificate`) |
 | `write_preview` | write a plan as an HTML page that moves (`cell.preview.page`) |
 | `calibrate_camera` | fit the intrinsics of a camera (`calib.camera.calibrate`) |

@@ -15,6 +15,7 @@ from typing import Any
 
 from arm.controller.segments import CountPath, Segment, chain
 from arm.errors import FileInputError, InputError
+from arm.former import renamed_arguments
 from arm.io.node import Node
 from arm.io.rules import flag, is_number, is_whole, number, rule_of, same, table, text
 from arm.io.storage import canonical_json, read_json, require_finite, sha256, write_atomic
@@ -76,7 +77,36 @@ class LookStep:
     name: str
 
 
-Step = Move | GripperStep | LookStep
+@renamed_arguments(target="name")
+@dataclass(frozen=True)
+class Pause:
+    """The arm at rest at a goal.
+
+    Attributes:
+        name: of the goal.
+        dwell_s: for how long, s.
+        attached, detached: name of the body that begins to move with the tool, or that stays here; or None.
+    """
+
+    name: str
+    dwell_s: float
+    attached: str | None = None
+    detached: str | None = None
+
+
+Step = Move | GripperStep | LookStep | Pause
+
+
+def duration_of(step: Step) -> float:
+    """Return how long a step takes at least, s; a look takes no time."""
+    match step:
+        case Move():
+            return step.path.duration_s
+        case GripperStep():
+            return step.settle_s
+        case Pause():
+            return step.dwell_s
+    return 0.0
 
 
 @dataclass(frozen=True)
@@ -224,6 +254,8 @@ def _step_to_json(step: Step) -> dict[str, Any]:
             return {"step": "gripper", **vars(step)}
         case LookStep():
             return {"step": "look", **vars(step)}
+        case Pause():
+            return {"step": "pause", **vars(step)}
 
 
 _SIX = rule_of(
@@ -296,6 +328,13 @@ def _step(node: Node) -> Step:
     match kind:
         case "look":
             return LookStep(name)
+        case "pause":
+            return Pause(
+                name,
+                node.get("dwell_s", number("", 0.0, 3600.0)),
+                node.get("attached", _HELD),
+                node.get("detached", _HELD),
+            )
         case "gripper":
             return GripperStep(
                 name=name,
@@ -306,7 +345,7 @@ def _step(node: Node) -> Step:
             )
         case "move":
             return _move(node, name)
-    raise node["step"].error("must be move, gripper or look")
+    raise node["step"].error("must be move, gripper, look or pause")
 
 
 def _segment(node: Node) -> Segment:

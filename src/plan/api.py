@@ -6,7 +6,7 @@ The import loads Pinocchio and coal, which takes about 0.5 s. The defining modul
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import A465Error, ImpossibleError, InputError
 from arm.former import former_names
-from arm.plan_file import Plan
+from arm.plan_file import Pause, Plan
 from arm.robot.mesh import read_mesh_points
 from arm.robot.model import Robot, load_a465, load_robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, convex
@@ -21,12 +21,12 @@ from plan.collision.world import World
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_joint_motion
-from plan.pick_place.planner import plan_task
+from plan.program.go_to import plan_joint_motion
+from plan.program.pose_lists import PosePlan, SearchEffort, Target, plan_poses
+from plan.program.pose_plan import Reached
+from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
 from plan.transit.planner import plan_transit
-from plan.waypoints.plan import Pause, Reached
-from plan.waypoints.planner import PosePlan, SearchEffort, Target, plan_poses
 
 __all__ = [
     "A465Error", "Body", "Box", "Capsule", "Convex", "Cylinder", "ImpossibleError", "InputError", "Limits",

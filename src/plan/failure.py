@@ -114,7 +114,7 @@ def _rejected(way: Mapping[str, Any]) -> Rejected:
 
 
 def failure_in(error: ImpossibleError) -> Failure | None:
-    """Return the failure in an error of `plan.pick_place.planner.plan_task`, or None."""
+    """Return the failure in an error of `plan.program.tasks.plan_task`, or None."""
     value = error.data.get("failure")
     return failure_from_json(value) if value else None
 

@@ -32,7 +32,7 @@ _SLOWEST, _SLOWEST_AT = 0.002, 0.5  # m/s, and the speed factor from which it is
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """Options of `plan.pick_place.planner.plan_task`.
+    """Options of `plan.program.tasks.plan_task`.
 
     Attributes:
         speed: factor on velocities (and its square on accelerations), 0 < speed <= 1.

@@ -105,7 +105,7 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][0]["segments"][0][1].__setitem__(0, True), "whole numbers"),
         (lambda v: v["steps"][2]["start_counts"].__setitem__(0, 7), "'there' ends at"),
         (lambda v: v["steps"][1].update(action="squeeze"), "one of open, close"),
-        (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper or look"),
+        (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper, look or pause"),
         (lambda v: v.update(steps=[]), "must contain a move"),
         (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
         (lambda v: v["steps"][0].update(segments=[]), r"steps\[0\]\.segments = \[\]: must be at least one"),

@@ -14,7 +14,7 @@ SAYS = {
     "04_the_controller_alone.py": "planner loaded: False",
     "05_from_image_to_plan.py": "28 moves",
     "06_any_arm.py": "through these solutions nothing is faster than",
-    "07_a_list_of_poses.py": "approach to rim 0 .. retract from rim 9",
+    "07_a_list_of_poses.py": "approach rim 0 .. retract from rim 9",
     "08_scene_check.py": "10 mm are kept",
     "09_hand_eye.py": "0.197 -0.305  0.102 -0.2    0.   ] deg\naccepted",
     "10_pose_pairs.py": "not used: pairs 7",

@@ -8,7 +8,7 @@ from arm.controller.unit import UNITS, Unit, load_unit
 from arm.plan_file import Plan
 from arm.robot.model import Robot, load_a465
 from plan.options import PlanOptions
-from plan.pick_place.planner import plan_task
+from plan.program.tasks import plan_task
 from tasks.task2 import Q_START, WALL, Task2, task2
 
 

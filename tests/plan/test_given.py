@@ -20,9 +20,9 @@ from plan.collision.world import World
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
+from plan.program.target import Target
 from plan.scene import Scene, Station
 from plan.transit.planner import plan_transit
-from plan.waypoints.target import Target
 from plans.given import HOME, INF, NAN, NO_CONFIGURATION
 from tasks.task2 import TABLE, task2
 

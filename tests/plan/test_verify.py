@@ -16,7 +16,7 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import frozen, transform
 from arms.count_paths import reversed_path
 from plan.collision.certificate import certify_move
-from plan.pick_place.planner import plan_task
+from plan.program.tasks import plan_task
 from plan.scene import Scene, scene_from_json
 from plan.trajectory.extremes import segment_extremes
 from plan.verify import RequiredClearance, _require_line, move_scenes, replay

@@ -19,7 +19,7 @@ from cell.scene.build import unseen_scene
 from driver.emulator import Emulator
 from driver.line.clock import Clock
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_joint_motion
+from plan.program.go_to import plan_joint_motion
 from plan.verify import replay
 from render.renderer import PlacedBoard, render, with_noise
 from vision.boards.pose import estimate_board_pose

@@ -15,13 +15,13 @@ import numpy as np
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan, Step
 from arm.se3 import Array, frozen
 from cell.export.ros import JOINTS, Message, joint_state, joint_trajectory, nanoseconds, stamp
 
 PERIODS = (0.001, 10.0)  # s between rows
 TICK = 1e-9  # s: tolerance for floats; steps and segments begin at whole milliseconds
-_KINDS: dict[type, str] = {Move: "move", GripperStep: "gripper", LookStep: "look"}
+_KINDS: dict[type, str] = {Move: "move", GripperStep: "gripper", LookStep: "look", Pause: "pause"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,8 @@ def timed_steps(plan: Plan, unit: Unit) -> tuple[TimedStep, ...]:
             end += step.path.duration_s
         elif isinstance(step, GripperStep):
             end, jaws = now + step.settle_s, step.fraction_closed
+        elif isinstance(step, Pause):
+            end = now + step.dwell_s
         found.append(TimedStep(step, now, end, frozen(q), jaws))
         now = end
         if isinstance(step, Move):

@@ -14,7 +14,7 @@ import numpy as np
 from arm.board import Board
 from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.plan_file import GripperStep, LookStep, Move, Plan
+from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan
 from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Body, body_from_json
 from arm.se3 import Array, inverse, rotation_vector
@@ -190,5 +190,7 @@ def _step(timed: TimedStep, joined: bool) -> dict[str, Any]:
             }
         case GripperStep():
             return common | {"kind": "gripper", "role": "gripper", "cube": step.cube, "action": step.action}
+        case Pause():
+            return common | {"kind": "pause", "role": "pause", "cube": None}
         case LookStep():
             return common | {"kind": "look", "role": "look", "cube": None}

@@ -14,7 +14,7 @@ import numpy as np
 
 from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
-from arm.plan_file import GripperStep, LookStep, Move, Plan
+from arm.plan_file import Move, Plan, Step
 from arm.se3 import Array, frozen
 from cell.preview.overlays import ExecutedMove
 from driver.log.motions import LoggedMotion
@@ -65,7 +65,7 @@ def match(session: Session, plan: Plan, unit: Unit) -> tuple[MatchedMotion, ...]
 
 def plan_of(session: Session, unit: Unit) -> tuple[Plan, tuple[MatchedMotion, ...]]:
     """Create a plan from the lines sent, one step per motion, for a log whose plan file is not available."""
-    steps: list[Move | GripperStep | LookStep] = []
+    steps: list[Step] = []
     matched = []
     for number, logged in enumerate(session.motions):
         path = _sent_path(logged)

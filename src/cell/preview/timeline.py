@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan, Step
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen, inverse
@@ -63,6 +63,8 @@ def timed_steps(plan: Plan) -> tuple[TimedStep, ...]:
             case GripperStep():
                 following = (jaws_of_move[k] for k in range(i + 1, len(plan.steps)) if k in jaws_of_move)
                 duration, after = max(step.settle_s, 0.2), next(following, 0.0)
+            case Pause():
+                duration, after = step.dwell_s, closed
             case LookStep():
                 duration, after = LOOK_S, closed
         timed.append(TimedStep(step, now, now + duration, (closed, after)))

@@ -31,7 +31,7 @@ class CubeCycle:
 
 
 def cube_cycles(plan: Plan) -> tuple[CubeCycle, ...]:
-    """Group the steps of a plan that satisfies `plan.pick_place.grammar.require_grammar` by cube."""
+    """Group the steps of a plan that satisfies `plan.program.grammar.require_grammar` by cube."""
     found = []
     for cube in range(len(plan.task["cubes"])):
         indices = [i for i, s in enumerate(plan.steps) if getattr(s, "cube", None) == cube]

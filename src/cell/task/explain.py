@@ -21,7 +21,7 @@ from cell.task.planning import Rest, empty_request, hole_stations, reach_of, req
 from plan.advice.changes import Request
 from plan.advice.search import Advice, advise
 from plan.failure import START_BLOCKED, Failure, Rejected, failure_in
-from plan.pick_place.cause import out_of_reach
+from plan.program.assignment.cause import out_of_reach
 from vision.observation import Observation
 
 _ROWS_A_PLACE, _ROWS = 3, 12  # of the table of candidates: per place, and in all

@@ -23,7 +23,7 @@ from cell.files.task import Task
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
 from cell.task.planning import options_of, plan_fingerprint, pose_list_options
-from plan.pick_place.grammar import require_grammar
+from plan.program.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
 from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
 from vision.observation import Observation, ObservedBoard

@@ -27,8 +27,8 @@ from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
-from plan.pick_place.go_to import plan_joint_motion
-from plan.pick_place.planner import planned_limits
+from plan.program.go_to import plan_joint_motion
+from plan.program.tasks import planned_limits
 from plan.scene import Scene, Station, Transfer
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy

@@ -1,7 +1,7 @@
 """Plan and certify a list of poses and configurations in a cell, as a plan file.
 
 The obstacles are table and walls, and boards and cubes if a look is given. Every move keeps the cell's clearance.
-Poses between two configurations are planned together (`plan.waypoints.planner`).
+Poses between two configurations are planned together (`plan.program.pose_lists`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from arm.controller.segments import CountPath, Segment
 from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.io.storage import read_bytes, sha256
 from arm.numerics.products import mul
-from arm.plan_file import GripperStep, Move, Plan, Step
+from arm.plan_file import GripperStep, Move, Pause, Plan, Step
 from arm.robot.jaws import with_any_jaws
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
@@ -27,12 +27,11 @@ from cell.task.planning import plan_fingerprint, pose_list_options
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
-from plan.pick_place.go_to import plan_joint_motion
-from plan.pick_place.planner import plan_of
+from plan.program.go_to import plan_joint_motion
+from plan.program.pose_lists import plan_poses
+from plan.program.target import Target
+from plan.program.tasks import plan_of
 from plan.scene import Scene
-from plan.waypoints.plan import Pause
-from plan.waypoints.planner import plan_poses
-from plan.waypoints.target import Target
 from vision.observation import Observation
 
 _LONGEST_MS = 60_000  # of a segment in a plan file
@@ -75,7 +74,7 @@ def plan_pose_list(
         back: whether the arm returns to q_start at the end.
 
     Raises:
-        InputError: a configuration beyond the joint limits; a value that `plan.waypoints.target.Target` refuses.
+        InputError: a configuration beyond the joint limits; a value that `plan.program.target.Target` refuses.
         ImpossibleError: a pose is out of reach, a body is too close, or there is no clear path; names the entry.
     """
     return _Planner(task, observation, poses, speed).plan(back)
@@ -179,8 +178,8 @@ class _Planner:
         end = "q_end" if leg.goal is None else leg.goal.name
         for step in made.steps:
             if isinstance(step, Pause):
-                self.act(by_name[step.target])
-            else:
+                self.act(by_name[step.name])
+            elif isinstance(step, Move):
                 self.move(step, step.name.replace("to q_end", f"to {end}"))
         self.reached += [(r.target, r.q) for r in made.reached]
 

@@ -28,7 +28,7 @@ from cell.task.confirm_placed import NOT_CONFIRMED, seated
 from cell.task.plan_matches import planned_observation, under
 from cell.task.planning import options_of, plan_fingerprint
 from cell.task.run import TaskRun
-from plan.pick_place.recovery import InJaws, place_held_object, plan_retreat
+from plan.program.recovery import InJaws, place_held_object, plan_retreat
 from plan.scene import Station, scene_from_json
 from vision.observation import Observation
 

@@ -25,7 +25,7 @@ from cell.task.explain import explain_failure
 from cell.task.open_run import OpenRun
 from cell.task.planning import Rest, options_of, plan_rest, plan_to_start, reach_of
 from driver.execution.progress import StreamOptions
-from plan.pick_place.recovery import plan_retreat
+from plan.program.recovery import plan_retreat
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 

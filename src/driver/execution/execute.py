@@ -14,7 +14,7 @@ import numpy as np
 
 from arm.controller.segments import CountPath
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError
-from arm.plan_file import GripperStep, LookStep, Motion, Move, Step, motions
+from arm.plan_file import GripperStep, LookStep, Motion, Move, Pause, Step, motions
 from driver.execution.control import Control
 from driver.execution.pause import pause_between_steps
 from driver.execution.progress import Progress, Sent, StreamOptions
@@ -99,6 +99,10 @@ def execute(
                         with mars.guarded("gripper"):
                             mars.link.wait(step.settle_s)
                         results.append(StepResult(step, None, jaws, phases.entered[0], mars.clock.now()))
+                    case Pause():
+                        with mars.guarded("pause"):
+                            mars.link.wait(step.dwell_s)
+                        results.append(StepResult(step, None, None, phases.entered[0], mars.clock.now()))
                     case LookStep():
                         results.append(StepResult(step, None, None, phases.entered[0], mars.clock.now()))
             except A465Error as error:

@@ -18,7 +18,7 @@ from arm.plan_file import Plan
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, rotation, transform
 from plan.options import PlanOptions
-from plan.pick_place.planner import Planner, plan_task
+from plan.program.tasks import Planner, plan_task
 from plan.scene import Scene, Station, Transfer
 
 Groups = Mapping[str, frozenset[str]]
@@ -27,7 +27,7 @@ _LEAST_STAND = 2e-3  # m; a lower stand is removed
 
 @dataclass(frozen=True)
 class Request:
-    """The inputs of `plan.pick_place.planner.plan_task`.
+    """The inputs of `plan.program.tasks.plan_task`.
 
     Attributes:
         scene, transfers, q_start, unit, limits, options, places: arguments of that function.
@@ -49,10 +49,10 @@ class Request:
         """Return the plan; None if there is nothing to move.
 
         Args:
-            provenance, task: as `plan.pick_place.planner.plan_task`.
+            provenance, task: as `plan.program.tasks.plan_task`.
 
         Raises:
-            ImpossibleError, InputError: as `plan.pick_place.planner.plan_task`.
+            ImpossibleError, InputError: as `plan.program.tasks.plan_task`.
         """
         if not self.transfers:
             return None

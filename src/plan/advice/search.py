@@ -22,7 +22,7 @@ from plan.advice.changes import Change, Groups, MoveBodies, Request, SkipCubes, 
 from plan.cartesian.reachability import GraspCandidate, ReachTable
 from plan.collision.world import World, distance_of
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
-from plan.pick_place.cause import worlds_at
+from plan.program.assignment.cause import worlds_at
 from plan.scene import Scene
 
 BUDGET, WANTED = 12, 3
@@ -78,7 +78,7 @@ def advise(
 
     Args:
         request: the request that failed.
-        error: the error of `plan.pick_place.planner.plan_task`.
+        error: the error of `plan.program.tasks.plan_task`.
         budget: largest number of plans.
         groups: for each board, the names of the bodies that move with it; default: `plan.advice.changes.groups_of`.
         fits: returns whether a changed request is acceptable, such as where boards may stand; or None.

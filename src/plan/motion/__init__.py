@@ -1,12 +1,5 @@
-"""Motions from rest to rest."""
+"""Motions from rest to rest: phases, and the builder that times and certifies them."""
 
 from arm.former import former_names
 
-former_names(
-    __name__,
-    "plan.motion.builder",
-    Phase="MotionPhase",
-    Grip="ApproachLine",
-    Leg="RestToRestPath",
-    Mover="MotionBuilder",
-)
+former_names(__name__, "plan.motion.builder", Mover="MotionBuilder")

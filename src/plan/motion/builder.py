@@ -1,13 +1,19 @@
-"""One motion from rest to rest, as it will be sent: retract, transit and approach, joined without a stop.
+"""Motions from rest to rest, as they will be sent: lines and transits, joined without a stop where that is allowed.
 
 The joined path is timed, converted to integer segments and certified phase by phase, each in its own world and with its
-own clearance. Longer blends save time but come nearer to bodies, so the longest ones that are certified are used. If
-none are, the arm stops at the way-points.
+own clearance. A line and a transit are joined at speed (`plan.trajectory.joint_path.chained`). The corner between two
+lines is rounded, if its target allows it: both are cut short and a straight joint move connects them. Two transits that
+meet at a target become one through it, if the rounded corner passes it near enough.
+
+Longer blends save time but come nearer to bodies, so the longest ones that are certified are used. If none are, the arm
+stops between the phases and at every way-point.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -18,177 +24,253 @@ from arm.plan_file import Move
 from arm.robot.model import Robot
 from arm.robot.shapes import Box
 from arm.se3 import Array, frozen
-from plan.cartesian.line import JointPath, Line
+from plan.cartesian.line import JointPath
 from plan.collision.certificate import ClearanceCertificate, certify_move
-from plan.collision.world import World
+from plan.kinematics.product_of_exponentials import product_of_exponentials
+from plan.motion.phase import Join, LinearPath, MotionPhase
 from plan.options import PlanOptions
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import time_smooth
 from plan.trajectory.joint_path import Stretch, chained, polyline, smooth_path
 from plan.trajectory.timing import time_curve, time_line, time_path
+from plan.trajectory.virtual_unit import is_virtual
 
-_BLENDS = (1.0, 0.4, 0.15)  # factors on the duration of blends, in the order of the attempts
+_BLENDS = (1.0, 0.4, 0.15, 0.05)  # factors on the duration of blends, in the order of the attempts
+_SMALLER, _CUTS = 0.7, 4  # factor on a cut whose corner passes too far from its target, and the most attempts
+_OFF_LINE = 1e-4  # m, largest distance of the tool as it is sent from its line
+# Largest deviation of a joint from the planned motion, rad. Lines at the ends of a motion have a tolerance at the tool
+# besides; other lines need the smaller deviation. The counts of a virtual unit are so fine that they never limit.
+_DEVIATION, _ON_LINES, _VIRTUAL = 2e-4, 5e-5, 1e-6
+_NOWHERE = 1e-6  # rad, a transit that is shorter is not blended
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPhase:
-    """A phase of a motion.
+class _Part:
+    """What is joined: a line, perhaps cut short, or way-points; the index of its move, and what it leads past.
 
-    Attributes:
-        name: name of the step.
-        role: home, transit, approach or retract.
-        cube: index of the cube that it serves, or None.
-        world: its collision world.
-        clearance: required clearance, m.
-        held: name of the body in the jaws, or None.
-        allowed_collisions: names of bodies that the held one may touch.
+    `via` lists the tool's positions (3,) m at targets that way-points lead past, with the largest distance.
     """
 
-    name: str
-    role: str
-    cube: int | None
-    world: World
-    clearance: float
-    held: str | None = None
-    allowed_collisions: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class ApproachLine:
-    """A line at a station; `path` runs from the station outwards."""
-
-    line: Line
-    path: JointPath
-
-    def inwards(self) -> JointPath:
-        """Return the path towards the station."""
-        return JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
-
-
-@dataclass(frozen=True)
-class RestToRestPath:
-    """The parts of a motion.
-
-    Attributes:
-        retract: first phase and its line, or None.
-        transit: transit phase.
-        waypoints: (m, n) rad, of the transit.
-        approach: last phase and its line, or None.
-    """
-
-    retract: tuple[MotionPhase, ApproachLine] | None
-    transit: MotionPhase
-    waypoints: Array
-    approach: tuple[MotionPhase, ApproachLine] | None
-
-    def phases(self) -> list[MotionPhase]:
-        """Return all phases in order."""
-        ends = [self.retract[0]] if self.retract else [], [self.approach[0]] if self.approach else []
-        return [*ends[0], self.transit, *ends[1]]
+    move: int
+    shape: Stretch | Array
+    via: tuple[tuple[Array, float], ...] = ()
 
 
 class MotionBuilder:
-    """Converts paths to certified moves.
+    """Converts phases to certified moves.
 
     Args:
         robot: the arm, for the tool on lines.
         unit: unit that defines the counts.
         planned: limits for time parametrisation.
         sent: limits of the segments that are sent.
-        options: clearances, speeds.
+        options: clearances, segments, certificate.
     """
 
     def __init__(self, robot: Robot, unit: Unit, planned: Limits, sent: Limits, options: PlanOptions) -> None:
         self.robot, self.unit, self.planned, self.sent, self.options = robot, unit, planned, sent, options
+        self.virtual = is_virtual(unit)
 
-    def run(self, leg: RestToRestPath) -> list[Move]:
-        """Return the moves of a motion; an empty list if it goes nowhere.
+    def run(self, phases: Sequence[MotionPhase], joins: Sequence[Join] | None = None) -> list[Move]:
+        """Return the moves of consecutive phases; an empty list if they go nowhere.
+
+        Args:
+            phases: in order; each begins where the one before ends.
+            joins: (k - 1) between the k phases; default: no rest anywhere.
 
         Raises:
-            ImpossibleError: it cannot be certified; data: step, role, pair, distance_m, time_s.
+            ImpossibleError: a phase cannot be certified, not even from rest to rest; data: step, role, pair,
+                distance_m, proved_m, clearance_m, time_s.
         """
-        for blend in () if self.options.jerk_time else _BLENDS:
-            moves = self.flowing(leg, blend)
-            if moves is not None:
-                return moves
-        return self.stopping(leg)
-
-    def flowing(self, leg: RestToRestPath, blend: float) -> list[Move] | None:
-        """Return the moves without stops between them, or None if they cannot be certified."""
-        if np.abs(leg.waypoints[-1] - leg.waypoints[0]).max() < 1e-6:
-            return None
-        before, after = leg.retract, leg.approach
-        retract = [Stretch(before[1].path, self.tool_speed)] if before else []
-        approach = [Stretch(after[1].inwards(), self.tool_speed)] if after else []
-        chain = chained([*retract, leg.waypoints, *approach], self.planned, blend)
-        trajectory = time_curve(chain.path, self.planned, chain.caps)
-        try:
-            sent = to_marked_segments(
-                trajectory,
-                self.unit,
-                self.options.segment_ms,
-                limits=self.sent,
-                marks=chain.edges[1:-1].tolist(),
-                lines=(self.tolerance(before), self.tolerance(after)),
-            )
-        except MarksTooNear:  # a very short transit, such as out of a hole and back into it
-            return None
-        edges = [0, *sent.first, len(sent.path.segments)]
-        moves = []
-        start = sent.path.start
-        for phase, first, last in zip(leg.phases(), edges, edges[1:], strict=False):
-            part = CountPath(start, sent.path.segments[first:last])
-            start = part.end
-            check = self.check(phase, part)
-            if not check.proved:
-                return None
-            moves.append(_move(phase, part, check))
+        joins = [Join()] * (len(phases) - 1) if joins is None else joins
+        rests = [i + 1 for i, join in enumerate(joins) if not _flow(phases[i], phases[i + 1], join)]
+        moves: list[Move] = []
+        for first, last in pairwise([0, *rests, len(phases)]) if phases else ():
+            moves += self._motion(phases[first:last], joins[first : last - 1])
         return moves
 
-    def stopping(self, leg: RestToRestPath) -> list[Move]:
-        """Return the moves with a stop at every way-point.
+    def stopping(self, phases: Sequence[MotionPhase]) -> list[Move]:
+        """Return the moves with a stop between all phases and at every way-point.
 
         Raises:
             ImpossibleError: one of them cannot be certified.
         """
-        parts: list[tuple[MotionPhase, CountPath]] = []
-        if leg.retract:
-            parts.append((leg.retract[0], self.line(leg.retract[1].path, leg.retract[1])))
-        q = self.unit.positions(self.unit.counts(leg.waypoints))
-        if len(q) > 2 or not np.array_equal(q[0], q[-1]):
+        moves = []
+        for phase in phases:
+            path = self._alone(phase)
+            if path is None:
+                continue
+            check = self._check(phase, path)
+            if not check.proved:
+                raise _unproved(phase, check)
+            moves.append(_move([phase], path, check))
+        return moves
+
+    def _motion(self, phases: Sequence[MotionPhase], joins: Sequence[Join]) -> list[Move]:
+        alone = len(phases) == 1 and phases[0].line is not None
+        for blend in () if alone or self.options.jerk_time else _BLENDS:
+            moves = self._flowing(phases, joins, blend)
+            if moves is not None:
+                return moves
+        return self.stopping(phases)
+
+    def _flowing(
+        self, phases: Sequence[MotionPhase], joins: Sequence[Join], blend: float
+    ) -> list[Move] | None:
+        """Return the moves without stops between them, or None if they cannot be certified."""
+        if any(p.waypoints is not None and _length(p.waypoints) < _NOWHERE for p in phases):
+            return None
+        groups = [list(group) for _, group in groupby(phases, key=lambda phase: phase.line is not None)]
+        parts = self._parts(groups, joins)
+        if parts is None:
+            return None
+        chain = chained([part.shape for part in parts], self.planned, blend)
+        for part, begin, end in zip(parts, chain.edges, chain.edges[1:], strict=False):
+            for place, radius in part.via:
+                passed = self._tool(chain.path(np.linspace(begin, end, 400)))
+                if np.linalg.norm(passed[:, :3, 3] - place, axis=1).min() > radius:
+                    return None
+        changes = [i for i, (a, b) in enumerate(pairwise(parts), start=1) if a.move != b.move]
+        tolerances = (
+            [self._tolerance(group) for group in (groups[0], groups[-1])] if changes else [None, None]
+        )
+        free = [group for group in groups if group[0].line is not None and self._tolerance(group) is None]
+        inner = [group for group in groups[1:-1] if group[0].line is not None]
+        careful = bool(free or inner)
+        try:
+            sent = to_marked_segments(
+                time_curve(chain.path, self.planned, chain.caps),
+                self.unit,
+                self.options.segment_ms,
+                limits=self.sent,
+                marks=[float(chain.edges[i]) for i in changes],
+                lines=(tolerances[0], tolerances[1]),
+                late=[isinstance(parts[i].shape, Stretch) for i in changes],
+                deviation=self._deviation(careful),
+            )
+        except MarksTooNear:  # phases so short that no join has room, such as out of a hole and back into it
+            return None
+        moves, start = [], sent.path.start
+        for (first, last), group in zip(
+            pairwise([0, *sent.first, len(sent.path.segments)]), groups, strict=True
+        ):
+            path = CountPath(start, sent.path.segments[first:last])
+            start = path.end
+            check = self._check(group[0], path)
+            if not check.proved or (careful and self._off_lines(group, joins, path)):
+                return None
+            moves.append(_move(group, path, check))
+        return moves
+
+    def _alone(self, phase: MotionPhase) -> CountPath | None:
+        """Return the segments of one phase from rest to rest, or None if it goes nowhere."""
+        tolerance = self._tolerance([phase])
+        if isinstance(phase.path, LinearPath):
+            path, speed = phase.path.path, phase.path.speed
+            trajectory = (
+                time_line(path, self.planned, speed)
+                if self.jerk is None
+                else time_smooth(smooth_path(path.q, path.s), self.planned, self.jerk, speed)
+            )
+        else:
+            q = self.unit.positions(self.unit.counts(phase.path))
+            if (q == q[0]).all():
+                return None
             trajectory = (
                 time_path(q, self.planned)
                 if self.jerk is None
                 else time_smooth(polyline(q), self.planned, self.jerk)
             )
-            across = to_segments(trajectory, self.unit, self.options.segment_ms, limits=self.sent)
-            parts.append((leg.transit, across))
-        if leg.approach:
-            parts.append((leg.approach[0], self.line(leg.approach[1].inwards(), leg.approach[1])))
-        moves = []
-        for phase, path in parts:
-            check = self.check(phase, path)
-            if not check.proved:
-                raise _unproved(phase, check)
-            moves.append(_move(phase, path, check))
-        return moves
-
-    def line(self, path: JointPath, grip: ApproachLine) -> CountPath:
-        """Convert a single line, from rest to rest."""
-        trajectory = (
-            time_line(path, self.planned, self.tool_speed)
-            if self.jerk is None
-            else time_smooth(smooth_path(path.q, path.s), self.planned, self.jerk, self.tool_speed)
-        )
+        on_lines = phase.line is not None and tolerance is None
         return to_segments(
             trajectory,
             self.unit,
             self.options.segment_ms,
             limits=self.sent,
-            line=LineTolerance(self.robot, grip.line),
+            deviation=self._deviation(on_lines),
+            line=tolerance,
         )
 
-    def check(self, phase: MotionPhase, path: CountPath) -> ClearanceCertificate:
+    def _parts(self, groups: Sequence[Sequence[MotionPhase]], joins: Sequence[Join]) -> list[_Part] | None:
+        """Return what a motion is joined from, or None if a corner cannot be cut as closely as required.
+
+        Each group is one move: lines with rounded corners, or transits through the targets between them.
+        """
+        parts: list[_Part] = []
+        first = 0
+        for move, group in enumerate(groups):
+            inner = joins[first : first + len(group) - 1]
+            first += len(group)
+            lines = [phase.line for phase in group if phase.line is not None]
+            if not lines:
+                parts.append(
+                    self._through(
+                        move, [phase.waypoints for phase in group if phase.waypoints is not None], inner
+                    )
+                )
+                continue
+            rounded = self._with_corners(move, lines, inner)
+            if rounded is None:
+                return None
+            parts += rounded
+        return parts
+
+    def _through(self, move: int, transits: Sequence[Array], joins: Sequence[Join]) -> _Part:
+        """Return transits as one, which leads past the targets between them."""
+        via = [
+            (self.robot.T_base_tool(after[0])[:3, 3], join.blend_radius)
+            for after, join in zip(transits[1:], joins, strict=True)
+        ]
+        waypoints = np.concatenate([transits[0], *(transit[1:] for transit in transits[1:])])
+        return _Part(move, frozen(waypoints), tuple(via))
+
+    def _with_corners(
+        self, move: int, lines: Sequence[LinearPath], joins: Sequence[Join]
+    ) -> list[_Part] | None:
+        """Return lines that are cut short at their common corners, and the moves across; None as for `_parts`."""
+        parts: list[_Part] = []
+        cut = 0.0  # what the corner before takes of a line
+        for line, after, join in zip(lines, [*lines[1:], None], [*joins, None], strict=True):
+            taken, cut, across = cut, 0.0, None
+            if after is not None and join is not None:
+                rounded = self._rounded(line, after, join)
+                if rounded is None:
+                    return None
+                cut, across = rounded
+            parts.append(_Part(move, Stretch(_shortened(line.path, taken, cut), line.speed)))
+            if across is not None:
+                parts.append(_Part(move, across))
+        return parts
+
+    def _rounded(self, before: LinearPath, after: LinearPath, join: Join) -> tuple[float, Array] | None:
+        """Return what a corner takes of both lines, m, and the move across (2, n) rad; None if it passes too far."""
+        corner, length = before.line.T_end[:3, 3], join.cut
+        one, two = (smooth_path(line.path.q, line.path.s) for line in (before, after))
+        for _ in range(_CUTS):
+            ends = np.stack([one(before.path.s[-1] - length), two(length)])
+            across = ends[0] + np.linspace(0.0, 1.0, 33)[:, None] * (ends[1] - ends[0])
+            if np.linalg.norm(self._tool(across)[:, :3, 3] - corner, axis=1).min() <= join.blend_radius:
+                return length, frozen(ends)
+            length *= _SMALLER
+        return None
+
+    def _off_lines(self, group: Sequence[MotionPhase], joins: Sequence[Join], path: CountPath) -> bool:
+        """Return whether the tool as it is sent leaves the lines that it follows by more than is allowed."""
+        lines = [phase.line for phase in group if phase.line is not None]
+        if not lines:
+            return False
+        poses = self._tool(self.unit.positions(path.sample(0.01)))
+        away = np.stack([line.line.deviation(poses, line.free_axis).distance for line in lines])
+        rounded = (
+            max((join.blend_radius for join in joins if join.cut), default=0.0) if len(lines) > 1 else 0.0
+        )
+        return bool(away.min(axis=0).max() > _OFF_LINE + rounded)
+
+    def _tool(self, q: Array) -> Array:
+        """Return the poses (m, 4, 4) of the tool."""
+        return product_of_exponentials(self.robot).tool_poses(q)
+
+    def _check(self, phase: MotionPhase, path: CountPath) -> ClearanceCertificate:
         """Certify a phase as it will be sent."""
         tight = self.options.certificate == "tight"
         return certify_move(phase.world, path, self.unit, phase.clearance, tight)
@@ -199,20 +281,41 @@ class MotionBuilder:
         time = self.options.jerk_time
         return self.planned.acceleration / time if time else None
 
-    @property
-    def tool_speed(self) -> float:
-        """Cap on the tool speed on lines, m/s."""
-        return self.options.approach_speed * self.options.speed
+    def _deviation(self, on_lines: bool) -> float:
+        return _VIRTUAL if self.virtual else _ON_LINES if on_lines else _DEVIATION
 
-    def tolerance(self, end: tuple[MotionPhase, ApproachLine] | None) -> LineTolerance | None:
-        """Tolerance of the tool on the line at an end of a motion; None for an end without a line."""
-        return LineTolerance(self.robot, end[1].line) if end else None
+    def _tolerance(self, group: Sequence[MotionPhase]) -> LineTolerance | None:
+        """Return the tolerance of the tool on a single line; None for a transit, rounded lines or one that may turn."""
+        line = group[0].line
+        if len(group) > 1 or line is None or line.free_axis is not None:
+            return None
+        return LineTolerance(self.robot, line.line)
 
 
-def _move(phase: MotionPhase, path: CountPath, check: ClearanceCertificate) -> Move:
-    clearances = tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds)
+def _flow(before: MotionPhase, after: MotionPhase, join: Join) -> bool:
+    """Return whether two phases may meet at speed."""
+    if join.rest or (before.line is None) != (after.line is None):
+        return not join.rest
+    rounded = join.cut if before.line is not None else join.blend_radius
+    return rounded > 0.0 and before.world is after.world
+
+
+def _length(waypoints: Array) -> float:
+    return float(np.ptp(waypoints, axis=0).max())
+
+
+def _shortened(path: JointPath, first: float, last: float) -> JointPath:
+    """Return a line without its first and last metres."""
+    if first == last == 0.0:
+        return path
+    s = np.linspace(first, path.s[-1] - last, len(path.s))
+    return JointPath(frozen(smooth_path(path.q, path.s)(s)), frozen(s - first))
+
+
+def _move(group: Sequence[MotionPhase], path: CountPath, check: ClearanceCertificate) -> Move:
+    phase, last = group[0], group[-1]
     return Move(
-        name=phase.name,
+        name=phase.name if len(group) == 1 else f"{phase.name} .. {last.name}",
         role=phase.role,
         cube=phase.cube,
         path=path,
@@ -222,7 +325,7 @@ def _move(phase: MotionPhase, path: CountPath, check: ClearanceCertificate) -> M
         closest=check.pair,
         certified=True,
         allowed_collisions=tuple(sorted(phase.allowed_collisions)),
-        clearances=clearances,
+        clearances=tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds),
     )
 
 

@@ -312,7 +312,7 @@ class _Fitter:
         for line, part in zip(self.lines, parts, strict=True):
             if line is not None and part.start < part.stop:
                 poses = product_of_exponentials(line.robot).tool_poses(
-                    unit.positions(executed[:, part]).reshape(-1, 6)
+                    unit.positions(executed[:, part]).reshape(-1, executed.shape[-1])
                 )
                 away = line.line.deviation(poses)
                 worst = np.maximum(away.distance / line.distance, away.angle / line.angle)

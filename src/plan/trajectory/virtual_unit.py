@@ -44,3 +44,8 @@ def virtual_unit(robot: Robot, limits: Limits) -> Unit:
         rest_tolerance=REST_TOLERANCE,
         digest=sha256({"per_rad": PER_RAD, "axes": list(robot.joint_names)}),
     )
+
+
+def is_virtual(unit: Unit) -> bool:
+    """Return whether a unit is of this kind, so that its counts never limit a motion."""
+    return bool(unit.counts_per_rad[0] == PER_RAD)

@@ -141,7 +141,7 @@ def test_nothing_that_decides_asks_blas_or_numpys_own_inverse_functions(room: st
 PROGRAM = """
 from arm.io.storage import data_file
 from cell.files.task import read_task
-from plan.pick_place.planner import plan_task
+from plan.program.tasks import plan_task
 from tasks.task2 import Q_START, task2
 from arm.controller.unit import load_unit
 task = read_task(data_file("scenes/task2.toml"))

@@ -12,7 +12,7 @@ from arm.robot.shapes import body_from_json
 from arm.se3 import rot_x, rot_z, transform
 from cell.preview.clearance import sample_clearance
 from cell.preview.content import page_content
-from plan.pick_place.planner import plan_task
+from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
 
 

@@ -15,7 +15,7 @@ from cell.commands.run import run_task
 from cell.console import Console
 from cell.session.budget import budget_of, within
 from plan.budget import BudgetSpent, SearchBudget
-from plan.pick_place import search as sequence
+from plan.program.assignment import search as sequence
 from plans.interrupted import stop_when_complete
 from tasks.small import small_scenes
 from typed.command_line import a465

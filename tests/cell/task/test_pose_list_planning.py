@@ -23,7 +23,7 @@ from cell.files.place import read_place
 from cell.session.connection import WhichCell
 from cell.task.plan_matches import check_plan
 from plan.collision.world import World
-from plan.pick_place.grammar import require_grammar
+from plan.program.grammar import require_grammar
 from plan.scene import Scene
 from plan.verify import move_scenes
 from tasks.pose_list_files import CELL, CTU_DEG, DOWN, TURNED, planned, written
@@ -74,7 +74,7 @@ def test_where_jaws_close_they_count_at_any_opening(tmp_path: Path) -> None:
     around = {"name": "around", "T_base_tool": T, "approach_mm": 40}
     replace_in(cell, "clearance_mm = 10", "clearance_mm = 5")
     plan = planned(written(tmp_path, [around]), place=cell)
-    assert plan.steps[-1].name == "approach to around"
+    assert plan.steps[-1].name == "approach around"
     with pytest.raises(ImpossibleError, match=r"'around'.*finger"):
         planned(written(tmp_path, [{**around, "jaws": "close"}]), place=cell)
 
@@ -91,7 +91,7 @@ def test_jaws_rests_and_corners_come_in_the_order_of_the_list(tmp_path: Path) ->
     plan = planned(written(tmp_path, entries), back=True)
     assert [s.name for s in plan.steps] == [
         "close at the start",
-        "to a", "approach to a", "close at a", "rest at a", "open at a",
+        "to a", "approach a", "close at a", "rest at a", "open at a",
         "line to b", "retract from b", "to c", "rest at c", "to q_start",
     ]  # fmt: skip
     jaws = [(s.action, s.fraction_closed) for s in plan.steps if isinstance(s, GripperStep)]

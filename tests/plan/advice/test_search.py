@@ -16,7 +16,7 @@ from plan.failure import (
     LINE_BLOCKED,
     OUT_OF_REACH,
 )
-from plan.pick_place.worlds import CubePlacement, TaskWorlds
+from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plans.unplannable import advice_that_holds, refused, rng
 from tasks.refused import far, on_its_edge, request, slab_above
 from tasks.task2 import task2

@@ -20,9 +20,9 @@ from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
+from plan.program.pose_lists import plan_poses
+from plan.program.target import Target
 from plan.transit.planner import plan_transit
-from plan.waypoints.planner import plan_poses
-from plan.waypoints.target import Target
 
 ONE = [("0 0 0.2", "0 0 0", Z, "revolute", -3.0, 3.0)]
 FAST = PlanOptions(speed=1.0)

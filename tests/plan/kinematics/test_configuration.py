@@ -12,11 +12,11 @@ from arms.made_up import RAIL, arm
 from plan.cartesian.reachability import reach
 from plan.collision.world import World
 from plan.kinematics.configuration import check_configuration
-from plan.pick_place.go_to import plan_joint_motion
-from plan.pick_place.planner import plan_task
+from plan.program.go_to import plan_joint_motion
+from plan.program.pose_lists import plan_poses
+from plan.program.target import Target
+from plan.program.tasks import plan_task
 from plan.transit.planner import plan_transit
-from plan.waypoints.planner import plan_poses
-from plan.waypoints.target import Target
 from plans.given import HOME, NO_CONFIGURATION
 from tasks.task2 import Q_START, TABLE, Task2, task2
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from plan.pick_place import search as sequence
-from plan.pick_place.sequencing import best_order
+from plan.program.assignment import search as sequence
+from plan.program.assignment.sequencing import best_order
 
 
 def stop_when_complete(monkeypatch: pytest.MonkeyPatch, stop: BaseException) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from arm.controller.unit import load_unit
 from plan.options import PlanOptions
-from plan.pick_place.planner import Planner
-from plan.pick_place.search import TaskSearch
+from plan.program.assignment.search import TaskSearch
+from plan.program.tasks import Planner
 from tasks.task2 import Q_START, WALL, Task2, task2
 
 UNIT = load_unit("crs93")

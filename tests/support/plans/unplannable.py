@@ -13,7 +13,7 @@ from plan.failure import (
     failure_from_json,
     failure_in,
 )
-from plan.pick_place.planner import plan_task
+from plan.program.tasks import plan_task
 from tasks.refused import UNIT
 from tasks.task2 import Q_START
 

@@ -12,9 +12,9 @@ from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
-from plan.waypoints.plan import PosePlan
-from plan.waypoints.planner import plan_poses
-from plan.waypoints.target import Target
+from plan.program.pose_lists import plan_poses
+from plan.program.pose_plan import PosePlan
+from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST
 
 

@@ -11,10 +11,10 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import inverse, rot_x, rotation_vector, transform
 from plan.kinematics.numeric_ik import FREE, SearchOptions
 from plan.options import PlanOptions
+from plan.program.pose_lists import SearchEffort
+from plan.program.pose_plan import PosePlan
+from plan.program.target import Target
 from plan.trajectory.extremes import segment_extremes
-from plan.waypoints.plan import PosePlan
-from plan.waypoints.planner import SearchEffort
-from plan.waypoints.target import Target
 
 DOWN = rot_x(np.pi)
 
@@ -36,7 +36,7 @@ def off(plan: PosePlan, targets: list[Target]) -> np.ndarray:
     """Largest error on constrained directions per target, m and rad; of two free turns the rotation vector counts."""
     found = []
     for target, reached in zip(targets, plan.reached, strict=True):
-        T = inverse(target.T_base_tool) @ plan.robot.T_base_tool(reached.q)
+        T = inverse(target.poses[0]) @ plan.robot.T_base_tool(reached.q)
         turns = [k for k in range(3) if FREE[3 + k] in target.free]
         turn = rotation_vector(T[:3, :3])
         if len(turns) == 1:  # the free axis itself has to be where it was

@@ -1,0 +1,82 @@
+"""The parts of a motion: phases, each with its own collision world, and how one meets the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from arm.se3 import Array, frozen
+from plan.cartesian.line import JointPath, Line
+from plan.collision.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPath:
+    """A straight line of the tool, and the path of the joints along it.
+
+    Attributes:
+        line: where the tool goes.
+        path: of the joints.
+        speed: cap on the tool's speed, m/s (rad/s for a turn on the spot).
+        free_axis: axis of the tool about which it may turn, or None.
+    """
+
+    line: Line
+    path: JointPath
+    speed: float
+    free_axis: str | None = None
+
+    def reversed(self) -> LinearPath:
+        """Return the same line from its end to its start."""
+        path = JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
+        return replace(self, line=Line(self.line.T_end, self.line.T_start), path=path)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPhase:
+    """A phase of a motion: a line or a transit in one world.
+
+    Attributes:
+        name: name of the step.
+        role: home, transit, approach, line or retract.
+        world: its collision world.
+        clearance: required clearance, m.
+        path: a line, or the way-points (m, n) rad of a transit.
+        cube: index of the cube that it serves, or None.
+        held: name of the body that moves with the tool, or None.
+        allowed_collisions: names of bodies that the held one may touch.
+    """
+
+    name: str
+    role: str
+    world: World
+    clearance: float
+    path: LinearPath | Array
+    cube: int | None = None
+    held: str | None = None
+    allowed_collisions: frozenset[str] = frozenset()
+
+    @property
+    def line(self) -> LinearPath | None:
+        """Its line; None for a transit."""
+        return self.path if isinstance(self.path, LinearPath) else None
+
+    @property
+    def waypoints(self) -> Array | None:
+        """The way-points (m, n) rad of a transit; None for a line."""
+        return None if isinstance(self.path, LinearPath) else self.path
+
+
+@dataclass(frozen=True)
+class Join:
+    """How a phase meets the one before it.
+
+    Attributes:
+        rest: whether the arm has to be at rest there.
+        blend_radius: largest distance at which the tool may pass the corner, m; 0 if it must go through it. A line and
+            a transit meet at speed in any case, because the blend lies on the transit.
+        cut: length that a rounded corner between two lines takes of each, m; 0 if the corner is not rounded.
+    """
+
+    rest: bool = False
+    blend_radius: float = 0.0
+    cut: float = 0.0

@@ -1,1 +1,0 @@
-"""Tasks with cubes: order, grasps, transits and recovery."""

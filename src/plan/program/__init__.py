@@ -1,0 +1,1 @@
+"""Programs of goals: tasks with cubes, lists of poses, single motions."""

@@ -1,0 +1,1 @@
+"""Order, places and grasps of many bodies, chosen together."""

@@ -1,0 +1,269 @@
+"""Which one cause stops a task, picked out of all that the search rejected.
+
+The search notes what blocked each way that it looked at. The cause is a place that nothing reaches, a place whose
+every line is blocked, a start that is too near to something, or a way across.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from arm.errors import ImpossibleError
+from arm.se3 import Array
+from plan.cartesian.reachability import ReachTable
+from plan.collision.world import World
+from plan.failure import (
+    AFTER_TIMING,
+    LINE_BLOCKED,
+    NO_WAY_ACROSS,
+    OUT_OF_REACH,
+    START_BLOCKED,
+    Failure,
+    Rejected,
+    nearness,
+    of_choice,
+    short_of,
+)
+from plan.options import PlanOptions
+from plan.program.assignment.worlds import CubePlacement, TaskWorlds
+from plan.scene import Scene, Transfer
+
+
+def find_cause(
+    error: ImpossibleError,
+    scene: Scene,
+    transfers: Sequence[Transfer],
+    q_start: Array,
+    options: PlanOptions,
+    table: ReachTable,
+) -> ImpossibleError:
+    """The error with its cause for a message, and with ``failure`` in its data.
+
+    Args:
+        error: of the search, or of reach.
+        scene, transfers, q_start, options: what was asked.
+        table: reach of all places of the transfers, and of those that were free to choose.
+    """
+    failure = _Cause(error, scene, transfers, q_start, options, table).found()
+    return ImpossibleError(failure.headline, **error.data, failure=failure.to_json())
+
+
+class _Cause:
+    def __init__(
+        self,
+        error: ImpossibleError,
+        scene: Scene,
+        transfers: Sequence[Transfer],
+        q_start: Array,
+        options: PlanOptions,
+        table: ReachTable,
+    ) -> None:
+        self.error, self.scene, self.transfers = error, scene, transfers
+        self.q_start, self.options, self.table = q_start, options, table
+        self.moved = {t.cube for t in transfers}
+        self.rejected: list[dict[str, Any]] = error.data.get("rejected", [])
+
+    def found(self) -> Failure:
+        if "holes" in self.error.data:
+            return out_of_reach(self.error, self.table)
+        if "proved_m" in self.error.data:
+            return self._after_timing({"reason": str(self.error), **self.error.data})
+        return self._start() or self._lines() or self._across() or self._search_ended()
+
+    def _start(self) -> Failure | None:
+        world = World(self.scene.robot_open, (*self.scene.bodies, *self.scene.cubes))
+        closest = world.distance(self.q_start)
+        if closest.value >= self.options.clearance:
+            return None
+        way = self._blocked("start", closest.pair, closest.value, self.options.clearance)
+        headline = f"the arm cannot leave its start, where {way.reason}"
+        return Failure(START_BLOCKED, "start", (), headline, (way,), self._body(closest.pair))
+
+    def _lines(self) -> Failure | None:
+        """A place whose every way that reaches is blocked: by what stands still, or else by other cubes."""
+        picks = {t.pick.name for t in self.transfers}
+        for with_cubes in (False, True):
+            entries = {h.hole: self._blocked_at(h.hole, with_cubes) for h in self.table.holes if h.ok}
+            closed = [
+                h for h in entries if set(entries[h]) >= {(c.yaw, c.branch) for c in self.table[h].feasible()}
+            ]
+            open_places = set(entries) - set(closed) - picks
+            enough = self.options.assignment == "free" and len(open_places) >= len(self.transfers)
+            for name in closed:
+                if name in picks or not enough:
+                    return self._line(name, entries[name])
+        return None
+
+    def _blocked_at(self, station: str, with_cubes: bool) -> dict[tuple[int, str], dict[str, Any]]:
+        found: dict[tuple[int, str], dict[str, Any]] = {}
+        for entry in self.rejected:
+            if entry.get("station") == station and (with_cubes or not self._in_a_cubes_way(entry)):
+                found.setdefault((entry["yaw"], entry["branch"]), entry)
+        return found
+
+    def _in_a_cubes_way(self, entry: Mapping[str, Any]) -> bool:
+        """Whether a cube that moves is in the way: one that is held is not."""
+        first, second = (_own_name(name) for name in entry["pair"])
+        return second in self.moved or (first in self.moved and second in self._arm)
+
+    @property
+    def _arm(self) -> set[str]:
+        return {b.name for b in self.scene.robot_open.bodies}
+
+    def _line(self, name: str, entries: Mapping[tuple[int, str], dict[str, Any]]) -> Failure:
+        hole, asked = self.table[name], self.options.line_clearance
+        worlds = self._worlds_at(name)
+        ways = []
+        for choice in hole.feasible():
+            entry = entries[choice.yaw, choice.branch]
+            pair, value = _nearest(worlds, choice.q_line, (tuple(entry["pair"]), entry["distance_m"]))
+            way = self._blocked(f"line at {name}", pair, value, asked)
+            ways.append(replace(way, yaw=choice.yaw, branch=choice.branch))
+        ways.sort(key=lambda w: (-round(w.distance_mm or 0.0, 3), w.yaw, w.branch))
+        near = ways[0]
+        cube, whither = self._cube_at(name)
+        count = (
+            f"all {len(ways)} ways that reach it are" if len(ways) > 1 else "the only way that reaches it is"
+        )
+        headline = (
+            f"no way to bring {cube} {whither} {name}: {count} blocked; with yaw {near.yaw}, {near.branch}, "
+            f"{near.reason}"
+        )
+        others = tuple(of_choice(c) for c in hole.choices if not c.ok)
+        body = self._most_named(w.pair for w in ways if w.pair)
+        return Failure(LINE_BLOCKED, f"line at {name}", (name,), headline, (*ways, *others), body)
+
+    def _cube_at(self, station: str) -> tuple[str, str]:
+        for t in self.transfers:
+            if t.pick.name == station:
+                return t.cube, "from"
+            if t.place.name == station and self.options.assignment == "given":
+                return t.cube, "to"
+        return "a cube", "to"
+
+    def _worlds_at(self, station: str) -> tuple[World, ...]:
+        return worlds_at(self.scene, self.transfers, station)
+
+    def _across(self) -> Failure | None:
+        legs = [entry for entry in self.rejected if "from" in entry]
+        if not legs:
+            return None
+        body = self._most_named(entry["pair"] for entry in legs)
+        entry = next((e for e in legs if self._body(e["pair"]) == body), legs[0])
+        step = f"from {entry['from']} to {entry['to']}"
+        stations = tuple(n for n in (entry["from"], entry["to"]) if n in {h.hole for h in self.table.holes})
+        for name in stations:
+            tight = self._tight_offsets(name)
+            if tight:
+                near = tight[0]
+                headline = (
+                    f"no way {step}: {self.options.offset * 1e3:g} mm from {name}, where each of the {len(tight)} ways "
+                    f"to serve it begins, there is too little room; with yaw {near.yaw}, {near.branch}, {near.reason}"
+                )
+                body = self._most_named(w.pair for w in tight if w.pair)
+                return Failure(NO_WAY_ACROSS, step, (name,), headline, tight, body)
+        ways = tuple(
+            self._blocked(_where(e), tuple(e["pair"]), e["distance_m"], self.options.clearance)
+            for e in (entry, *(e for e in legs if e is not entry))
+        )
+        return Failure(NO_WAY_ACROSS, step, stations, entry["reason"], ways, body)
+
+    def _tight_offsets(self, name: str) -> tuple[Rejected, ...]:
+        """The ways to serve a place, if at the outer end of every one that is open the clearance is not kept."""
+        closed = self._blocked_at(name, True)
+        rows = []
+        for choice in self.table[name].feasible():
+            if (choice.yaw, choice.branch) in closed:
+                continue
+            pair, value = _nearest(self._worlds_at(name), choice.q_line[-1:], (("", ""), float("inf")))
+            if value >= self.options.clearance:
+                return ()
+            way = self._blocked(f"{name}, outer end of the line", pair, value, self.options.clearance)
+            rows.append(replace(way, yaw=choice.yaw, branch=choice.branch))
+        return tuple(sorted(rows, key=lambda w: (-round(w.distance_mm or 0.0, 3), w.yaw, w.branch)))
+
+    def _after_timing(self, entry: Mapping[str, Any]) -> Failure:
+        pair = tuple(entry["pair"])
+        way = self._blocked(entry["step"], pair, entry["distance_m"], entry["clearance_m"])
+        if entry["distance_m"] >= entry["clearance_m"]:
+            proved = short_of(entry["proved_m"], entry["clearance_m"])
+            asked = f"(required: {entry['clearance_m'] * 1e3:g} mm)"
+            way = replace(way, reason=f"only {proved} mm between {pair[0]} and {pair[1]} are proved {asked}")
+        headline = (
+            f"step {entry['step']!r}, as it would be sent: {way.reason}; ask for less clearance or move the "
+            "bodies apart"
+        )
+        return Failure(AFTER_TIMING, entry["step"], (), headline, (way,), self._body(pair))
+
+    def _search_ended(self) -> Failure:
+        for entry in self.rejected:
+            if "proved_m" in entry:
+                return self._after_timing(entry)
+        return Failure(NO_WAY_ACROSS, "search", (), str(self.error), ())
+
+    def _blocked(self, where: str, pair: Sequence[str], distance: float, asked: float) -> Rejected:
+        first, second = pair
+        reason = nearness(pair, distance, asked)
+        return Rejected(
+            where, reason, pair=(first, second), distance_mm=distance * 1e3, required_mm=asked * 1e3
+        )
+
+    def _body(self, pair: Iterable[str]) -> str | None:
+        """The one of two bodies that is not of the arm and not held."""
+        names = [_own_name(name) for name in pair]
+        known = {b.name for b in (*self.scene.bodies, *self.scene.cubes)}
+        still = [name for name in names if name in known - self.moved]
+        return next(iter(still + [name for name in names if name in known]), None)
+
+    def _most_named(self, pairs: Iterable[Iterable[str]]) -> str | None:
+        count = Counter(body for pair in pairs if (body := self._body(pair)) is not None)
+        return min(count, key=lambda name: (-count[name], name)) if count else None
+
+
+def _where(leg: Mapping[str, Any]) -> str:
+    """The end of a leg that is itself too near, or the leg."""
+    return f"{leg[leg['end']]}" if "end" in leg else f"from {leg['from']} to {leg['to']}"
+
+
+def _own_name(name: str) -> str:
+    """A cube that was brought somewhere goes by another name in the search."""
+    return name.split(" at ")[0]
+
+
+def _nearest(
+    worlds: Iterable[World], q: Array, known: tuple[tuple[str, ...], float]
+) -> tuple[tuple[str, ...], float]:
+    """The smallest distance over configurations q (m, n), or what is known where that is smaller."""
+    for world in worlds:
+        for row in q:
+            closest = world.distance(row)
+            if closest.value < known[1] - 1e-9:
+                known = closest.pair, closest.value
+    return known
+
+
+def out_of_reach(error: ImpossibleError, table: ReachTable) -> Failure:
+    """The failure in an error of `plan.cartesian.reachability.ReachTable.require`."""
+    failing = {entry["hole"] for entry in error.data["holes"]}
+    ways = tuple(of_choice(c) for h in table.holes if h.hole in failing for c in h.choices)
+    names = tuple(h.hole for h in table.holes if h.hole in failing)
+    return Failure(OUT_OF_REACH, f"line at {names[0]}", names, str(error), ways)
+
+
+def worlds_at(scene: Scene, transfers: Sequence[Transfer], station: str) -> tuple[World, ...]:
+    """What the line at a place goes through, other cubes that move left out; none if no transfer uses the place."""
+    for t in transfers:
+        if station in (t.pick.name, t.place.name):
+            others = {other.cube for other in transfers} - {t.cube}
+            left = replace(
+                scene, cubes=tuple(c for c in scene.cubes if c.name not in others), allowed=frozenset()
+            )
+            stages = TaskWorlds(left, [t], [t.place])
+            pick, place = CubePlacement(False, 0), CubePlacement(True, 0)
+            if station == t.pick.name:
+                return stages.empty(frozenset([pick])), stages.holding(0, frozenset(), t.pick.touches)
+            return stages.holding(0, frozenset(), t.place.touches), stages.empty(frozenset([place]))
+    return ()

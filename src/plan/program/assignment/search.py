@@ -1,0 +1,377 @@
+"""A whole task as one problem: which way of gripping and which branch everywhere, which cube next, and to which place.
+
+Everything is ranked by estimates of time that know of no obstacle (`plan.program.assignment.leg_times`,
+`plan.program.assignment.sequencing`). Only what the best
+sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
+more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
+stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
+around is made, and its own time counts. The search ends when all of the best sequence is proved.
+
+The obstacle-free bounds of the legs give, by the same search over orders, a time that no plan can undercut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError
+from arm.se3 import Array
+from plan.budget import BudgetSpent
+from plan.cartesian.reachability import GraspCandidate
+from plan.collision.certificate import ClearanceCertificate
+from plan.failure import nearness, short_of
+from plan.options import PlanOptions
+from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery
+from plan.program.assignment.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
+from plan.program.assignment.leg_times import line_ends, standing
+from plan.program.assignment.sequencing import (
+    Choices,
+    Costs,
+    Ordered,
+    Progress,
+    Visit,
+    best_grasps,
+    best_order,
+)
+from plan.program.assignment.worlds import CubePlacement, TaskWorlds
+from plan.transit.optimise import Ends
+
+# Ways around that are made between one pick and one place (and more where there is none yet).
+_DETOURS, _DETOURS_AT_MOST = 1, 12
+# As many times more, where the best of them still costs much more than the straight way.
+_MORE = 5
+_ROUNDS = 400
+# A sequence that could at best be this much faster, in parts, is not looked for.
+_GOOD_ENOUGH = 0.003
+
+
+@dataclass(frozen=True)
+class Stop:
+    """One cube of a sequence.
+
+    Attributes:
+        visit: its numbers.
+        pick, place: the choices there.
+        before: what stands when the arm sets out for it, itself included.
+        out: way-points (m, n) rad to the pick, from where the arm was; from home if `home` of the stop before is set.
+        across: to the place.
+        home: from the place to where the task starts, or None where the arm goes straight on.
+    """
+
+    visit: Visit
+    pick: GraspCandidate
+    place: GraspCandidate
+    before: frozenset[CubePlacement]
+    out: Array
+    across: Array
+    home: Array | None
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best sequence: its stops, its estimated time and what no sequence undercuts, s."""
+
+    stops: tuple[Stop, ...]
+    time: float
+    bound: float
+
+
+class TaskSearch:
+    """The search for one task.
+
+    Args:
+        stages: its collision worlds.
+        picks, places: choices that reach, per transfer and per place, from `plan.cartesian.reachability`.
+        q_home: where the arm starts and ends, (n,) rad.
+        limits: that motion is planned under.
+        options: clearances, lengths, seed, what may be chosen.
+    """
+
+    def __init__(
+        self,
+        stages: TaskWorlds,
+        picks: Sequence[Sequence[GraspCandidate]],
+        places: Sequence[Sequence[GraspCandidate]],
+        q_home: Array,
+        limits: Limits,
+        options: PlanOptions,
+    ) -> None:
+        self.stages, self.limits, self.options = stages, limits, options
+        # in an order that no rounding can change
+        self.picks, self.places = (
+            [sorted(choices, key=lambda c: (c.yaw, c.branch)) for choices in side] for side in (picks, places)
+        )
+        self.freedom = Choices(
+            len(self.picks),
+            len(self.places),
+            order=options.order == "free",
+            assignment=options.assignment == "free" and stages.alike,
+        )
+        tool_speed = options.approach_speed * options.speed
+        ends = [
+            [line_ends([c.q_line for c in choices], options.offset, limits, tool_speed) for choices in side]
+            for side in (self.picks, self.places)
+        ]
+        self.costs = TransitCosts(ends[0], ends[1], standing(q_home), limits, options)
+        self.detours: dict[tuple[str, tuple[int, ...], CubePlacement | None], int] = {}
+        self.most_detours = _DETOURS
+        self.proofs = EdgeChecks(stages, limits, options)
+        self.rejected: dict[str, ImpossibleError] = {}
+        self.stopped: BudgetSpent | KeyboardInterrupt | None = None
+
+    def best(self) -> Found:
+        """The fastest sequence that was found; where the budget is spent or Ctrl-C is pressed, by then (`stopped`).
+
+        Raises:
+            BudgetSpent, KeyboardInterrupt: before one was.
+            ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
+        """
+        self.complete: Found | None = None
+        try:
+            return self._best()
+        except (BudgetSpent, KeyboardInterrupt) as stop:
+            # what a clock cut off would differ from time to time
+            if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):
+                raise
+            self.stopped = stop
+            return self.complete
+
+    def _best(self) -> Found:
+        bound = best_order(self.freedom, self.costs.bounds())
+        costs = self.costs.now()
+        best: Found | None = None
+        for _ in range(_ROUNDS):
+            ordered = best_order(self.freedom, costs)
+            enough = np.inf if best is None else best.time * (1.0 - _GOOD_ENOUGH)
+            if ordered is None or bound is None or ordered.time >= min(enough, NOT_NOW):
+                if best is not None:
+                    return best
+                if self.most_detours >= _DETOURS_AT_MOST:
+                    break
+                self.most_detours = _DETOURS_AT_MOST
+                self.proofs.least_margin()
+                self.costs.ask_again()
+                continue
+            best = self.complete = self._proved(ordered, costs, best, bound.bound)
+        if best is not None:
+            return best
+        raise self._impossible()
+
+    def _proved(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
+        """The best ways that can be proved for the order and places of `ordered`, or `best` if that is faster."""
+        pairs = [(visit.pick, visit.place) for visit in ordered.visits]
+        current: Ordered | None = ordered
+        while current is not None and current.time < NOT_NOW and (best is None or current.time < best.time):
+            stops = self._stops(current)
+            if stops is not None:
+                return Found(stops, current.time, bound)
+            current = best_grasps(pairs, costs)
+        return best
+
+    def forbid(self, stops: Sequence[Stop], index: int, which: str, error: ImpossibleError) -> None:
+        """Do not use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved.
+
+        Where that is for one of its lines (data: role), the line is not used again in any leg. Where a cube is in the
+        way (data: pair) that may be gone another time, this holds as long as a cube stands there.
+        """
+        stop, before = stops[index], stops[index - 1] if index else None
+        visit, role = stop.visit, error.data.get("role")
+        by = self._in_the_way(stops, index, which, error.data.get("pair", ()))
+        pick = CubePlacement(False, visit.pick), visit.pick_way
+        place = CubePlacement(True, visit.place), visit.place_way
+        went_on = before is not None and before.home is None
+        came = (
+            (CubePlacement(True, before.visit.place), before.visit.place_way) if before and went_on else place
+        )
+        lines = {"out": (came, pick), "across": (pick, place), "home": (place, place)}
+        legs = {
+            "across": TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
+            "home": TransitEdge(END, (visit.place,), (visit.place_way, 0)),
+            "out": TransitEdge(GO_ON, (came[0].number, visit.pick), (came[1], visit.pick_way))
+            if went_on
+            else TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)),
+        }
+        if role in ("retract", "approach"):
+            station, way = lines[which][role == "approach"]
+            self.costs.close_line(station, way, by)
+        else:
+            self.costs.forbid(legs[which], by)
+        self._reject(error)
+
+    def _in_the_way(
+        self, stops: Sequence[Stop], index: int, which: str, pair: Sequence[str]
+    ) -> CubePlacement | None:
+        """The cube of a pair that stands there only for a while; None where neither is one.
+
+        Cubes at the leg's own stations stand there whenever it is used.
+        """
+        stop, cubes = stops[index], self.stages.cubes
+        at = {cubes[s.number].name: s for s in stop.before if not s.placed}
+        at |= {cubes[s.visit.pick].name: CubePlacement(True, s.visit.place) for s in stops[:index]}
+        own = {cubes[stop.visit.pick].name}
+        if which == "out" and index and stops[index - 1].home is None:
+            own.add(cubes[stops[index - 1].visit.pick].name)
+        return next((at[name] for name in pair if name in at and name not in own), None)
+
+    def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
+        """The sequence with all that it uses proved, or None where something of it turned out to be blocked."""
+        stops: list[Stop] = []
+        done, last, whole = Progress(frozenset(), frozenset()), None, True
+        for count, visit in enumerate(ordered.visits, start=1):
+            there = self.costs.there(done)
+            carrying = there - {CubePlacement(False, visit.pick)}
+            done = Progress(done.picks | {visit.pick}, done.places | {visit.place})
+            after = self.costs.there(done)
+            if not self._lines_proved(visit, there, after):
+                whole, last = False, None
+                continue
+            across = self._across(
+                TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
+            )
+            out = None
+            if count == 1 or self.options.looks_after(count - 1):
+                out = self._across(TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)), there)
+            elif last is not None:
+                leg = TransitEdge(GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
+                out = self._across(leg, there)
+            home, goes_home = None, count == len(ordered.visits) or self.options.looks_after(count)
+            if goes_home:
+                home = self._across(TransitEdge(END, (visit.place,), (visit.place_way, 0)), after)
+            last = None if goes_home else visit
+            if out is None or across is None or (goes_home and home is None):
+                whole = False
+                continue
+            pick, place = (
+                self.picks[visit.pick][visit.pick_way],
+                self.places[visit.place][visit.place_way],
+            )
+            stops.append(Stop(visit, pick, place, there, out, across, home))
+        return tuple(stops) if whole else None
+
+    def _lines_proved(
+        self, visit: Visit, there: frozenset[CubePlacement], after: frozenset[CubePlacement]
+    ) -> bool:
+        proved = True
+        for placed, number, way, now in (
+            (False, visit.pick, visit.pick_way, there),
+            (True, visit.place, visit.place_way, after),
+        ):
+            choice = (self.places if placed else self.picks)[number][way]
+            blocked = self.proofs.line(choice, CubePlacement(placed, number), visit.pick, now)
+            if blocked is not None:
+                self.costs.close_line(CubePlacement(placed, number), way, blocked.by)
+                self._reject(_line_blocked(choice, blocked.check, self.options.line_clearance))
+                proved = False
+        return proved
+
+    def _across(self, leg: TransitEdge, now: frozenset[CubePlacement]) -> Array | None:
+        """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
+        out, into = self.costs.ends(leg)
+        crossing = TransitQuery(
+            out.offset[0],
+            into.offset[0],
+            Ends(out.velocity[0], -into.velocity[0]),
+            leg.numbers[0] if leg.kind == CARRY else None,
+            self._own(leg),
+        )
+        found = self.proofs.straight(leg, crossing, now)
+        if not isinstance(found, Blocked):
+            return found
+        by = found.by
+        if found.end:
+            self._give_up(leg, found)
+            return None
+        if not self.costs.is_blocked(leg, by):
+            self.costs.block(leg, by, None)
+            return None
+        if self.costs.time(leg, by) is None:
+            made = self.detours.get((leg.kind, leg.numbers, by), 0)
+            if made >= self.most_detours * (_MORE if self.costs.is_poor(leg) else 1):
+                self.costs.block(leg, by, NOT_NOW)
+                return None
+            self.detours[leg.kind, leg.numbers, by] = made + 1
+        way = self.proofs.around(leg, crossing, now, thorough=self.most_detours > _DETOURS)
+        if way is None:
+            self._give_up(leg, found)
+            return None
+        return way if self.costs.found(leg, by, way) else None
+
+    def _give_up(self, leg: TransitEdge, blocked: Blocked) -> None:
+        """There is no way for a leg."""
+        self.costs.block(leg, blocked.by, np.inf)
+        self._reject(_leg_blocked(leg, blocked, self.options.clearance, self.stages))
+
+    def _own(self, leg: TransitEdge) -> frozenset[CubePlacement]:
+        """Cubes that stand wherever the leg is used: at its own stations."""
+        match leg.kind:
+            case "begin":
+                return frozenset((CubePlacement(False, leg.numbers[0]),))
+            case "go on":
+                return frozenset((CubePlacement(True, leg.numbers[0]), CubePlacement(False, leg.numbers[1])))
+            case "end":
+                return frozenset((CubePlacement(True, leg.numbers[0]),))
+        return frozenset()
+
+    def _reject(self, error: ImpossibleError) -> None:
+        self.rejected.setdefault(str(error), error)
+
+    def _impossible(self) -> ImpossibleError:
+        reasons = list(self.rejected)
+        shown = "; ".join(reasons[:2]) + (f"; and {len(reasons) - 2} more" if len(reasons) > 2 else "")
+        names = ", ".join(t.cube for t in self.stages.transfers)
+        return ImpossibleError(
+            f"no way to bring {names} where they should go: {shown}",
+            cubes=[t.cube for t in self.stages.transfers],
+            rejected=[{"reason": str(e), **e.data} for e in self.rejected.values()],
+        )
+
+
+def _line_blocked(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
+    return ImpossibleError(
+        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
+        f"{nearness(check.pair, check.seen, clearance)}",
+        station=choice.hole,
+        yaw=choice.yaw,
+        branch=choice.branch,
+        pair=list(check.pair),
+        distance_m=check.seen,
+    )
+
+
+def _leg_blocked(leg: TransitEdge, blocked: Blocked, clearance: float, stages: TaskWorlds) -> ImpossibleError:
+    check = blocked.check
+    picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
+    match leg.kind:
+        case "begin":
+            origin, goal = "the start", picks[leg.numbers[0]]
+        case "carry":
+            origin, goal = picks[leg.numbers[0]], places[leg.numbers[1]]
+        case "go on":
+            origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
+        case _:
+            origin, goal = places[leg.numbers[0]], "the start"
+    names, seen = check.pair, f"{short_of(check.seen, clearance)} mm"
+    data: dict[str, object] = {"from": origin, "to": goal}
+    if not blocked.end:
+        near = f"is {seen} from it" if check.seen > 0.0 else "would go through it"
+        text = f"no path around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
+    elif 0.0 < check.time < 1.0:
+        near = f"is {seen} from" if check.seen > 0.0 else "is inside"
+        text = (
+            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} {near} {names[1]}"
+        )
+    else:
+        at, data["end"] = (origin, "from") if check.time == 0.0 else (goal, "to")
+        near = f"are {seen} apart" if check.seen > 0.0 else "overlap"
+        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} {near} there"
+    return ImpossibleError(
+        f"{text} (required: {clearance * 1e3:g} mm)",
+        **data,
+        ways=list(leg.ways),
+        pair=list(names),
+        distance_m=check.seen,
+    )

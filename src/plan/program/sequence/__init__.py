@@ -1,0 +1,1 @@
+"""Solutions of goals in a given order, chosen together."""

@@ -1,0 +1,172 @@
+"""Solutions for the poses of a list, the promising ones first, or why there are none."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError
+from arm.robot.model import Robot
+from arm.se3 import Array
+from plan.collision.missing_srdf import self_collision_help
+from plan.kinematics.closed_form import has_closed_form
+from plan.kinematics.ik import explain_pose
+from plan.kinematics.numeric_ik import SearchOptions, solve_ik
+from plan.options import PlanOptions
+from plan.program.attachments import AttachmentWorlds
+from plan.program.target import Target
+from plan.trajectory.time_estimates import straight_time
+
+
+@dataclass(frozen=True)
+class Solution:
+    """One configuration (n,) for a pose, and the name of its branch."""
+
+    q: Array
+    branch: str
+
+
+class Candidates:
+    """Solutions for the first target of every group.
+
+    Args:
+        robot, worlds, targets, groups: of the problem.
+        limits: planned with.
+        options: clearances.
+        ik: budget.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        worlds: AttachmentWorlds,
+        targets: Sequence[Target],
+        groups: Sequence[range],
+        limits: Limits,
+        options: PlanOptions,
+        ik: SearchOptions,
+    ) -> None:
+        self.robot, self.worlds, self.targets, self.groups = robot, worlds, targets, groups
+        self.limits, self.options, self.ik = limits, options, ik
+        self._found: list[list[Solution]] = []
+
+    @property
+    def most(self) -> int:
+        """Solutions of the group that has the most."""
+        return max(len(found) for found in self._found)
+
+    def solve(self, q_start: Array) -> None:
+        """Find and rank all solutions; (n,) rad where the arm stands.
+
+        Raises:
+            ImpossibleError: a target has none, or all of them are too near to something.
+        """
+        self._found = [self.free(group) for group in self.groups]
+        layers = [q_start[None], *(np.stack([s.q for s in found]) for found in self._found)]
+        steps = [straight_time(b[None] - a[:, None], self.limits) for a, b in pairwise(layers)]
+        here = [np.zeros(1)]
+        for step in steps:
+            here.append((here[-1][:, None] + step).min(axis=0))
+        there = [np.zeros(len(layers[-1]))]
+        for step in reversed(steps):
+            there.insert(0, (step + there[0]).min(axis=1))
+        for number, found in enumerate(self._found):
+            through = np.round(here[number + 1] + there[number + 1], 6)
+            self._found[number] = [found[i] for i in np.argsort(through, kind="stable")]
+
+    def ranked(self, number: int) -> list[Solution]:
+        """Solutions of a group, those first that lie on the shortest straight ways through all groups."""
+        return self._found[number]
+
+    def reachable(self, target: Target) -> list[Solution]:
+        """All solutions of a target.
+
+        Raises:
+            ImpossibleError: there is none; data: target, and reach of each branch where the arm has branches.
+        """
+        if target.q is not None:
+            return [Solution(target.q, "")]
+        limits, solutions = self.limits, list[Solution]()
+        for T_base_tool in target.poses:
+            found = solve_ik(self.robot, T_base_tool, limits.lower, limits.upper, target.free, self.ik)
+            solutions += [Solution(q, branch) for q, branch in zip(found.q, found.branch, strict=True)]
+        if solutions:
+            return solutions
+        T_base_tool = target.poses[0]
+        free = f" with {', '.join(target.free)} free" if target.free else ""
+        place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
+        head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
+        if has_closed_form(self.robot):
+            reports = explain_pose(self.robot, T_base_tool, limits.lower, limits.upper)
+            best = min(reports, key=lambda r: (round(r.outside, 9), round(r.excess, 9)))
+            why = (
+                f"the wrist would have to be {best.outside * 1e3:.1f} mm further than the links reach"
+                if best.outside > 0.0
+                else f"the best of {len(reports)} branches, {best.branch}, has joint {best.joint} "
+                f"{np.degrees(best.excess):.1f} deg beyond its limit"
+            )
+            raise ImpossibleError(
+                f"{head}: {why}; another pose, or more of it free, may do",
+                target=target.name,
+                solutions=0,
+                joint=None if best.outside > 0.0 else best.joint,
+                excess_rad=best.excess,
+                outside_m=best.outside,
+            )
+        raise ImpossibleError(
+            f"{head}: none of {self.ik.starts} starts of the numerical search led there; another pose, more of it "
+            "free, or more starts may do",
+            target=target.name,
+            solutions=0,
+            joint=None,
+        )
+
+    def free(self, group: range) -> list[Solution]:
+        """The solutions of the first target of a group that are clear of what never moves."""
+        target = self.targets[group.start]
+        solutions = self.reachable(target)
+        if (
+            len(group) == 1 and target.approach == target.retract == 0.0
+        ):  # a transit ends there and another begins
+            world, clearance = self.worlds.at_least(), self.options.clearance
+        else:
+            world, clearance = self.worlds.at_least(target.pairs), self.options.line_clearance
+        free = [s for s in solutions if not world.in_collision(s.q, clearance)]
+        if free:
+            return free
+        misses = [world.distance(s.q) for s in solutions]
+        pairs = Counter(miss.pair for miss in misses)
+        best = max(misses, key=lambda miss: round(miss.value, 9))
+        listed = ", ".join(f"{a} / {b} ({count} x)" for (a, b), count in sorted(pairs.items()))
+        at = solutions[misses.index(best)].q
+        own = self_collision_help(world, at, clearance)
+        help = own or (
+            f"; all: {listed}; turn the pose, let more of it free, or come to it by an approach that may touch "
+            "(allowed_collisions)"
+        )
+        raise ImpossibleError(
+            f"target {target.name!r}: all {len(solutions)} solutions are too near to something; at best "
+            f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (required: {clearance * 1e3:g} mm){help}",
+            target=target.name,
+            solutions=len(solutions),
+            pair=list(best.pair),
+            distance_m=best.value,
+            clearance_m=clearance,
+        )
+
+    def unfollowed(self, number: int, why: Sequence[ImpossibleError]) -> ImpossibleError:
+        """That no line of a group can be followed from any solution; the one that came furthest is told."""
+        target = self.targets[self.groups[number].start]
+        order = [t.name for t in self.targets]
+        best = max(
+            why, key=lambda e: (order.index(e.data.get("target", target.name)), e.data.get("done_m", 0.0))
+        )
+        return ImpossibleError(
+            f"from none of {len(why)} solutions of {target.name!r} can all lines be followed; the best: {best}",
+            **{**best.data, "solutions": len(why)},
+        )

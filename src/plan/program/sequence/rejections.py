@@ -1,0 +1,68 @@
+"""Why a step of a list of poses was refused: a line for people, and the same as data (`reason` counts alike ones)."""
+
+from __future__ import annotations
+
+from arm.errors import ImpossibleError
+from plan.collision.certificate import ClearanceCertificate
+from plan.program.target import Target
+
+
+def end_blocked(
+    before: str, name: str, end: str, pair: tuple[str, str], distance: float, clearance: float
+) -> ImpossibleError:
+    """A way leaves or arrives with a pair of bodies too near; all in m."""
+    where = before if end == "leaves" else name
+    return ImpossibleError(
+        f"the way from {before} to {name} {end} too near: at {where}, {pair[0]} is {distance * 1e3:.1f} mm from "
+        f"{pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, or less clearance, may help",
+        reason=f"{end} with {pair[0]} too near to {pair[1]}",
+        pair=list(pair),
+        distance_m=distance,
+        clearance_m=clearance,
+    )
+
+
+def out_of_hand(target: Target, pair: tuple[str, str], distance: float) -> ImpossibleError:
+    """A body is to go with the tool and is nowhere near it; m."""
+    return ImpossibleError(
+        f"target {target.name!r}: attach = {target.attach!r}: is {distance * 1e3:.1f} mm from {pair[0]} there; must be "
+        f"at most {target.attach_within * 1e3:g} mm (attach_within) from the hand or from the tool frame: move the "
+        "target to the body, or say that more is meant",
+        target=target.name,
+        reason=f"{pair[1]} out of the hand's reach",
+        pair=list(pair),
+        distance_m=distance,
+        attach_within_m=target.attach_within,
+    )
+
+
+def way_blocked(
+    before: str, name: str, check: ClearanceCertificate, clearance: float, tried: bool
+) -> ImpossibleError:
+    """The straight way comes too near; another was `tried` or not."""
+    more = "no path around was found" if tried else "as many paths around as allowed were tried"
+    return ImpossibleError(
+        f"on the straight way from {before} to {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of "
+        f"{check.pair[1]} ({_asked(check, clearance)}), and {more}",
+        reason=f"{check.pair[1]} in the way of {check.pair[0]}" + ("" if tried else ", way around not tried"),
+        pair=list(check.pair),
+        distance_m=check.seen,
+        clearance_m=clearance,
+    )
+
+
+def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
+    """A line comes too near."""
+    return ImpossibleError(
+        f"on the {role} at {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of {check.pair[1]} "
+        f"({_asked(check, clearance)}); allow that contact (allowed_collisions), or turn the pose",
+        reason=f"{role} with {check.pair[0]} too near to {check.pair[1]}",
+        pair=list(check.pair),
+        distance_m=check.seen,
+        clearance_m=clearance,
+    )
+
+
+def _asked(check: ClearanceCertificate, clearance: float) -> str:
+    more = ", and some room for what timing changes" if check.seen >= clearance else ""
+    return f"required: {clearance * 1e3:g} mm{more}"

@@ -1,0 +1,354 @@
+"""Which solution at every pose of a list: the fastest sequence, by a search that proves only what it is about to use.
+
+Chains (`plan.program.line_chains`) stand in layers, one layer for each group of targets; from layer to
+layer go transits. Their costs are estimates of time. The best sequence is found by A* with edges that are
+looked at late (B. Cohen, M. Phillips, M. Likhachev, "Planning single-arm manipulations with n-arm robots",
+RSS 2014): an edge enters with the time of the straight way, and only when it is the best there is are its way
+and its chain proved, and its true cost taken. What is left to the end is estimated by the straight ways too,
+exactly, from the last layer backwards. So what is found is the best of all sequences of these chains by that
+cost, unless the budget of ways around has run out.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError
+from arm.se3 import Array
+from plan.budget import BudgetSpent, Meter
+from plan.collision.bezier import Curve, curve_of_waypoints
+from plan.collision.certificate import ClearanceCertificate, certify_curve
+from plan.collision.search_margin import searched_clearance
+from plan.collision.world import World
+from plan.options import PlanOptions
+from plan.program.attachments import AttachmentState, AttachmentWorlds
+from plan.program.line_chains import LineChain, SequenceStep, TargetReached
+from plan.program.sequence.rejections import end_blocked, line_blocked, out_of_hand, way_blocked
+from plan.program.sequence.times import ChainTime, way_bounds, way_estimates
+from plan.program.target import Target
+from plan.trajectory.joint_path import Path, smooth_path
+from plan.trajectory.time_estimates import path_time
+from plan.transit.optimise import Ends
+from plan.transit.planner import TransitPlanner
+
+LINE_MARGIN = 1e-4  # m: lines are proved with this much more clearance than is asked, for what timing changes
+_SAMPLES = (0.5, 0.25, 0.75)  # of a straight way before it is proved
+_BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Candidates for one group of targets; a place to stand has one, without items.
+
+    Attributes:
+        name: of its first target, for people.
+        chains: the candidates.
+        times: of each.
+    """
+
+    name: str
+    chains: tuple[LineChain, ...]
+    times: tuple[ChainTime, ...]
+
+    @property
+    def q_in(self) -> Array:
+        return np.stack([c.q_in for c in self.chains])
+
+    @property
+    def q_out(self) -> Array:
+        return np.stack([c.q_out for c in self.chains])
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the search found: its legs in order, their estimated time and the bound, s."""
+
+    legs: tuple[SequenceStep, ...]
+    time: float
+    bound: float
+
+
+@dataclass(eq=False)
+class Effort:
+    """What a search did: ways around made, and why what it tried was refused, by layer."""
+
+    detours: int = 0
+    refused: dict[int, Counter[str]] = field(default_factory=dict)
+    examples: dict[int, ImpossibleError] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """A proved prefix of a sequence."""
+
+    layer: int
+    index: int
+    situation: AttachmentState
+    cost: float
+    legs: tuple[SequenceStep, ...]
+
+
+class PoseSearch:
+    """The search over layers, of which the first is where the arm stands.
+
+    Args:
+        worlds: of the list.
+        targets: the list.
+        layers: at least two.
+        limits: that motion is planned with.
+        options: clearances, seed, budget of a way around.
+        detours: ways around that are made at most from one layer to the next.
+    """
+
+    def __init__(
+        self,
+        worlds: AttachmentWorlds,
+        targets: Sequence[Target],
+        layers: Sequence[Layer],
+        limits: Limits,
+        options: PlanOptions,
+        detours: int,
+    ) -> None:
+        self.worlds, self.targets, self.layers = worlds, targets, layers
+        self.limits, self.options, self.most_detours = limits, options, detours
+        self.effort = Effort()
+        self.estimates = [
+            way_estimates(a.q_out, b.q_in, a.times, b.times, limits) for a, b in pairwise(layers)
+        ]
+        self.to_go = self._to_go()
+        self._ways: dict[tuple[object, ...], tuple[float, Array] | None] = {}
+        self._proofs: dict[tuple[object, ...], bool] = {}
+        self._made = [0] * len(layers)
+        self._known: list[Array] = []
+        self._forbidden: set[tuple[int, int, int]] = set()
+        self.proved_to = 0  # the last layer that a proved sequence came to
+        self.stopped: BudgetSpent | None = None
+
+    def forbid(self, leg: int, before: int, index: int) -> None:
+        """Take out the way from chain `before` of layer `leg` - 1 to chain `index` of layer `leg`."""
+        self._forbidden.add((leg, before, index))
+
+    def bound(self) -> float:
+        """Time in s that no motion through these chains undercuts, whatever the ways between them."""
+        best = np.zeros(len(self.layers[0].chains))
+        for a, b in pairwise(self.layers):
+            between = np.array([t.between_s for t in b.times])
+            best = (best[:, None] + way_bounds(a.q_out, b.q_in, a.times, b.times, self.limits)).min(
+                axis=0
+            ) + between
+        return float((best + np.array([t.tail_s for t in self.layers[-1].times])).min())
+
+    def best(self, meter: Meter) -> Found:
+        """The fastest sequence; or where most of the budget was spent before it was proved, any that is.
+
+        Raises:
+            BudgetSpent: none was found within the budget.
+            ImpossibleError: there is none; data of the nearest miss in the deepest layer that was tried, `refused`, and
+                `detours_spent`: whether the budget of ways around was used up there.
+        """
+        try:
+            if self.stopped is None:
+                with meter.part(_BEST_SHARE):
+                    return self._first(deepest=False)
+        except BudgetSpent as spent:
+            if spent.by == "clock":
+                raise
+            self.stopped = spent
+        return self._first(deepest=True)
+
+    def _first(self, deepest: bool) -> Found:
+        """The sequence that comes first: the fastest, or the one that is longest already.
+
+        What was proved or refused before is known and costs nothing again.
+        """
+        start = _State(0, 0, self.worlds.start, 0.0, ())
+        # estimated total, deeper first, then by indices: no tie is left to chance
+        heap: list[tuple[float, float, int, int, _State, int | None]] = []
+        closed: set[tuple[object, ...]] = set()
+        count = 0
+
+        def push(total: float, layer: int, index: int, state: _State, edge: int | None) -> None:
+            nonlocal count
+            if np.isfinite(total):
+                rank = round(total, 9), float(-layer)
+                if deepest:  # and there, what is proved before what is not
+                    rank = (2.0 * -layer + (edge is not None), round(total, 9))
+                heapq.heappush(heap, (*rank, index, count, state, edge))
+                count += 1
+
+        push(float(self.to_go[0][0]), 0, 0, start, None)
+        while heap:
+            _, _, _, _, state, edge = heapq.heappop(heap)
+            if edge is not None:
+                reached = self._taken(state, edge)
+                if reached is not None:
+                    total = reached.cost + float(self.to_go[reached.layer][edge])
+                    push(total, reached.layer, edge, reached, None)
+                continue
+            key = (state.layer, state.index, state.situation.key)
+            if key in closed:
+                continue
+            closed.add(key)
+            self.proved_to = max(self.proved_to, state.layer)
+            if state.layer + 1 == len(self.layers):
+                return Found(state.legs, state.cost, self.bound())
+            onward = self.estimates[state.layer][state.index]
+            inner = np.array([t.inner for t in self.layers[state.layer + 1].times])
+            totals = state.cost + onward + inner + self.to_go[state.layer + 1]
+            for index, total in enumerate(totals.tolist()):
+                if (state.layer + 1, state.index, index) not in self._forbidden:
+                    push(total, state.layer + 1, index, state, index)
+        raise self._impossible()
+
+    def _to_go(self) -> list[Array]:
+        """Estimated time from each chain's end to the end of all, by straight ways."""
+        to_go = [np.zeros(len(self.layers[-1].chains))]
+        for estimate, layer in zip(reversed(self.estimates), reversed(self.layers), strict=False):
+            inner = np.array([t.inner for t in layer.times])
+            to_go.insert(0, (estimate + inner + to_go[0]).min(axis=1))
+        return to_go
+
+    def _taken(self, state: _State, index: int) -> _State | None:
+        """The state after the way to a chain and the chain itself, both proved; or None."""
+        number = state.layer + 1
+        layer = self.layers[number]
+        chain = layer.chains[index]
+        # lines are proved cheaply, and no way around is wasted on a chain that is blocked itself
+        after = self._through(state.situation, number, index, chain)
+        if after is None:
+            return None
+        way = self._way(state, number, index)
+        if way is None:
+            return None
+        cost = state.cost + way[0] + layer.times[index].inner
+        return _State(number, index, after, cost, (*state.legs, SequenceStep(chain, way[1], index)))
+
+    def _way(self, state: _State, number: int, index: int) -> tuple[float, Array] | None:
+        """Cost and way-points of the way to a chain, proved; None where there is none."""
+        key = (number, state.index, index, state.situation.key)
+        if key not in self._ways:
+            self._ways[key] = self._made_way(state, number, index)
+        return self._ways[key]
+
+    def _made_way(self, state: _State, number: int, index: int) -> tuple[float, Array] | None:
+        before, layer = self.layers[state.layer], self.layers[number]
+        a, b = before.chains[state.index].q_out, layer.chains[index].q_in
+        straight = float(self.estimates[state.layer][state.index, index])
+        world, asked = self.worlds.world(state.situation), self.options.clearance
+        for end, q in (("leaves", a), ("arrives", b)):
+            if world.in_collision(q, asked):
+                seen = world.distance(q)
+                self._refuse(number, end_blocked(before.name, layer.name, end, seen.pair, seen.value, asked))
+                return None
+        clearance = searched_clearance(world, (a, b), asked)
+        check = _straight(world, a, b, clearance)
+        if check.proved:
+            return straight, np.stack([a, b])
+        if self._made[number] >= self.most_detours:
+            self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=False))
+            return None
+        self._made[number] += 1
+        self.effort.detours += 1
+        ends = Ends(before.times[state.index].leave, layer.times[index].enter)
+        rng = np.random.default_rng(self.options.seed)
+        detours = TransitPlanner(world, self.limits, clearance, rng, self.options.transit, ends, self._known)
+        way = detours.around(a, b, check.time)
+        if way is None:
+            self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=True))
+            return None
+        # a way around never counts as less than the straight one, so that the search stays exact
+        return max(straight, path_time(way, self.limits, ends.enter, ends.leave)), way
+
+    def _through(
+        self, situation: AttachmentState, number: int, index: int, chain: LineChain
+    ) -> AttachmentState | None:
+        """The situation after a chain whose lines are proved; None where one is not."""
+        for at, item in enumerate(chain.items):
+            if isinstance(item, TargetReached):
+                target = self.targets[item.target]
+                if target.attach is not None:
+                    gap = self.worlds.gap(situation, target, item.T_base_tool)
+                    if gap.value > target.attach_within:
+                        self._refuse(number, out_of_hand(target, gap.pair, gap.value))
+                        return None
+                situation = self.worlds.after(situation, target, item.T_base_tool)
+                continue
+            key = (number, index, at, situation.key)
+            target = self.targets[item.target]
+            if key not in self._proofs:
+                world = self.worlds.world(situation, target.pairs)
+                asked = self.options.line_clearance
+                ends = (item.path.q[0], item.path.q[-1])
+                clearance = searched_clearance(world, ends, asked, LINE_MARGIN)
+                check = certify_curve(world, curve_of_path(smooth_path(item.path.q, item.path.s)), clearance)
+                self._proofs[key] = check.proved
+                if not check.proved:
+                    self._refuse(number, line_blocked(item.role, target.name, check, asked))
+            if not self._proofs[key]:
+                return None
+        return situation
+
+    def _refuse(self, number: int, error: ImpossibleError) -> None:
+        self.effort.refused.setdefault(number, Counter())[str(error.data["reason"])] += 1
+        known = self.effort.examples.get(number)
+        # the nearest miss helps most: what is too near is nearly far enough, what is out of the hand nearly in it
+        if known is None or _miss(error) < _miss(known):
+            self.effort.examples[number] = error
+
+    def nearest_miss(self) -> ImpossibleError | None:
+        """What was nearly possible in the deepest layer that was tried; None where nothing was refused."""
+        return self.effort.examples[max(self.effort.examples)] if self.effort.examples else None
+
+    def _impossible(self) -> ImpossibleError:
+        """Why there is no sequence: the deepest layer at which one ended."""
+        if not self.effort.examples:
+            return ImpossibleError(
+                "every sequence was taken out because its motion could not be proved", refused={}
+            )
+        number = max(self.effort.examples)
+        example, refused = self.effort.examples[number], self.effort.refused[number]
+        reasons = "; ".join(f"{count} x {reason}" for reason, count in sorted(refused.items()))
+        tried = len(self.layers[number].chains)
+        return ImpossibleError(
+            f"no way on to {self.layers[number].name}, which has {tried} solutions: {reasons}. Nearest miss: {example}",
+            **{
+                **example.data,
+                "refused": dict(sorted(refused.items())),
+                "solutions": tried,
+                "detours_spent": self._made[number] >= self.most_detours,
+            },
+        )
+
+
+def curve_of_path(path: Path) -> Curve:
+    """A piecewise polynomial of order up to 3 as a chain of cubics."""
+    c = np.zeros((4, *path.c.shape[1:]))
+    c[4 - len(path.c) :] = path.c
+    h = np.diff(path.x)[:, None]
+    a0, a1, a2, a3 = c[3], c[2] * h, c[1] * h**2, c[0] * h**3
+    control = np.stack([a0, a0 + a1 / 3, a0 + (2 * a1 + a2) / 3, a0 + a1 + a2 + a3], axis=1)
+    return Curve(control, path.x[1:] - path.x[0])
+
+
+def _miss(error: ImpossibleError) -> float:
+    """By how much a step was refused, m."""
+    data = error.data
+    if "attach_within_m" in data:
+        return float(data["distance_m"] - data["attach_within_m"])
+    return float(data["clearance_m"] - data["distance_m"])
+
+
+def _straight(world: World, a: Array, b: Array, clearance: float) -> ClearanceCertificate:
+    for u in _SAMPLES:
+        q = a + u * (b - a)
+        if world.in_collision(q, clearance):
+            seen = world.distance(q)
+            return ClearanceCertificate(seen.value, seen.value, seen.pair, u, False, 1)
+    return certify_curve(world, curve_of_waypoints([a, b]), clearance)

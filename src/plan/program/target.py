@@ -1,0 +1,158 @@
+"""A goal of a program: where the tool goes, what is free there, how it comes and leaves, what happens there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from arm.arguments import numbers, shown
+from arm.arguments import pairs as checked_pairs
+from arm.errors import A465Error, InputError
+from arm.former import renamed_arguments
+from arm.se3 import Array, frozen, orthonormalised
+from plan.kinematics.numeric_ik import FREE
+
+WAYS = ("transit", "line")
+ATTACH_WITHIN = 0.010  # m
+_LENGTHS = ("approach", "retract", "blend_radius", "dwell_s", "attach_within", "settle_s")
+
+
+@renamed_arguments(within="blend_radius", touching="allowed_collisions")
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One goal of a program: a pose, one of several poses, or a configuration.
+
+    What happens there happens at rest, in this order: jaws, attach or detach, dwell, look.
+
+    Attributes:
+        name: for people and messages; unique in its program.
+        T_base_tool: pose (4, 4), or poses (k, 4, 4) of which any will do, m; corrected to the nearest rotation, by at
+            most 1e-6. None for a configuration.
+        free: what of the pose may be anything: names out of `plan.kinematics.numeric_ik.FREE`, in the pose's
+            own axes; several in one text are parted by spaces or commas.
+        by: how it is reached from the one before: ``transit``, any path that keeps the clearance, or ``line``, the tool
+            straight. On a line the tool keeps what is free of its end as it is; a single free rotation turns as little
+            as it can.
+        approach, retract: lengths of straight lines along the tool's own z axis, into the pose and out of it, m.
+        speed: cap on the tool's speed on the lines that lead to the target and out of it, m/s (rad/s for a turn on
+            the spot); default: the options' `approach_speed` times `speed`.
+        blend_radius: the tool may cut the corner at this target: it passes the pose at this distance at most, m. With
+            0 it goes through the pose, and stops there unless the path goes on without a corner.
+        dwell_s: time at rest there, s.
+        attach: name of a body that moves with the tool from here on.
+        attach_within: that body may be so far at most from the hand (all that moves with the last joint) or from the
+            tool frame's origin, m.
+        detach: whether the body that moves with the tool stays here.
+        allowed_collisions: pairs of names that may touch on the lines that lead to the target and out of it.
+        q: configuration (n,) rad (m for sliding joints), instead of a pose.
+        jaws: closed fraction of the jaws' stroke from here on, 0 open to 1 shut; None: unchanged.
+        settle_s: shortest wait after the jaws have moved, s.
+        look: whether the arm looks from here.
+        role: role of the transit to it in the plan: ``transit`` or ``home``.
+        cube, subject: index and name of the cube that it serves; None and "" if it serves none.
+    """
+
+    name: str
+    T_base_tool: Array | None = None
+    free: str | Sequence[str] = ()
+    by: str = "transit"
+    approach: float = 0.0
+    retract: float = 0.0
+    speed: float | None = None
+    blend_radius: float = 0.0
+    dwell_s: float = 0.0
+    attach: str | None = None
+    attach_within: float = ATTACH_WITHIN
+    detach: bool = False
+    allowed_collisions: Iterable[Iterable[str]] = field(default_factory=frozenset)
+    q: Array | None = None
+    jaws: float | None = None
+    settle_s: float = 0.0
+    look: bool = False
+    role: str = "transit"
+    cube: int | None = None
+    subject: str = ""
+
+    def __post_init__(self) -> None:
+        names = tuple(self.free.replace(",", " ").split()) if isinstance(self.free, str) else tuple(self.free)
+        wrong = [name for name in names if name not in FREE]
+        if wrong:
+            raise self.error("free", wrong[0], f"must be one of {', '.join(FREE)}")
+        if self.by not in WAYS:
+            raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
+        for key in _LENGTHS:
+            if not 0.0 <= getattr(self, key) < 100.0:
+                raise self.error(key, getattr(self, key), "must not be negative, and below 100")
+        if self.speed is not None and not 0.0 < self.speed < 100.0:
+            raise self.error("speed", self.speed, "must be above 0 and below 100 m/s")
+        if self.jaws is not None and not 0.0 <= self.jaws <= 1.0:
+            raise self.error("jaws", self.jaws, "must be from 0 (open) to 1 (shut)")
+        if self.attach is not None and self.detach:
+            raise self.error("attach", self.attach, "a target attaches or detaches, not both")
+        if (self.T_base_tool is None) == (self.q is None):
+            raise self.error(
+                "T_base_tool", "both" if self.q is not None else None, "give a pose, or q instead"
+            )
+        if self.q is not None and (names or self.by == "line"):
+            raise self.error("q", "a configuration", "goes with by='transit', and nothing of it is free")
+        pairs = checked_pairs(f"target {self.name!r}: allowed_collisions", self.allowed_collisions)
+        for key, value in (
+            ("free", tuple(n for n in FREE if n in names)),
+            ("T_base_tool", self._poses()),
+            ("allowed_collisions", pairs),
+            ("q", self._configuration()),
+        ):
+            object.__setattr__(self, key, value)
+
+    def _poses(self) -> Array | None:
+        """Return the pose or poses, corrected to the nearest rotations."""
+        if self.T_base_tool is None:
+            return None
+        shape = np.shape(self.T_base_tool)
+        several = len(shape) == 3
+        if several and (self.by == "line" or not shape[0]):
+            rule = "must be one pose, since a line leads to it" if shape[0] else "must be at least one pose"
+            raise self.error("T_base_tool", shape, rule)
+        try:
+            poses = [
+                orthonormalised(T, tolerance=1e-6)
+                for T in (self.T_base_tool if several else [self.T_base_tool])
+            ]
+        except (A465Error, ValueError) as error:
+            raise self.error("T_base_tool", shape, str(error)) from error
+        return frozen(np.stack(poses)) if several else poses[0]
+
+    def _configuration(self) -> Array | None:
+        q = None if self.q is None else numbers(self.q)
+        if self.q is not None and (q is None or q.ndim != 1 or not np.isfinite(q).all()):
+            raise self.error("q", shown(self.q), "must be one finite number per joint, rad")
+        return None if q is None else frozen(q)
+
+    @property
+    def poses(self) -> Array:
+        """Its poses (k, 4, 4), of which any will do; none for a configuration."""
+        if self.T_base_tool is None:
+            return np.zeros((0, 4, 4))
+        return self.T_base_tool.reshape(-1, 4, 4)
+
+    @property
+    def pairs(self) -> frozenset[frozenset[str]]:
+        """`allowed_collisions`, as a set of sets."""
+        return frozenset(frozenset(pair) for pair in self.allowed_collisions)
+
+    @property
+    def stops(self) -> bool:
+        """Whether the tool has to be at rest there."""
+        acts = self.jaws is not None or self.attach is not None or self.detach
+        return acts or self.dwell_s > 0.0 or self.look
+
+    @property
+    def prefix(self) -> str:
+        """What the names of its steps begin with."""
+        return f"{self.subject}: " if self.subject else ""
+
+    def error(self, key: str, value: object, rule: str) -> InputError:
+        """That a value of this target breaks a rule."""
+        return InputError(f"target {self.name!r}: {key} = {value!r}: {rule}", target=self.name, key=key)

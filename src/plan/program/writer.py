@@ -1,0 +1,147 @@
+"""Writes the steps of a sequence of goals: its motions, and what happens between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from arm.errors import ImpossibleError
+from arm.plan_file import GripperStep, LookStep, Move, Pause, Step
+from arm.se3 import Array
+from plan.motion.builder import MotionBuilder
+from plan.motion.phase import Join, MotionPhase
+from plan.options import PlanOptions
+from plan.program.attachments import AttachmentState, AttachmentWorlds
+from plan.program.blending import join_of
+from plan.program.line_chains import LinearMove, SequenceStep
+from plan.program.target import Target
+
+
+class ClearanceLost(ImpossibleError):
+    """A step of a sequence does not keep its clearance once it is timed.
+
+    Args:
+        step: its number; that of the step before for the line out of a goal.
+        why: what was found.
+    """
+
+    def __init__(self, step: int, why: ImpossibleError) -> None:
+        super().__init__(str(why), **why.data)
+        self.step, self.why = step, why
+
+
+class MotionWriter:
+    """Makes sequences into steps.
+
+    Args:
+        worlds, targets, options: of the program.
+        builder: times and certifies.
+    """
+
+    def __init__(
+        self,
+        worlds: AttachmentWorlds,
+        targets: Sequence[Target],
+        options: PlanOptions,
+        builder: MotionBuilder,
+    ) -> None:
+        self.worlds, self.targets, self.options, self.builder = worlds, targets, options, builder
+
+    def steps(self, sequence: Sequence[SequenceStep]) -> list[Step]:
+        """Return the moves of a sequence, and what is done at rest between them.
+
+        Raises:
+            ClearanceLost: a phase does not keep its clearance.
+        """
+        steps: list[Step] = []
+        motion = _Motion()
+        state = self.worlds.start
+        for number, step in enumerate(sequence):
+            first = self.targets[step.chain.items[0].target]
+            counts = self.builder.unit.counts(step.waypoints)
+            if (counts != counts[0]).any():  # else the arm stands there already
+                motion.add(number, self._transit(first, step.waypoints, state), None, self.targets)
+            for item in step.chain.items:
+                target = self.targets[item.target]
+                if isinstance(item, LinearMove):
+                    motion.add(number, self._line(item, target, state), item, self.targets)
+                    continue
+                motion.at = target
+                if target.stops:
+                    steps += motion.written(self.builder)
+                    motion = _Motion()
+                    steps += _actions(target, state)
+                state = self.worlds.after(state, target, item.T_base_tool)
+        return [*steps, *motion.written(self.builder)]
+
+    def _transit(self, target: Target, waypoints: Array, state: AttachmentState) -> MotionPhase:
+        return MotionPhase(
+            f"{target.prefix}home" if target.role == "home" else f"{target.prefix}to {target.name}",
+            target.role,
+            self.worlds.world(state),
+            self.options.clearance,
+            waypoints,
+            target.cube,
+            state.held,
+        )
+
+    def _line(self, item: LinearMove, target: Target, state: AttachmentState) -> MotionPhase:
+        touched = [pair - {state.held} for pair in target.pairs if state.held in pair]
+        return MotionPhase(
+            f"{target.prefix}{_line_name(item.role, target)}",
+            item.role,
+            self.worlds.world(state, target.pairs),
+            self.options.line_clearance,
+            item.linear,
+            target.cube,
+            state.held,
+            frozenset(name for names in touched for name in names if name is not None),
+        )
+
+
+class _Motion:
+    """Phases without a rest between them, as they are collected."""
+
+    def __init__(self) -> None:
+        self.phases: list[tuple[int, MotionPhase]] = []
+        self.joins: list[Join] = []
+        self.line: LinearMove | None = None  # the last phase, if that is a line
+        self.at: Target | None = None  # the target that the arm is at
+
+    def add(
+        self, number: int, phase: MotionPhase, line: LinearMove | None, targets: Sequence[Target]
+    ) -> None:
+        if self.phases:
+            self.joins.append(join_of(self.line, line, self.at, targets))
+        self.phases.append((number, phase))
+        self.line, self.at = line, None
+
+    def written(self, builder: MotionBuilder) -> list[Move]:
+        try:
+            return builder.run([phase for _, phase in self.phases], self.joins)
+        except ImpossibleError as error:
+            name = error.data.get("step")
+            number = next((n for n, phase in self.phases if phase.name == name), None)
+            raise ClearanceLost(self.phases[-1][0] if number is None else number, error) from error
+
+
+def _line_name(role: str, target: Target) -> str:
+    match role:
+        case "approach":
+            return f"approach {target.name}"
+        case "retract":
+            return f"lift off {target.name}" if target.attach is not None else f"retract from {target.name}"
+    return f"line to {target.name}"
+
+
+def _actions(target: Target, state: AttachmentState) -> Iterator[Step]:
+    """Yield what happens at a target while the arm rests there."""
+    let_go = state.held if target.detach else None
+    if target.jaws is not None:
+        verb = "close" if target.jaws > 0.0 else "open"
+        at = f"{verb} at {target.name}"
+        text = "close on it" if target.attach is not None else "let go" if target.detach else at
+        yield GripperStep(f"{target.prefix}{text}", verb, target.cube, target.jaws, target.settle_s)
+    if target.dwell_s > 0.0 or (target.jaws is None and (target.attach is not None or target.detach)):
+        yield Pause(target.name, target.dwell_s, target.attach, let_go)
+    if target.look:
+        yield LookStep(f"look after {target.subject}" if target.subject else f"look at {target.name}")

@@ -1,0 +1,46 @@
+"""Lines and ways across, proved once and asked again where something left."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm.errors import ImpossibleError
+from plan.program.assignment.search import Stop
+from plan.program.assignment.sequencing import Progress
+from plan.program.assignment.worlds import CubePlacement
+from plans.small_search import CASES, search_of
+
+
+def test_a_leg_that_a_cube_blocks_is_open_again_when_the_cube_is_gone() -> None:
+    search = search_of(*CASES["plain"])
+    found = search.best()
+    first, second = found.stops
+    names = [search.stages.cubes[s.visit.pick].name for s in found.stops]
+
+    def across(stop: Stop, there: frozenset[CubePlacement]) -> float:
+        visit = stop.visit
+        picks = frozenset(i for i in range(2) if CubePlacement(False, i) not in there)
+        done = Progress(picks, frozenset(s.number for s in there if s.placed))
+        time = search.costs.now().carry(visit.pick, visit.place, done)
+        return float(time[visit.pick_way, visit.place_way])
+
+    first_there, later = first.before, second.before
+    error = ImpossibleError("too near", pair=["elbow", names[1]], role="transit")
+    search.forbid(found.stops, 0, "across", error)  # while the other cube still stands where it is picked
+    assert across(first, first_there) == np.inf
+    gone = first_there - {CubePlacement(False, second.visit.pick)} | {CubePlacement(True, second.visit.place)}
+    assert across(first, gone) < 100.0
+    error = ImpossibleError("too near", pair=["elbow", names[0]], role="transit")
+    search.forbid(found.stops, 1, "across", error)  # the first cube, where it was brought
+    assert across(second, later) == np.inf
+    assert (
+        across(second, second.before - {CubePlacement(True, first.visit.place)} | {CubePlacement(False, 0)})
+        < 100.0
+    )
+    search.forbid(
+        found.stops, 1, "across", ImpossibleError("too near", pair=["elbow", "table"], role="transit")
+    )
+    assert across(second, frozenset(CubePlacement(False, i) for i in range(2))) == np.inf
+    line = ImpossibleError("too near", pair=["palm", names[0]], role="approach")
+    search.forbid(found.stops, 0, "out", line)  # its own cube is always there
+    assert search.costs._closed(CubePlacement(False, first.visit.pick), frozenset()) == [first.visit.pick_way]

@@ -1,0 +1,261 @@
+"""The search over a whole task: against trying everything, what it calls proved, its bound, and cubes in the way."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import pairwise, permutations, product
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import load_unit
+from arm.errors import ImpossibleError
+from arm.robot.model import load_a465
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import certify_curve
+from plan.collision.world import World
+from plan.options import PlanOptions
+from plan.program.assignment.edge_checks import MARGIN
+from plan.program.assignment.search import Found, Stop, TaskSearch
+from plan.program.assignment.sequencing import best_order
+from plan.program.tasks import plan_task
+from plan.scene import Scene, Station, Transfer
+from plans.small_search import CASES, OPTIONS, UNIT, search_of
+from tasks.task2 import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, Task2, task2
+
+
+@cache
+def searched(name: str) -> tuple[TaskSearch, Found]:
+    search = search_of(*CASES[name])
+    return search, search.best()
+
+
+class Truth:
+    """Worlds and proofs of a task, made anew."""
+
+    def __init__(self, case: Task2, options: PlanOptions) -> None:
+        self.case, self.options = case, options
+        self.cubes = [case.scene.cube(t.cube) for t in case.transfers]
+        moved = {c.name for c in self.cubes}
+        self.still = [*case.scene.bodies, *(c for c in case.scene.cubes if c.name not in moved)]
+        self.seen: dict[object, bool] = {}
+
+    def world(
+        self, picks: tuple[int, ...], places: tuple[int, ...], held: int | None, touching: frozenset[str]
+    ) -> World:
+        """With cubes at those picks and places."""
+        bodies = [*self.still, *(self.cubes[i] for i in picks)]
+        for j in places:
+            T = self.case.transfers[j].place.T_base_tool[0] @ self.T_tool_cube(j)
+            bodies.append(Body(f"at place {j}", self.cubes[j].shape, frozen(T), "cube"))
+        scene = self.case.scene
+        if held is None:
+            return World(scene.robot_open, bodies)
+        cube = self.cubes[held]
+        allowed = [frozenset((cube.name, name)) for name in touching]
+        return World(scene.robot_holding, bodies, cube, self.T_tool_cube(held), allowed)
+
+    def T_tool_cube(self, i: int) -> Array:
+        return inverse(self.case.transfers[i].pick.T_base_tool[0]) @ self.cubes[i].T_base_body
+
+    def clear(self, key: object, q: Array, clearance: float, worlds: Callable[[], list[World]]) -> bool:
+        if key not in self.seen:
+            curve = curve_of_waypoints(q)
+            self.seen[key] = all(certify_curve(world, curve, clearance).proved for world in worlds())
+        return self.seen[key]
+
+
+Ways = tuple[tuple[int, int], tuple[int, int], tuple[int, ...]]
+
+
+def every_sequence(search: TaskSearch) -> Iterator[tuple[float, Ways]]:
+    """Times of all orders, places, yaws and branches, the least first, as if nothing were in the way."""
+    heap: list[tuple[float, Ways]] = []
+    t, looks = search.costs.free, search.options.look == "each"
+    for (i, k), (j, m) in product(permutations(range(2)), repeat=2):
+        sizes = [len(search.picks[i]), len(search.places[j]), len(search.picks[k]), len(search.places[m])]
+        a = t["begin"][i][0][0][:, None] + t["carry"][i][j]
+        between = t["end"][j][0] + t["begin"][k][0][0][None] if looks else t["go on"][j][k]
+        b = t["carry"][k][m] + t["end"][m][0][:, 0]
+        total = a[:, :, None, None] + between[None, :, :, None] + b[None, None]
+        assert total.shape == tuple(sizes)
+        heap += [
+            (float(time), ((i, k), (j, m), ways))
+            for ways, time in zip(np.ndindex(*sizes), total.ravel(), strict=True)
+        ]
+    heapq.heapify(heap)
+    while heap:
+        yield heapq.heappop(heap)
+
+
+def straight_and_clear(search: TaskSearch, truth: Truth, ways: Ways) -> bool:
+    """Whether all lines, and all straight ways between them, are proved."""
+    (i, k), (j, m), (a, b, c, d) = ways
+    options, transfers = truth.options, truth.case.transfers
+    asked, line = options.clearance + MARGIN, options.line_clearance
+    pick_1, place_1 = search.picks[i][a].q_line, search.places[j][b].q_line
+    pick_2, place_2 = search.picks[k][c].q_line, search.places[m][d].q_line
+    none: frozenset[str] = frozenset()
+    home = search.costs.home.offset[0]
+    w = truth.world
+    legs = [
+        (
+            ("l1", i, a),
+            pick_1,
+            line,
+            lambda: [w((0, 1), (), None, none), w((k,), (), i, transfers[i].pick.touches)],
+        ),
+        (
+            ("l2", i, j, b),
+            place_1,
+            line,
+            lambda: [w((k,), (), i, transfers[j].place.touches), w((k,), (j,), None, none)],
+        ),
+        (
+            ("l3", k, j, c),
+            pick_2,
+            line,
+            lambda: [w((k,), (j,), None, none), w((), (j,), k, transfers[k].pick.touches)],
+        ),
+        (
+            ("l4", k, m, d),
+            place_2,
+            line,
+            lambda: [w((), (j,), k, transfers[m].place.touches), w((), (0, 1), None, none)],
+        ),
+        (("c1", i, j, a, b), np.stack([pick_1[-1], place_1[-1]]), asked, lambda: [w((k,), (), i, none)]),
+        (("c2", k, m, c, d), np.stack([pick_2[-1], place_2[-1]]), asked, lambda: [w((), (j,), k, none)]),
+        (("begin", i, a), np.stack([home, pick_1[-1]]), asked, lambda: [w((0, 1), (), None, none)]),
+        (("end", m, d), np.stack([place_2[-1], home]), asked, lambda: [w((), (0, 1), None, none)]),
+    ]
+    if options.look == "each":
+        stops = [("a", j, k, b), ("b", j, k, c)]
+        ends = [np.stack([place_1[-1], home]), np.stack([home, pick_2[-1]])]
+    else:
+        stops, ends = [("go on", j, k, b, c)], [np.stack([place_1[-1], pick_2[-1]])]
+    legs += [(key, q, asked, lambda: [w((k,), (j,), None, none)]) for key, q in zip(stops, ends, strict=True)]
+    return all(truth.clear(*leg) for leg in legs)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_straight_sequence_is_faster(name: str) -> None:
+    """All orders, places, yaws and branches are tried, the fastest first, until one is proved leg by leg."""
+    search, found = searched(name)
+    truth = Truth(*CASES[name])
+    least = next(time for time, ways in every_sequence(search) if straight_and_clear(search, truth, ways))
+    assert found.time <= least + 1e-6
+    if all(len(way) == 2 for stop in found.stops for way in ways_of(stop)):
+        assert found.time == pytest.approx(least, abs=1e-6)
+    assert found.bound <= found.time
+
+
+def ways_of(stop: Stop) -> list[Array]:
+    return [stop.out, stop.across, *([] if stop.home is None else [stop.home])]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_certified_motions_are_clear_at_samples(name: str) -> None:
+    found, truth = searched(name)[1], Truth(*CASES[name])
+    none: frozenset[str] = frozenset()
+    left, done = [0, 1], []
+    for stop in found.stops:
+        i, j = stop.visit.pick, stop.visit.place
+        before = tuple(left), tuple(done)
+        left.remove(i)
+        carrying = tuple(left), tuple(done)
+        done.append(j)
+        after = tuple(left), tuple(done)
+        looked = [
+            (stop.out, 0.011, truth.world(*before, None, none)),
+            (stop.across, 0.011, truth.world(*carrying, i, none)),
+            (stop.pick.q_line, 0.005, truth.world(*before, None, none)),
+            (stop.pick.q_line, 0.005, truth.world(*carrying, i, truth.case.transfers[i].pick.touches)),
+            (stop.place.q_line, 0.005, truth.world(*carrying, i, truth.case.transfers[j].place.touches)),
+            (stop.place.q_line, 0.005, truth.world(*after, None, none)),
+        ]
+        if stop.home is not None:
+            looked.append((stop.home, 0.011, truth.world(*after, None, none)))
+        for way, clearance, world in looked:
+            for a, b in pairwise(way):
+                count = max(3, int(np.abs(b - a).sum() / 0.04))
+                for u in np.linspace(0.0, 1.0, count):
+                    assert not world.in_collision(a + u * (b - a), clearance - 1e-6)
+    assert not left
+    assert found.stops[-1].home is not None
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_no_plan_is_faster_than_the_bound(name: str) -> None:
+    case, options = CASES[name]
+    plan = plan_task(case.scene, case.transfers, Q_START, UNIT, options=options)
+    motion = sum(move.path.duration_s for move in plan.moves)
+    bound = plan.task["no_plan_is_faster_than_s"]
+    assert 0.7 * motion < bound <= motion
+    assert searched(name)[1].time == pytest.approx(motion, rel=0.03)  # the estimate that ranks sequences
+
+
+def beside_each_other(hemmed: int) -> Task2:
+    """Two cubes 17 mm apart: the open jaws do not fit between them, as they must to grip cube `hemmed` only."""
+    places = [np.array([0.42, -0.0285, CUBE / 2]), np.array([0.42, 0.0285, CUBE / 2])]
+    cubes = [Body(f"cube {i}", Box((CUBE,) * 3), transform(t=t), "cube") for i, t in enumerate(places)]
+    targets = [np.array([0.35, -0.3, CUBE / 2 + 1e-3]), np.array([0.35, 0.3, CUBE / 2 + 1e-3])]
+
+    def station(name: str, centre: Array, turns: tuple[int, ...]) -> Station:
+        grips = [transform(rot_x(np.pi) @ rot_z(k * np.pi / 2), centre + (0.0, 0.0, 0.012)) for k in turns]
+        return Station(name, tuple(frozen(T) for T in grips), frozenset(("table",)))
+
+    transfers = tuple(
+        Transfer(
+            f"cube {i}",
+            station(f"pick {i}", places[i], (0, 2) if i == hemmed else (1, 3)),
+            station(f"place {i}", targets[i], (0, 1, 2, 3)),
+        )
+        for i in range(2)
+    )
+    scene = Scene(
+        load_a465(TOOL_LENGTH, JAW_OPENING),
+        load_a465(TOOL_LENGTH, CUBE),
+        (TABLE,),
+        tuple(cubes),
+        frozenset(frozenset((c.name, "table")) for c in cubes),
+    )
+    return Task2(scene, transfers)
+
+
+def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
+    changed = []
+    for hemmed in (0, 1):
+        case = beside_each_other(hemmed)
+        q = case.transfers[hemmed].pick.T_base_tool[0]
+        # the jaws move along the tool's y: across the gap or along it
+        assert abs(apply(q, (0.0, 1.0, 0.0))[1] - q[1, 3]) > 0.9
+        search = search_of(case, OPTIONS)
+        free = best_order(search.freedom, search.costs.now())  # nothing is known to be in the way yet
+        found = search.best()
+        assert free is not None
+        assert [s.visit.pick for s in found.stops] == [1 - hemmed, hemmed]
+        changed.append(free.visits[0].pick == hemmed)
+        assert found.time >= free.time - 1e-9
+    assert any(changed)  # for one of the two, the order is another than without the cube in the way
+
+
+def test_an_obstacle_that_joint_1_cannot_pass_is_named_without_a_search() -> None:
+    """A post beside the turret, as high as the shoulder's rim: its corner comes by, whatever the other joints do."""
+    way = np.radians(28.0)
+    wall = Body(
+        "low post",
+        Box((0.03, 0.02, 0.28)),
+        transform(rot_z(way), (0.122 * np.cos(way), 0.122 * np.sin(way), 0.14)),
+        "wall",
+    )
+    case = task2(extra=[wall], cubes=1)
+    with pytest.raises(ImpossibleError) as caught:
+        plan_task(case.scene, case.transfers, Q_START, load_unit("crs93"), options=PlanOptions(look="never"))
+    said = [entry["reason"] for entry in caught.value.data["rejected"]]
+    assert any("joint 1 has to pass where shoulder" in reason and "low post" in reason for reason in said), (
+        said
+    )

@@ -1,0 +1,61 @@
+"""The fastest sequence of solutions."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Unit
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Cylinder
+from arm.se3 import transform
+from plan.budget import Meter, SearchBudget
+from plan.kinematics.numeric_ik import SearchOptions
+from plan.program.pose_lists import SearchEffort, _Problem
+from plan.program.sequence.search import PoseSearch
+from plan.program.target import Target
+from plan.trajectory.virtual_unit import virtual_unit
+from tasks.pose_lists import FAST, TABLE, down
+
+
+def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
+    """Every sequence of candidates is walked through, with the same costs."""
+    bodies = [TABLE, Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "post")]
+    targets = [
+        Target("a", down(0.45, -0.2, 0.1), free="rz", approach=0.05, retract=0.05),
+        Target("b", down(0.45, 0.2, 0.12), free="rz"),
+        Target("c", down(0.3, -0.25, 0.2), free="rz", approach=0.04),
+    ]
+    effort = SearchEffort(candidates=3, detours=99, ik=SearchOptions(samples=8))
+    found: list[PoseSearch] = []
+
+    class Spy(_Problem):
+        def written(self, search: PoseSearch, meter: Meter):  # type: ignore[no-untyped-def]
+            found.append(search)
+            return super().written(search, meter)
+
+    q = np.radians([-35, -35, -85, 0, -60, 0])
+    problem = Spy(
+        robot, bodies, targets, crs97.limits(), virtual_unit(robot, crs97.limits()), FAST, effort, 0.0
+    )
+    meter = Meter(SearchBudget())
+    plan = problem.solved(problem.layer_of("q_start", q), meter)
+    search = found[-1]
+    best = search.best(meter)
+    from plan.program.sequence.search import _State
+
+    times = {}
+    for indices in itertools.product(*(range(len(layer.chains)) for layer in search.layers[1:])):
+        state: _State | None = _State(0, 0, search.worlds.start, 0.0, ())
+        for index in indices:
+            state = search._taken(state, index) if state is not None else None
+        if state is not None:
+            times[indices] = state.cost
+    assert len(times) > 8
+    assert plan.detours > 0
+    assert best.time == pytest.approx(min(times.values()), abs=1e-9)
+    assert max(times.values()) > best.time + 0.1
+    assert search.bound() <= min(times.values())
+    assert plan.lower_bound_s <= plan.duration_s < 1.5 * plan.lower_bound_s

@@ -1,0 +1,52 @@
+"""One way from rest to rest: what stands against it is told in the words of who asked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import load_unit
+from arm.errors import ImpossibleError
+from arm.robot.shapes import Body, Box
+from arm.se3 import transform
+from plan.budget import TransitBudget
+from plan.options import PlanOptions
+from plan.program.go_to import plan_joint_motion
+from plan.scene import Scene
+from tasks.task2 import Q_START, TABLE, task2
+
+UNIT = load_unit("crs93")
+ROBOT = task2().scene.robot_open
+Q_END = np.radians([60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+FEW = TransitBudget(corners=20, corner_edges=5, rrt=20)
+
+
+def scene(*bodies: Body) -> Scene:
+    return Scene(ROBOT, ROBOT, (TABLE, *bodies), ())
+
+
+def under_the_tool(gap: float) -> Body:
+    tool = ROBOT.T_base_tool(Q_START)
+    T = transform(t=tool[:3, 3] + [0.0, 0.0, -0.025 - gap])
+    return Body("crate", Box((0.05, 0.05, 0.05)), T, "wall")
+
+
+def test_the_searchs_margin_does_not_show() -> None:
+    options = PlanOptions(clearance=0.010, transit=FEW)
+    wall = Body("wall", Box((2.0, 0.02, 3.0)), transform(t=(1.3, 0.0, 1.0)), "wall")
+    for bodies, words in (
+        ((under_the_tool(0.0095),), "the start of the way is itself too near"),
+        ((wall,), r"no path around wall was found; on the straight one \w+ "),
+    ):
+        with pytest.raises(ImpossibleError, match=words) as caught:
+            plan_joint_motion(scene(*bodies), Q_START, Q_END, UNIT, options=options)
+        assert "(required: 10 mm)" in str(caught.value)
+        assert caught.value.data["clearance_m"] == 0.010
+
+
+def test_a_start_that_keeps_what_is_asked_may_lack_the_margin() -> None:
+    plan = plan_joint_motion(
+        scene(under_the_tool(0.0104)), Q_START, Q_END, UNIT, options=PlanOptions(clearance=0.010)
+    )
+    assert plan is not None
+    assert min(m.clearance for m in plan.moves) >= 0.010
