@@ -22,7 +22,7 @@ from plan.collision.certificate import check_move
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program.go_to import plan_way
-from plan.program.tasks import planned_limits
+from plan.program.setting import planned_limits
 from plan.scene import Scene
 
 HERE = Path(__file__).resolve().parent
@@ -89,7 +89,7 @@ def way(move: Move) -> str:
 
 def speeds(move: Move) -> str:
     """Speed and acceleration of every joint over its limit."""
-    limits = planned_limits(UNIT.limits(), OPTIONS)
+    limits = planned_limits(UNIT.limits(), OPTIONS, UNIT)
     t, share = [], []
     for segment, begin in zip(move.path.segments, starts(move), strict=True):
         u = np.linspace(0.0, 1.0, 4)

@@ -86,7 +86,7 @@ PLACES = {
     "plan.waypoints.line_chains": "plan.program.line_chains",
     "plan.waypoints.motion_builder": "plan.motion.builder",
     "plan.waypoints.motions": "plan.program.writer",
-    "plan.waypoints.plan": "plan.program.pose_plan",
+    "plan.waypoints.plan": "plan.program.planned",
     "plan.waypoints.planner": "plan.program.pose_lists",
     "plan.waypoints.rejections": "plan.program.sequence.rejections",
     "plan.waypoints.search": "plan.program.sequence.search",

@@ -21,22 +21,77 @@ from plan.collision.world import World
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
+from plan.program.assignment.planner import Transfers
 from plan.program.go_to import plan_joint_motion
-from plan.program.pose_lists import PosePlan, SearchEffort, Target, plan_poses
-from plan.program.pose_plan import Reached
+from plan.program.planned import Planned, Reached
+from plan.program.pose_lists import plan_poses
+from plan.program.program import Program, plan_program
+from plan.program.sequence.planner import SearchEffort
+from plan.program.target import Target
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
 from plan.transit.planner import plan_transit
 
 __all__ = [
-    "A465Error", "Body", "Box", "Capsule", "Convex", "Cylinder", "ImpossibleError", "InputError", "Limits",
-    "Line", "LineOptions", "Pause", "Plan", "PlanOptions", "PlanningInterrupted", "PosePlan", "Reached",
-    "Robot", "Scene", "SearchBudget", "SearchEffort", "SearchOptions", "Sphere", "Station", "Target",
-    "Transfer", "TransitBudget", "Unit", "World", "certify", "certify_curve", "certify_move", "convex",
-    "curve_of_waypoints", "explain_pose", "follow_line", "inverse", "inverse_kinematics", "load_a465",
-    "load_robot", "load_unit", "plan_joint_motion", "plan_poses", "plan_task", "plan_transit", "reach",
-    "read_mesh_points", "rot_x", "rot_y", "rot_z", "rotation", "solve_ik", "transform", "urdf_limits",
-    "with_disabled_collisions", "with_tool",
+    "A465Error",
+    "Body",
+    "Box",
+    "Capsule",
+    "Convex",
+    "Cylinder",
+    "ImpossibleError",
+    "InputError",
+    "Limits",
+    "Line",
+    "LineOptions",
+    "Pause",
+    "Plan",
+    "PlanOptions",
+    "Planned",
+    "PlanningInterrupted",
+    "Program",
+    "Reached",
+    "Robot",
+    "Scene",
+    "SearchBudget",
+    "SearchEffort",
+    "SearchOptions",
+    "Sphere",
+    "Station",
+    "Target",
+    "Transfer",
+    "Transfers",
+    "TransitBudget",
+    "Unit",
+    "World",
+    "certify",
+    "certify_curve",
+    "certify_move",
+    "convex",
+    "curve_of_waypoints",
+    "explain_pose",
+    "follow_line",
+    "inverse",
+    "inverse_kinematics",
+    "load_a465",
+    "load_robot",
+    "load_unit",
+    "plan_joint_motion",
+    "plan_poses",
+    "plan_program",
+    "plan_task",
+    "plan_transit",
+    "reach",
+    "read_mesh_points",
+    "rot_x",
+    "rot_y",
+    "rot_z",
+    "rotation",
+    "solve_ik",
+    "transform",
+    "urdf_limits",
+    "with_disabled_collisions",
+    "with_tool",
 ]  # fmt: skip
 
 
@@ -49,4 +104,5 @@ former_names(
     check_curve="certify_curve",
     ignoring="with_disabled_collisions",
     plan_way="plan_joint_motion",
+    PosePlan="Planned",
 )

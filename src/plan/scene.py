@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -55,6 +56,13 @@ class Scene:
     def allowing(self, allowed: frozenset[Pair]) -> Scene:
         """Return the scene with these allowed contacts."""
         return replace(self, allowed=allowed)
+
+    def with_moved(self, moved: Mapping[str, Array]) -> Scene:
+        """Return the scene with bodies and cubes at other poses T_base_body, by name."""
+        bodies, cubes = (
+            tuple(b.at(moved.get(b.name, b.T_base_body)) for b in some) for some in (self.bodies, self.cubes)
+        )
+        return replace(self, bodies=bodies, cubes=cubes) if moved else self
 
     def cube(self, name: str) -> Body:
         """Return the cube of that name.

@@ -37,7 +37,7 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names: dict[str, object] = {}
     exec(code[1], names)
     made = names["plan"]
-    assert isinstance(made, plan.api.PosePlan)
+    assert isinstance(made, plan.api.Planned)
     assert [r.target for r in made.reached] == ["start", "end"]
     assert made.clearance >= 0.005
 

@@ -21,8 +21,8 @@ from plan.budget import (
     allowed,
     spend,
 )
+from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.pose_plan import PosePlan
 from plan.program.sequence.search import PoseSearch
 from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
@@ -35,7 +35,7 @@ TARGETS = [
 ]
 
 
-def planned(robot: Robot, unit: Unit, budget: SearchBudget | None = None) -> PosePlan:
+def planned(robot: Robot, unit: Unit, budget: SearchBudget | None = None) -> Planned:
     return plan_poses(
         robot, [TABLE, WALL], TARGETS, np.radians([-35, -35, -85, 0, -60, 0]), unit.limits(),
         options=FAST, effort=EFFORT, budget=budget,
@@ -43,7 +43,7 @@ def planned(robot: Robot, unit: Unit, budget: SearchBudget | None = None) -> Pos
 
 
 @pytest.fixture(scope="module")
-def free(robot: Robot, crs97: Unit) -> tuple[PosePlan, float]:
+def free(robot: Robot, crs97: Unit) -> tuple[Planned, float]:
     """The plan without a budget, and what it took, s of effort."""
     with allowed(None) as meter:
         plan = planned(robot, crs97)
@@ -51,7 +51,7 @@ def free(robot: Robot, crs97: Unit) -> tuple[PosePlan, float]:
 
 
 def test_a_budget_that_is_enough_changes_nothing(
-    robot: Robot, crs97: Unit, free: tuple[PosePlan, float]
+    robot: Robot, crs97: Unit, free: tuple[Planned, float]
 ) -> None:
     plan, effort = free
     assert not plan.stopped
@@ -62,7 +62,7 @@ def test_a_budget_that_is_enough_changes_nothing(
 
 
 def test_where_it_is_spent_the_best_complete_way_is_taken_the_same_each_time(
-    robot: Robot, crs97: Unit, free: tuple[PosePlan, float]
+    robot: Robot, crs97: Unit, free: tuple[Planned, float]
 ) -> None:
     best, effort = free
     budget = SearchBudget(effort_s=0.5 * effort)

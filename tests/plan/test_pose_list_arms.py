@@ -14,8 +14,8 @@ from arm.se3 import inverse, transform
 from arms.made_up import RAIL, SEVEN, UR_LIKE, MujocoArm, arm
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
+from plan.program.planned import Pause, Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.pose_plan import Pause, PosePlan
 from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down, off
 
@@ -34,7 +34,7 @@ def hovering(robot: Robot, limits, bodies: list[Body], T: np.ndarray) -> np.ndar
     return np.asarray(min(found, key=lambda q: round(float(np.abs(q).sum()), 6)))
 
 
-def _judged(plan: PosePlan, judge: MujocoArm, least: float) -> None:
+def _judged(plan: Planned, judge: MujocoArm, least: float) -> None:
     for move in plan.moves:
         q = plan.unit.positions(move.path.sample(0.05))
         seen = min(judge.least(x) for x in q)

@@ -176,4 +176,4 @@ def _pool(found: HandEye, rng: np.random.Generator) -> Array:
     return good[:_POOL]
 
 
-former_names(__name__, __name__, plan_poses="choose_calibration_poses", PosePlan="CalibrationPoses")
+former_names(__name__, __name__, plan_poses="choose_calibration_poses", Planned="CalibrationPoses")

@@ -28,7 +28,7 @@ from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
 from plan.program.go_to import plan_joint_motion
-from plan.program.tasks import planned_limits
+from plan.program.setting import planned_limits
 from plan.scene import Scene, Station, Transfer
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
@@ -138,7 +138,7 @@ def reach_of(task: Task, observation: Observation, speed: float | None = None) -
 def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
     cell = task.cell
     options = options_of(task, cell.speed if speed is None else speed)
-    return reach_stations(cell.robot(), planned_limits(cell.limits, options), stations, options)
+    return reach_stations(cell.robot(), planned_limits(cell.limits, options, cell.unit), stations, options)
 
 
 def reachable_places(task: Task, observation: Observation, speed: float | None = None) -> tuple[Station, ...]:

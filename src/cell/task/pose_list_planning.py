@@ -27,14 +27,15 @@ from cell.task.planning import plan_fingerprint, pose_list_options
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
-from plan.program.go_to import plan_joint_motion
-from plan.program.pose_lists import plan_poses
+from plan.program.planned import Planned
+from plan.program.program import Program, plan_program
+from plan.program.setting import Setting
 from plan.program.target import Target
-from plan.program.tasks import plan_of
 from plan.scene import Scene
 from vision.observation import Observation
 
 _LONGEST_MS = 60_000  # of a segment in a plan file
+_BACK = "q_start"  # name of the goal at the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +52,6 @@ class _Place:
     @property
     def q(self) -> Array | None:
         return None if self.entry is None else self.entry.q
-
-
-@dataclass(frozen=True, eq=False)
-class _Leg:
-    """Poses before a configuration; `goal` None: the leg ends at its last pose."""
-
-    through: tuple[_Place, ...]
-    goal: _Place | None
 
 
 def plan_pose_list(
@@ -88,7 +81,6 @@ class _Planner:
         at: counts at the end of the steps so far.
         steps: of the plan.
         reached: name and configuration of each pose and configuration, in order.
-        stopped: why a search ended early, one line each.
     """
 
     def __init__(self, task: Task, observation: Observation | None, poses: PoseList, speed: float) -> None:
@@ -106,7 +98,6 @@ class _Planner:
         self.at = self.cell.unit.counts(self.cell.q_start)
         self.steps: list[Step] = []
         self.reached: list[tuple[str, Array]] = []
-        self.stopped: list[str] = []
 
     def plan(self, back: bool) -> Plan:
         places = _places(self.poses.entries)
@@ -114,24 +105,20 @@ class _Planner:
             if place.entry is not None and place.entry.q is not None:
                 self.require(place.entry, place.entry.q)
         self.act(places[0])
-        for leg in _legs(places[1:]):
-            self.leg(leg, None)
-        if back:
-            self.leg(_Leg((), None), self.cell.q_start)
-        if not any(isinstance(step, Move) for step in self.steps):
+        found = self.moves(places[1:], back)
+        if found is None or not any(isinstance(step, Move) for step in self.steps):
             why = f"{self.poses.file}: nothing moves: the list leads to q_start, where the arm is"
             raise ImpossibleError(why, file=str(self.poses.file))
         task: dict[str, object] = {
             "name": self.task.name,
             "kind": self.task.kind,
-            "cubes": [],
             "poses": [{"name": name, "q": [round(float(v), 9) + 0.0 for v in q]} for name, q in self.reached],
         }
         stated = plan_fingerprint(self.task)
         stated["notes"]["poses"] = sha256(read_bytes(self.poses.file, "pose list"))
-        if self.stopped:
-            stated["notes"]["search"] = "; ".join(self.stopped)
-        return plan_of(self.scene, self.steps, self.cell.unit, self.cell.limits, self.options, stated, task)
+        # the file states the cell's arm, whose jaws open and close; the motions are clear for any opening of them
+        setting = Setting(self.scene, self.cell.unit, self.cell.limits, self.options)
+        return replace(found, setting=setting, steps=tuple(self.steps), provenance=stated, task=task).plan()
 
     def require(self, entry: Entry, q: Array) -> None:
         """Require that a configuration is within limits and clear."""
@@ -151,55 +138,43 @@ class _Planner:
                 clearance_m=self.cell.clearance,
             )
 
-    def leg(self, leg: _Leg, q_end: Array | None) -> None:
-        """Append the moves of a leg, and the actions at its goal; `q_end`: the goal of a leg without one."""
-        q = self.cell.unit.positions(self.at)
-        goal = q_end if leg.goal is None else leg.goal.q
+    def moves(self, places: Sequence[_Place], back: bool) -> Planned | None:
+        """Append the moves through all places, with the actions there; return the plan, None if there is no place."""
+        cell = self.cell
+        goals = [self.target(place) for place in places]
+        if back:
+            goals.append(Target(_BACK, q=cell.q_start))
+        if not goals:
+            return None
+        scene = replace(self.scene, robot_open=self.robot, robot_holding=self.robot)
+        program = Program(scene, tuple(goals), cell.q_start, cell.unit, cell.limits, self.options)
         try:
-            if leg.through:
-                self.through(leg, q, goal)
-            elif goal is not None:
-                self.transit(q, goal, "q_start" if leg.goal is None else leg.goal.name)
+            found = plan_program(program)
         except ImpossibleError as error:
-            raise self.located(error, leg) from error
-        if leg.goal is not None:
-            self.reached.append((leg.goal.name, self.cell.unit.positions(self.at)))
-            self.act(leg.goal)
-
-    def through(self, leg: _Leg, q: Array, goal: Array | None) -> None:
-        """Plan the poses of a leg together."""
-        cell, targets = self.cell, [self.target(place) for place in leg.through]
-        made = plan_poses(
-            self.robot, self.bodies, targets, q, cell.limits, q_end=goal, unit=cell.unit, options=self.options
-        )
-        if made.stopped:
-            self.stopped.append(made.stopped)
-        by_name = {place.name: place for place in leg.through}
-        end = "q_end" if leg.goal is None else leg.goal.name
-        for step in made.steps:
+            raise self.located(error, places) from error
+        by_name = {place.name: place for place in places}
+        for step in found.steps:
             if isinstance(step, Pause):
                 self.act(by_name[step.name])
             elif isinstance(step, Move):
-                self.move(step, step.name.replace("to q_end", f"to {end}"))
-        self.reached += [(r.target, r.q) for r in made.reached]
-
-    def transit(self, q: Array, goal: Array, name: str) -> None:
-        scene = replace(self.scene, robot_open=self.robot, robot_holding=self.robot)
-        made = plan_joint_motion(scene, q, goal, self.cell.unit, self.cell.limits, self.options)
-        for move in () if made is None else made.moves:
-            self.move(move, f"to {name}")
+                self.move(step, step.name)
+        self.reached = [(r.target, r.q) for r in found.reached if r.target != _BACK]
+        return found
 
     def target(self, place: _Place) -> Target:
         entry = place.entry
-        if entry is None or entry.T is None:
+        if entry is None:
             raise ImpossibleError(f"{place.name} is not a pose; this is a bug of the planner")
-        T_base_tool = entry.T if entry.frame == "tool" else frozen(mul(entry.T, self.robot.T_end_tool))
+        T_base_tool = entry.T
+        if T_base_tool is not None and entry.frame == "flange":
+            T_base_tool = frozen(mul(T_base_tool, self.robot.T_end_tool))
         acts = any(action.jaws is not None or action.dwell_s > 0.0 for action in place.actions)
         rest_s = sum(action.dwell_s for action in place.actions)
         try:
             return Target(
                 entry.name,
                 T_base_tool,
+                q=entry.q,
                 free=entry.free,
                 by=entry.by,
                 approach=entry.approach,
@@ -250,11 +225,9 @@ class _Planner:
         dwell = Move(name, "transit", None, path, None, 0.0, clearance, check.pair, True, (), clearances)
         self.move(dwell, f"rest at {name}")
 
-    def located(self, error: ImpossibleError, leg: _Leg) -> ImpossibleError:
+    def located(self, error: ImpossibleError, places: Sequence[_Place]) -> ImpossibleError:
         """Return the error with the file and its entry, or the entries between which it arose."""
-        entries = [
-            place.entry for place in (*leg.through, leg.goal) if place is not None and place.entry is not None
-        ]
+        entries = [place.entry for place in places if place.entry is not None]
         about = [e for e in entries if e.name == error.data.get("target")] or entries
         where = " to ".join(dict.fromkeys(e.key for e in (*about[:1], *about[-1:]))) or "return to q_start"
         data = {k: v for k, v in error.data.items() if k != "entry"}
@@ -269,16 +242,3 @@ def _places(entries: Sequence[Entry]) -> list[_Place]:
             found.append((entry, []))
         found[-1][1].append(entry)
     return [_Place(entry, tuple(actions)) for entry, actions in found]
-
-
-def _legs(places: Sequence[_Place]) -> list[_Leg]:
-    """Split the list after every configuration."""
-    legs: list[_Leg] = []
-    through: list[_Place] = []
-    for place in places:
-        if place.q is not None:
-            legs.append(_Leg(tuple(through), place))
-            through = []
-        else:
-            through.append(place)
-    return [*legs, *([_Leg(tuple(through), None)] if through else [])]

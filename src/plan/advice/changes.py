@@ -17,8 +17,10 @@ from arm.numerics.products import mul
 from arm.plan_file import Plan
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, rotation, transform
+from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.options import PlanOptions
-from plan.program.tasks import Planner, plan_task
+from plan.program.setting import Setting
+from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
 
 Groups = Mapping[str, frozenset[str]]
@@ -59,9 +61,10 @@ class Request:
         given = self.q_start, self.unit, self.limits, self.options
         return plan_task(self.scene, self.transfers, *given, provenance, task, self.places)
 
-    def planner(self) -> Planner:
-        """Return a planner for the request."""
-        return Planner(self.scene, self.q_start, self.unit, self.limits, self.options)
+    def reach(self, stations: Sequence[Station]) -> ReachTable:
+        """Return the reach of places."""
+        planned = Setting(self.scene, self.unit, self.limits, self.options).planned
+        return reach_stations(self.scene.robot_open, planned, stations, self.options)
 
     def stations(self) -> tuple[Station, ...]:
         """Return all places, each once."""

@@ -142,7 +142,7 @@ class _Trial:
             world = World(changed.scene.robot_open, (*changed.scene.bodies, *changed.scene.cubes))
             if world.in_collision(changed.q_start, changed.options.clearance):
                 return False
-        table = changed.planner().reach(changed.stations())
+        table = changed.reach(changed.stations())
         if not self.reaches(changed, table):
             return False
         lines = [*(self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ())]
@@ -241,7 +241,7 @@ class _Trial:
         changed = change.apply(self.request)
         try:
             if changed.required:
-                changed.planner().reach(changed.required).require()
+                changed.reach(changed.required).require()
             plan = changed.plan()
         except ImpossibleError as error:
             return None, failure_in(error)

@@ -13,6 +13,7 @@ from arm.errors import A465Error, InputError
 from arm.former import renamed_arguments
 from arm.se3 import Array, frozen, orthonormalised
 from plan.kinematics.numeric_ik import FREE
+from plan.options import PlanOptions
 
 WAYS = ("transit", "line")
 ATTACH_WITHIN = 0.010  # m
@@ -46,6 +47,7 @@ class Target:
             tool frame's origin, m.
         detach: whether the body that moves with the tool stays here.
         allowed_collisions: pairs of names that may touch on the lines that lead to the target and out of it.
+        line_clearance: clearance on these lines, m; default: that of the options.
         q: configuration (n,) rad (m for sliding joints), instead of a pose.
         jaws: closed fraction of the jaws' stroke from here on, 0 open to 1 shut; None: unchanged.
         settle_s: shortest wait after the jaws have moved, s.
@@ -67,6 +69,7 @@ class Target:
     attach_within: float = ATTACH_WITHIN
     detach: bool = False
     allowed_collisions: Iterable[Iterable[str]] = field(default_factory=frozenset)
+    line_clearance: float | None = None
     q: Array | None = None
     jaws: float | None = None
     settle_s: float = 0.0
@@ -147,6 +150,10 @@ class Target:
         """Whether the tool has to be at rest there."""
         acts = self.jaws is not None or self.attach is not None or self.detach
         return acts or self.dwell_s > 0.0 or self.look
+
+    def clearance_on_lines(self, options: PlanOptions) -> float:
+        """Clearance required on the lines that lead to the target and out of it, m."""
+        return options.line_clearance if self.line_clearance is None else self.line_clearance
 
     @property
     def prefix(self) -> str:

@@ -35,6 +35,9 @@ class MotionWriter:
     Args:
         worlds, targets, options: of the program.
         builder: times and certifies.
+
+    Attributes:
+        state: what moves with the tool, and where bodies stand, after the sequence that was written last.
     """
 
     def __init__(
@@ -45,9 +48,10 @@ class MotionWriter:
         builder: MotionBuilder,
     ) -> None:
         self.worlds, self.targets, self.options, self.builder = worlds, targets, options, builder
+        self.state = worlds.start
 
     def steps(self, sequence: Sequence[SequenceStep]) -> list[Step]:
-        """Return the moves of a sequence, and what is done at rest between them.
+        """Return the moves of a sequence, and what is done at rest between them; `state` is the one after them.
 
         Raises:
             ClearanceLost: a phase does not keep its clearance.
@@ -71,11 +75,12 @@ class MotionWriter:
                     motion = _Motion()
                     steps += _actions(target, state)
                 state = self.worlds.after(state, target, item.T_base_tool)
+        self.state = state
         return [*steps, *motion.written(self.builder)]
 
     def _transit(self, target: Target, waypoints: Array, state: AttachmentState) -> MotionPhase:
         return MotionPhase(
-            f"{target.prefix}home" if target.role == "home" else f"{target.prefix}to {target.name}",
+            f"{target.prefix}home" if target.name == "home" else f"{target.prefix}to {target.name}",
             target.role,
             self.worlds.world(state),
             self.options.clearance,
@@ -90,7 +95,7 @@ class MotionWriter:
             f"{target.prefix}{_line_name(item.role, target)}",
             item.role,
             self.worlds.world(state, target.pairs),
-            self.options.line_clearance,
+            target.clearance_on_lines(self.options),
             item.linear,
             target.cube,
             state.held,

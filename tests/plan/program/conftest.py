@@ -9,14 +9,14 @@ from arm.controller.unit import Unit
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
+from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.pose_plan import PosePlan
 from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 
 @pytest.fixture(scope="session")
-def row(robot: Robot, crs97: Unit) -> tuple[PosePlan, list[Target]]:
+def row(robot: Robot, crs97: Unit) -> tuple[Planned, list[Target]]:
     """Three poses on either side of a wall, with a line and a pause."""
     bodies = [TABLE, Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")]
     targets = [

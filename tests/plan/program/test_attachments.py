@@ -13,7 +13,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
 from plan.program.attachments import AttachmentWorlds
-from plan.program.pose_plan import Pause
+from plan.program.planned import Pause
 from plan.program.target import Target
 from plans.waypoints import planned
 from tasks.pose_lists import TABLE, down

@@ -14,20 +14,20 @@ from arms.mujoco_cell import MujocoCell
 from plan.collision.certificate import certify_move
 from plan.kinematics.straight_line import Line
 from plan.program.attachments import AttachmentWorlds
+from plan.program.planned import Pause, Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.pose_plan import Pause, PosePlan
 from plan.program.target import Target
 from tasks.pose_lists import FAST, TABLE, check_plan, down
 
 
-def test_poses_are_reached_within_limits(row: tuple[PosePlan, list[Target]], crs97: Unit) -> None:
+def test_poses_are_reached_within_limits(row: tuple[Planned, list[Target]], crs97: Unit) -> None:
     plan, targets = row
     check_plan(plan, targets, crs97.limits())
     assert [s.name for s in plan.steps if isinstance(s, Pause)] == ["b"]
     assert plan.clearance >= FAST.line_clearance
 
 
-def test_lines_are_straight_and_corners_cut_as_allowed(row: tuple[PosePlan, list[Target]]) -> None:
+def test_lines_are_straight_and_corners_cut_as_allowed(row: tuple[Planned, list[Target]]) -> None:
     plan, targets = row
     T = {r.target: r.T_base_tool for r in plan.reached}
 
@@ -53,7 +53,7 @@ def test_lines_are_straight_and_corners_cut_as_allowed(row: tuple[PosePlan, list
     assert np.min(away, axis=0).max() < 0.003
 
 
-def test_the_clearance_is_there_in_mujoco(row: tuple[PosePlan, list[Target]]) -> None:
+def test_the_clearance_is_there_in_mujoco(row: tuple[Planned, list[Target]]) -> None:
     from arm.io.storage import data_file
 
     plan, _ = row
@@ -72,7 +72,7 @@ def test_the_same_in_the_counts_of_a_unit_and_twice_the_same(robot: Robot, crs97
     targets = [Target("a", down(0.45, -0.2, 0.1), approach=0.05), Target("b", down(0.4, 0.2, 0.2))]
     q = np.radians([-35, -35, -85, 0, -60, 0])
 
-    def made() -> PosePlan:
+    def made() -> Planned:
         return plan_poses(robot, [TABLE], targets, q, crs97.limits(), unit=crs97, q_end=q, options=FAST)
 
     plan = made()

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from arm.controller.unit import load_unit
 from plan.options import PlanOptions
+from plan.program.assignment.planner import AssignmentPlanner, Transfers
 from plan.program.assignment.search import TaskSearch
-from plan.program.tasks import Planner
+from plan.program.setting import Setting
 from tasks.task2 import Q_START, WALL, Task2, task2
 
 UNIT = load_unit("crs93")
@@ -23,6 +22,10 @@ CASES = {
 }
 
 
+def planner_of(case: Task2, options: PlanOptions) -> AssignmentPlanner:
+    setting = Setting(case.scene, UNIT, UNIT.limits(), options)
+    return AssignmentPlanner(setting, Transfers(tuple(case.transfers)), setting.at_counts("q_start", Q_START))
+
+
 def search_of(case: Task2, options: PlanOptions) -> TaskSearch:
-    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), options)
-    return planner.search(case.transfers, ())
+    return planner_of(case, options).search()

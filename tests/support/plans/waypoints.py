@@ -12,8 +12,8 @@ from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
+from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.pose_plan import PosePlan
 from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST
 
@@ -34,7 +34,7 @@ Q_START = np.radians([-35, -35, -85, 0, -60, 0])
 FEW = replace(EFFORT, candidates=4, detours=1)
 
 
-def planned(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target, **more: Any) -> PosePlan:
+def planned(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target, **more: Any) -> Planned:
     options, q_start = more.pop("options", FAST), more.pop("q_start", Q_START)
     return plan_poses(
         robot, bodies, targets, q_start, unit.limits(), unit=unit, options=options, effort=FEW, **more

@@ -11,8 +11,8 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import inverse, rot_x, rotation_vector, transform
 from plan.kinematics.numeric_ik import FREE, SearchOptions
 from plan.options import PlanOptions
-from plan.program.pose_lists import SearchEffort
-from plan.program.pose_plan import PosePlan
+from plan.program.planned import Planned
+from plan.program.sequence.planner import SearchEffort
 from plan.program.target import Target
 from plan.trajectory.extremes import segment_extremes
 
@@ -32,7 +32,7 @@ def down(x: float, y: float, z: float) -> np.ndarray:
     return transform(DOWN, (x, y, z))
 
 
-def off(plan: PosePlan, targets: list[Target]) -> np.ndarray:
+def off(plan: Planned, targets: list[Target]) -> np.ndarray:
     """Largest error on constrained directions per target, m and rad; of two free turns the rotation vector counts."""
     found = []
     for target, reached in zip(targets, plan.reached, strict=True):
@@ -46,7 +46,7 @@ def off(plan: PosePlan, targets: list[Target]) -> np.ndarray:
     return np.array(found)
 
 
-def check_plan(plan: PosePlan, targets: list[Target], limits: Limits, exact: float = 1e-5) -> None:
+def check_plan(plan: Planned, targets: list[Target], limits: Limits, exact: float = 1e-5) -> None:
     """What holds for every plan."""
     assert off(plan, targets).max() < exact
     times, q = plan.sample(0.005)

@@ -38,7 +38,9 @@ class TaskSequence:
         return self.legs[min(step + (role == "retract"), len(self.legs) - 1)]
 
 
-def task_sequence(found: Found, stages: TaskWorlds, q_home: Array, options: PlanOptions) -> TaskSequence:
+def task_sequence(
+    found: Found, stages: TaskWorlds, q_home: Array, options: PlanOptions, first_cube: int = 0
+) -> TaskSequence:
     """Return the goals of a found assignment.
 
     Args:
@@ -46,17 +48,19 @@ def task_sequence(found: Found, stages: TaskWorlds, q_home: Array, options: Plan
         stages: transfers and places that its numbers mean.
         q_home: where the task starts and ends, (n,) rad.
         options: lengths of lines, jaws, looks.
+        first_cube: index of the first cube among those of the whole program.
     """
     targets: list[Target] = []
     legs: list[Leg] = []
     for number, stop in enumerate(found.stops):
         transfer, place = stages.transfers[stop.visit.pick], stages.places[stop.visit.place]
         for which, station, yaw in (("out", transfer.pick, stop.pick.yaw), ("across", place, stop.place.yaw)):
-            targets.append(_goal(station, yaw, transfer.cube, number, which == "out", options))
+            cube = first_cube + number
+            targets.append(_goal(station, yaw, transfer.cube, cube, which == "out", options))
             legs.append(Leg(number, which))
         if stop.home is not None:
             looks = options.look != "never"
-            home = Target("home", q=q_home, role="home", look=looks, cube=number, subject=transfer.cube)
+            home = Target("home", q=q_home, role="home", look=looks, cube=cube, subject=transfer.cube)
             targets.append(home)
             legs.append(Leg(number, "home"))
     return TaskSequence(tuple(targets), tuple(legs))

@@ -135,7 +135,7 @@ class Candidates:
         ):  # a transit ends there and another begins
             world, clearance = self.worlds.at_least(), self.options.clearance
         else:
-            world, clearance = self.worlds.at_least(target.pairs), self.options.line_clearance
+            world, clearance = self.worlds.at_least(target.pairs), target.clearance_on_lines(self.options)
         free = [s for s in solutions if not world.in_collision(s.q, clearance)]
         if free:
             return free

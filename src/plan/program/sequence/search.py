@@ -241,6 +241,8 @@ class PoseSearch:
         before, layer = self.layers[state.layer], self.layers[number]
         a, b = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
+        if np.array_equal(a, b):  # nothing moves
+            return straight, np.stack([a, b])
         world, asked = self.worlds.world(state.situation), self.options.clearance
         for end, q in (("leaves", a), ("arrives", b)):
             if world.in_collision(q, asked):
@@ -284,7 +286,7 @@ class PoseSearch:
             target = self.targets[item.target]
             if key not in self._proofs:
                 world = self.worlds.world(situation, target.pairs)
-                asked = self.options.line_clearance
+                asked = target.clearance_on_lines(self.options)
                 ends = (item.path.q[0], item.path.q[-1])
                 clearance = searched_clearance(world, ends, asked, LINE_MARGIN)
                 check = certify_curve(world, curve_of_path(smooth_path(item.path.q, item.path.s)), clearance)

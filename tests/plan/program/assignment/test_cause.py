@@ -37,7 +37,7 @@ def test_a_joint_that_goes_beyond_its_limit_is_named_with_degrees() -> None:
         lower[joint] -= np.radians(more_deg)
         upper[joint] += np.radians(more_deg)
         wider = replace(asked, limits=replace(limits, lower=frozen(lower), upper=frozen(upper)))
-        table = wider.planner().reach(wider.stations())
+        table = wider.reach(wider.stations())
         hole = table[near.where.removeprefix("line at ")]
         return any((c.yaw, c.branch, c.ok) == (near.yaw, near.branch, True) for c in hole.choices)
 
@@ -90,7 +90,7 @@ def test_a_clearance_lost_to_timing_names_step_and_pair() -> None:
         "step 'cube 1: home': palm comes within 7.00 mm of wall", step="cube 1: home", pair=["palm", "wall"],
         distance_m=0.007, proved_m=0.0065, clearance_m=0.01, time_s=1.0,
     )  # fmt: skip
-    table = asked.planner().reach(asked.stations())
+    table = asked.reach(asked.stations())
     error = find_cause(why, task.scene, task.transfers, Q_START, asked.options, table)
     failure = failure_in(error)
     assert failure is not None

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from plan.program.assignment.sequence import Leg, task_sequence
-from plan.program.tasks import Planner
-from plans.small_search import OPTIONS, UNIT
-from tasks.task2 import Q_START, task2
+from plans.small_search import OPTIONS, planner_of
+from tasks.task2 import task2
 
 
 @pytest.mark.parametrize("look", ["each", "never"])
 def test_a_cube_is_picked_placed_and_followed_by_home_where_the_arm_looks(look: str) -> None:
     case = task2(cubes=2)
     options = replace(OPTIONS, look=look)
-    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), options)
-    search = planner.search(case.transfers, ())
+    planner = planner_of(case, options)
+    search = planner.search()
     sequence = task_sequence(search.best(), search.stages, planner.q_start, options)
     per_cube = ["out", "across", "home"] if look == "each" else ["out", "across"]
     assert [leg.which for leg in sequence.legs] == per_cube * 2 + (["home"] if look == "never" else [])
@@ -36,8 +35,8 @@ def test_the_line_out_of_a_goal_belongs_to_the_leg_that_it_begins() -> None:
     """The search forbids a leg by its stop, and knows by the role which of its two lines is meant."""
     case = task2(cubes=2)
     options = replace(OPTIONS, look="each")
-    planner = Planner(case.scene, np.array(Q_START), UNIT, UNIT.limits(), options)
-    search = planner.search(case.transfers, ())
+    planner = planner_of(case, options)
+    search = planner.search()
     sequence = task_sequence(search.best(), search.stages, planner.q_start, options)
     assert sequence.leg(0, "approach") == Leg(0, "out")
     assert sequence.leg(0, "retract") == Leg(0, "across")

@@ -13,9 +13,11 @@ from arm.robot.shapes import Body, Cylinder
 from arm.se3 import transform
 from plan.budget import Meter, SearchBudget
 from plan.kinematics.numeric_ik import SearchOptions
-from plan.program.pose_lists import SearchEffort, _Problem
+from plan.program.sequence.planner import SearchEffort, SequencePlanner
 from plan.program.sequence.search import PoseSearch
+from plan.program.setting import Setting
 from plan.program.target import Target
+from plan.scene import Scene
 from plan.trajectory.virtual_unit import virtual_unit
 from tasks.pose_lists import FAST, TABLE, down
 
@@ -31,17 +33,16 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
     effort = SearchEffort(candidates=3, detours=99, ik=SearchOptions(samples=8))
     found: list[PoseSearch] = []
 
-    class Spy(_Problem):
-        def written(self, search: PoseSearch, meter: Meter):  # type: ignore[no-untyped-def]
+    class Spy(SequencePlanner):
+        def _written(self, search: PoseSearch, meter: Meter):  # type: ignore[no-untyped-def]
             found.append(search)
-            return super().written(search, meter)
+            return super()._written(search, meter)
 
     q = np.radians([-35, -35, -85, 0, -60, 0])
-    problem = Spy(
-        robot, bodies, targets, crs97.limits(), virtual_unit(robot, crs97.limits()), FAST, effort, 0.0
-    )
+    limits = crs97.limits()
+    setting = Setting(Scene(robot, robot, tuple(bodies), ()), virtual_unit(robot, limits), limits, FAST)
     meter = Meter(SearchBudget())
-    plan = problem.solved(problem.layer_of("q_start", q), meter)
+    plan = Spy(setting, targets, setting.at_counts("q_start", q), effort=effort).planned(meter)
     search = found[-1]
     best = search.best(meter)
     from plan.program.sequence.search import _State

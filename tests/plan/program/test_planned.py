@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from plan.program.pose_plan import PosePlan
+from plan.program.planned import Planned
 from plan.program.target import Target
 
 
-def test_export(row: tuple[PosePlan, list[Target]]) -> None:
+def test_export(row: tuple[Planned, list[Target]]) -> None:
     plan, _ = row
     header, *rows = plan.rows(0.02)
     assert header == ["time_s", "J1", "J2", "J3", "J4", "J5", "J6"]

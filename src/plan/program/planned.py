@@ -1,20 +1,28 @@
-"""A planned list of poses: its moves and pauses in order of time, and what can be asked of them."""
+"""A planned program: its steps in order of time, and what can be asked of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from arm.controller.unit import Unit
+from arm.controller.unit import Limits, Unit
 from arm.errors import InputError
-from arm.plan_file import Move, Pause, Step, duration_of
+from arm.plan_file import Move, Pause, Plan, Step, duration_of
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
+from plan.options import PlanOptions
+from plan.program.attachments import AttachmentState
+from plan.program.setting import Setting
+from plan.scene import Scene
 from plan.trajectory.virtual_unit import is_virtual
+
+_LIBRARIES = ("pin", "coal", "numpy", "scipy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,31 +43,72 @@ class Reached:
 
 
 @dataclass(frozen=True, eq=False)
-class PosePlan:
-    """What `plan.program.pose_lists.plan_poses` returns. Every move is certified: its `clearance` is proved
-    over all of it.
+class Planned:
+    """A planned program. Every move is certified: its `clearance` is proved over all of it.
 
     Attributes:
-        robot: the arm.
-        unit: whose counts the moves are in; `plan.trajectory.virtual_unit.virtual_unit` where no controller was given.
-        q_start: (n,) rad.
-        steps: moves (`arm.plan_file.Move`) and pauses, in order. Moves with no pause between them may meet at speed.
-        reached: every target.
-        lower_bound_s: no motion through the solutions that were looked at is faster, whatever its ways.
-        candidates: solutions looked at, per place: the start, each group of targets, the end.
-        detours: ways around that were made.
+        setting: arm, unit and limits that it was planned with.
+        q_start, q_end: (n,) rad.
+        steps: in order (`arm.plan_file.Step`). Moves with no other step between them may meet at speed.
+        reached: every goal whose configuration the planner chose in the given order.
+        lower_bound_s: no motion through the solutions that were looked at is faster, whatever its paths.
+        state: what moves with the tool at the end, and where bodies stand that were moved.
+        cubes: what was brought where: ``cube``, ``from`` and ``to`` of each, in order.
+        touching: pairs that the lines may let touch.
+        candidates: solutions looked at, per place: the start, and each group of goals.
+        detours: paths around obstacles that were made.
         stopped: why the search ended before the fastest way was known, for people; "" if it is known.
+        interrupted: whether Ctrl-C ended it.
+        provenance, task: see `plan.program.program.Program`.
     """
 
-    robot: Robot
-    unit: Unit
+    setting: Setting
     q_start: Array
+    q_end: Array
     steps: tuple[Step, ...]
     reached: tuple[Reached, ...]
     lower_bound_s: float
-    candidates: tuple[int, ...]
-    detours: int
+    state: AttachmentState
+    cubes: tuple[dict[str, str], ...] = ()
+    touching: frozenset[frozenset[str]] = frozenset()
+    candidates: tuple[int, ...] = ()
+    detours: int = 0
     stopped: str = ""
+    interrupted: bool = False
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    task: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self.setting.robot
+
+    @property
+    def unit(self) -> Unit:
+        """Whose counts the moves are in; `plan.trajectory.virtual_unit` where no controller was given."""
+        return self.setting.unit
+
+    def plan(self) -> Plan:
+        """Return the plan for a file, which can be previewed, exported, verified and executed."""
+        setting = self.setting
+        stated = dict(self.provenance)
+        bound = {"no_plan_is_faster_than_s": self.lower_bound_s} if self.cubes else {}
+        notes = stated.pop("notes", {})
+        if self.stopped:
+            notes = {**notes, "search": self.stopped}
+        scene = setting.scene.allowing(setting.scene.allowed | self.touching)
+        registers = _registers(setting.unit, setting.limits)
+        return Plan(
+            task={**bound, "cubes": [dict(cube) for cube in self.cubes], **self.task},
+            unit=setting.unit.name,
+            speed=setting.options.speed,
+            speed_registers=registers["speed"],
+            acceleration_registers=registers["acceleration"],
+            steps=self.steps,
+            provenance={**stated, **resting_on(scene, setting.unit, setting.options)},
+            scene=scene.to_json(),
+            notes={**notes, "versions": dict(_versions())},
+        )
 
     @property
     def moves(self) -> tuple[Move, ...]:
@@ -170,3 +219,51 @@ class PosePlan:
             "steps": steps,
             **({"stopped": self.stopped} if self.stopped else {}),
         }
+
+
+def joined(before: Planned, after: Planned) -> Planned:
+    """Return two programs, one after the other, as one; the second begins where the first ends."""
+    return replace(
+        before,
+        q_end=after.q_end,
+        steps=(*before.steps, *after.steps),
+        reached=(*before.reached, *after.reached),
+        lower_bound_s=before.lower_bound_s + after.lower_bound_s,
+        state=after.state,
+        cubes=(*before.cubes, *after.cubes),
+        touching=before.touching | after.touching,
+        candidates=(*before.candidates, *after.candidates),
+        detours=before.detours + after.detours,
+        stopped="; ".join(filter(None, (before.stopped, after.stopped))),
+    )
+
+
+def resting_on(scene: Scene, unit: Unit, options: PlanOptions) -> dict[str, Any]:
+    """Return the part of a plan's provenance that planning itself states; JSON types.
+
+    Args:
+        scene: of the plan, with all contacts that it allows.
+        unit: whose counts it is in.
+        options: that it was planned with.
+    """
+    return {
+        "scene": scene.digest,
+        "robot_open": scene.robot_open.digest,
+        "robot_holding": scene.robot_holding.digest,
+        "unit": unit.digest,
+        "options": options.to_json(),
+    }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in _LIBRARIES}
+
+
+def _registers(unit: Unit, limits: Limits) -> dict[str, tuple[int, ...]]:
+    """The controller's registers that `limits` came from."""
+    scale = np.abs(unit.counts_per_rad) * 256.0
+    return {
+        "speed": tuple(int(v) for v in np.rint(limits.velocity * scale / 1e3)),
+        "acceleration": tuple(int(v) for v in np.rint(limits.acceleration * scale / 1e6)),
+    }

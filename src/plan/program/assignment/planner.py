@@ -1,0 +1,204 @@
+"""Transfers of cubes whose order, places and grasps are chosen together, timed and certified as they are sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.arguments import shown
+from arm.errors import ImpossibleError, InputError
+from arm.plan_file import GripperStep, Step
+from arm.se3 import Array
+from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
+from plan.cartesian.reachability import ReachTable, reach_stations
+from plan.program.assignment.cause import find_cause
+from plan.program.assignment.search import Found, TaskSearch
+from plan.program.assignment.sequence import sequence_steps, task_sequence
+from plan.program.assignment.worlds import TaskWorlds
+from plan.program.attachments import AttachmentState, AttachmentWorlds
+from plan.program.line_chains import LineChains
+from plan.program.planned import Planned
+from plan.program.setting import Setting
+from plan.program.writer import ClearanceLost, MotionWriter
+from plan.scene import Station, Transfer
+
+# The search may be asked again, where what it chose could not be timed and certified, as often as there are ways to
+# serve all places (each time one of them, or a leg, is given up), but so often at most.
+_ATTEMPTS = 100
+
+
+@dataclass(frozen=True)
+class Transfers:
+    """Goals of a program whose order and places may be free (`PlanOptions.order`, `assignment`, `look`).
+
+    Attributes:
+        transfers: which cube from where to where; with ``assignment`` free, where to is chosen among all places.
+        places: more places that cubes may go to.
+    """
+
+    transfers: tuple[Transfer, ...]
+    places: tuple[Station, ...] = ()
+
+
+class AssignmentPlanner:
+    """Plans transfers, from `q_start` and back there.
+
+    Args:
+        setting: arm, unit, limits.
+        goals: the transfers; at least one.
+        q_start: where the arm is at rest, and looks from, a whole number of counts, (n,) rad.
+        state: where bodies stand that were moved before.
+        first_cube: index of the first cube among those of the whole program.
+
+    Raises:
+        InputError: no transfers, or an unknown cube.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        goals: Transfers,
+        q_start: Array,
+        state: AttachmentState | None = None,
+        first_cube: int = 0,
+    ) -> None:
+        self.setting, self.options, self.first_cube = setting, setting.options, first_cube
+        self.state = state or AttachmentState(None, None, ())
+        self.scene = setting.scene.with_moved(dict(self.state.moved))
+        self.transfers, self.q_start = goals.transfers, q_start
+        if not self.transfers:
+            raise InputError("a task needs at least one cube to move", transfers=0)
+        for transfer in self.transfers:
+            if not isinstance(transfer, Transfer):
+                raise InputError(f"transfers: {shown(transfer)}: must be a Transfer", value=shown(transfer))
+            self.scene.cube(transfer.cube)
+        self.moved = dict(self.state.moved)
+        self.stations = [t.place for t in self.transfers]
+        if self.options.assignment == "free":
+            known = {station.name for station in self.stations}
+            self.stations += [station for station in goals.places if station.name not in known]
+
+    def planned(self, meter: Meter) -> Planned:
+        """Return the plan.
+
+        Raises:
+            ImpossibleError: a place is out of reach, or no clear path was found; data: failure, see `plan.failure`. Or
+                the budget was spent before a sequence was complete; data: budget.
+            PlanningInterrupted: by Ctrl-C before a sequence was complete.
+        """
+        search: TaskSearch | None = None
+        try:
+            search = self.search()
+            steps, found = self.steps(search, meter)
+        except ImpossibleError as error:
+            with meter.lifted():
+                table = self.reach((*(t.pick for t in self.transfers), *self.stations))
+                raise find_cause(
+                    error, self.scene, self.transfers, self.q_start, self.options, table
+                ) from error
+        except (BudgetSpent, KeyboardInterrupt) as stop:
+            raise _ended(stop, search) from stop
+        return self._result(search, found, steps)
+
+    def search(self) -> TaskSearch:
+        """Return the search; refused here if a pick, or too many places, cannot be served."""
+        picks, places = (self.reach(some) for some in ([t.pick for t in self.transfers], self.stations))
+        picks.require()
+        served = [station for station in self.stations if places[station.name].ok]
+        if self.options.assignment != "free" or len(served) < len(self.transfers):
+            ReachTable((*picks.holes, *places.holes)).require()
+        stages = TaskWorlds(self.scene, self.transfers, served)
+        return TaskSearch(
+            stages,
+            [picks[t.pick.name].feasible() for t in self.transfers],
+            [places[station.name].feasible() for station in served],
+            self.q_start,
+            self.setting.planned,
+            self.options,
+        )
+
+    def reach(self, stations: Sequence[Station]) -> ReachTable:
+        """Return the reach of these places."""
+        return reach_stations(self.setting.robot, self.setting.planned, stations, self.options)
+
+    def steps(self, search: TaskSearch, meter: Meter) -> tuple[list[Step], Found]:
+        """Return the steps, timed and certified, and the assignment that they follow."""
+        ways = sum(map(len, (*search.picks, *search.places)))
+        left = min(ways, _ATTEMPTS)
+        while True:
+            found = search.best()
+            try:
+                with meter.lifted():
+                    return self.written(search, found), found
+            except ClearanceLost as error:
+                left -= 1
+                if left <= 0 or search.stopped is not None:
+                    raise error.why from error
+                sequence = task_sequence(found, search.stages, self.q_start, self.options, self.first_cube)
+                leg = sequence.leg(error.step, error.data.get("role"))
+                search.forbid(found.stops, leg.stop, leg.which, error.why)
+
+    def written(self, search: TaskSearch, found: Found) -> list[Step]:
+        """Return the steps of an assignment.
+
+        Raises:
+            ClearanceLost: a step of it does not keep its clearance once it is timed.
+        """
+        setting, scene, options = self.setting, self.scene, self.options
+        sequence = task_sequence(found, search.stages, self.q_start, options, self.first_cube)
+        chains = LineChains(
+            setting.robot,
+            setting.unit,
+            sequence.targets,
+            setting.planned,
+            setting.tool_speed,
+            options.slowest,
+        )
+        bodies = (*scene.bodies, *scene.cubes)
+        worlds = AttachmentWorlds(setting.robot, bodies, sequence.targets, 0.0, scene.robot_holding)
+        writer = MotionWriter(worlds, sequence.targets, options, setting.builder)
+        first = GripperStep("open the gripper", "open", None, 0.0, options.settle_s)
+        steps = [first, *writer.steps(sequence_steps(found, sequence, chains))]
+        self.moved = {**dict(self.state.moved), **dict(writer.state.moved)}
+        return steps
+
+    def _result(self, search: TaskSearch, found: Found, steps: Sequence[Step]) -> Planned:
+        stages, bound_s = search.stages, float(np.floor(found.bound * 1e3)) / 1e3
+        cubes, touching = [], set()
+        for stop in found.stops:
+            transfer, place = stages.transfers[stop.visit.pick], stages.places[stop.visit.place]
+            cubes.append({"cube": transfer.cube, "from": transfer.pick.name, "to": place.name})
+            touching |= {frozenset((transfer.cube, name)) for name in transfer.pick.touches | place.touches}
+        stopped = ""
+        if search.stopped is not None:
+            stopped = (
+                f"{budget_words(search.stopped)}: this is the best sequence that was complete by then; "
+                f"no plan takes less than {bound_s:.1f} s"
+            )
+        return Planned(
+            setting=self.setting,
+            q_start=self.q_start,
+            q_end=self.q_start,
+            steps=tuple(steps),
+            reached=(),
+            lower_bound_s=bound_s,
+            state=AttachmentState(None, None, tuple(sorted(self.moved.items(), key=lambda item: item[0]))),
+            cubes=tuple(cubes),
+            touching=frozenset(touching),
+            stopped=stopped,
+            interrupted=isinstance(search.stopped, KeyboardInterrupt),
+        )
+
+
+def _ended(stop: BudgetSpent | KeyboardInterrupt, search: TaskSearch | None) -> BaseException:
+    """What to raise where a search ended before a sequence was complete."""
+    rejected = [] if search is None else list(search.rejected)
+    seen = f"; so far: {'; '.join(rejected[:2])}" if rejected else ""
+    text = f"{budget_words(stop)}: no sequence that moves all cubes was complete{seen}"
+    if isinstance(stop, KeyboardInterrupt):
+        return PlanningInterrupted(text)
+    return ImpossibleError(
+        text, budget=stop.by, budget_s=stop.allowed_s, effort_s=stop.effort_s, rejected=rejected
+    )

@@ -1,0 +1,123 @@
+"""The only thing that is planned: a program of goals. Tasks, lists of poses and single motions are programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import groupby
+from typing import Any
+
+import numpy.typing as npt
+
+from arm.arguments import shown
+from arm.controller.unit import Limits, Unit
+from arm.errors import ImpossibleError, InputError
+from plan.budget import Meter, PlanningInterrupted, SearchBudget, allowed
+from plan.options import PlanOptions
+from plan.program.assignment.planner import AssignmentPlanner, Transfers
+from plan.program.attachments import AttachmentState
+from plan.program.planned import Planned, joined
+from plan.program.sequence.planner import SearchEffort, SequencePlanner
+from plan.program.setting import Setting
+from plan.program.target import Target
+from plan.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Goals for an arm among bodies.
+
+    Goals are reached in the order of the list. A `Transfers` goal moves several cubes; their order, places and grasps
+    are chosen together, as the options allow.
+
+    Attributes:
+        scene: the arm with open and with closed jaws, bodies and cubes.
+        goals: at least one `Target` or `Transfers`. The first target is reached by a transit whatever it says.
+        q_start: where the arm is at rest, (n,) rad (m for sliding joints).
+        unit: the arm's counts and registers.
+        limits: at speed 1; default: those of the unit's default registers.
+        options: speeds, clearances, what may be chosen.
+        state: what moves with the tool at the start; default: nothing.
+        padding: subtracted from every distance, m.
+        provenance: what else the plan rests on (calibration, files); JSON types. Its key `notes` becomes the plan's
+            notes.
+        task: name and kind of the task, for the plan file; JSON types.
+    """
+
+    scene: Scene
+    goals: tuple[Target | Transfers, ...]
+    q_start: npt.ArrayLike
+    unit: Unit
+    limits: Limits | None = None
+    options: PlanOptions = field(default_factory=PlanOptions)
+    state: AttachmentState | None = None
+    padding: float = 0.0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    task: Mapping[str, Any] = field(default_factory=dict)
+
+
+def plan_program(
+    program: Program, effort: SearchEffort | None = None, budget: SearchBudget | None = None
+) -> Planned:
+    """Plan a program. Each move of the plan is certified after it was timed and rounded to counts.
+
+    Args:
+        program: what to plan.
+        effort: budgets of the search over goals in a given order, in tries.
+        budget: what the search may cost in all. If it is spent, the best complete plan by then is returned, and says so
+            (`stopped`).
+
+    Raises:
+        InputError: no goals, unknown or double names, a configuration beyond limits.
+        ImpossibleError: a goal is out of reach, or no clear path was found; says which and by how much (data: `failure`
+            for transfers). Or the budget was spent before a plan was complete; data: budget.
+        PlanningInterrupted: by Ctrl-C; with the best complete plan, if there is one.
+    """
+    limits = program.limits or program.unit.limits()
+    setting = Setting(program.scene, program.unit, limits, program.options)
+    blocks = list(_blocks(program.goals))
+    found: Planned | None = None
+    with allowed(budget) as meter:
+        for number, goals in enumerate(blocks, start=1):
+            part = _part(program, setting, goals, found, effort, meter)
+            stated = replace(part, provenance=program.provenance, task=program.task)
+            found = stated if found is None else joined(found, stated)
+            if part.interrupted:
+                raise PlanningInterrupted(part.stopped, found.plan() if number == len(blocks) else None)
+    if found is None:
+        raise ImpossibleError("a program without goals was planned; this is a fault of the planner")
+    return found
+
+
+def _blocks(goals: Sequence[Target | Transfers]) -> Iterator[Transfers | list[Target]]:
+    """Yield transfers one by one, and targets in a row together."""
+    wrong = [goal for goal in goals if not isinstance(goal, Target | Transfers)]
+    if wrong or not goals:
+        why = f"goals: {shown(wrong[0]) if wrong else 'none'}: must be at least one Target or Transfers"
+        raise InputError(why, goals=len(goals))
+    for several, group in groupby(goals, key=lambda goal: isinstance(goal, Transfers)):
+        if several:
+            yield from (goal for goal in group if isinstance(goal, Transfers))
+        else:
+            yield [goal for goal in group if isinstance(goal, Target)]
+
+
+def _part(
+    program: Program,
+    setting: Setting,
+    goals: Transfers | list[Target],
+    before: Planned | None,
+    effort: SearchEffort | None,
+    meter: Meter,
+) -> Planned:
+    """Plan what comes after `before`, which is None at the start."""
+    q = setting.at_counts("q_start", program.q_start) if before is None else before.q_end
+    state = program.state if before is None else before.state
+    if not isinstance(goals, Transfers):
+        return SequencePlanner(setting, goals, q, state, effort, program.padding).planned(meter)
+    if state is not None and state.held is not None:
+        raise InputError(
+            f"{state.held} moves with the tool where transfers begin; let it go first", held=state.held
+        )
+    first = 0 if before is None else len(before.cubes)
+    return AssignmentPlanner(setting, goals, q, state, first).planned(meter)

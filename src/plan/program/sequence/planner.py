@@ -1,0 +1,266 @@
+"""Goals in a given order: the fastest way through all of them, timed and certified.
+
+Solutions of the inverse kinematics at all goals are chosen together (`plan.program.sequence.search`), lines are
+followed (`plan.program.line_chains`), motions are joined where nothing has to happen (`plan.motion.builder`), and every
+move is certified as it is sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from arm.arguments import shown
+from arm.errors import ImpossibleError, InputError
+from arm.plan_file import Move, Step
+from arm.se3 import Array, frozen
+from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
+from plan.collision.missing_srdf import self_collision_help
+from plan.kinematics.numeric_ik import SearchOptions
+from plan.program.attachments import AttachmentState, AttachmentWorlds
+from plan.program.line_chains import LineChain, LineChains, TargetReached, groups
+from plan.program.planned import Planned, Reached
+from plan.program.sequence.candidates import Candidates
+from plan.program.sequence.search import Found, Layer, PoseSearch
+from plan.program.sequence.times import chain_time, standing_time
+from plan.program.setting import Setting
+from plan.program.target import Target
+from plan.program.writer import ClearanceLost, MotionWriter
+
+_ROUNDS = 6  # sequences that are tried where one could not be certified once it was timed
+_WIDENINGS = (1, 3, 9)  # times the candidates of each group, where fewer do not do
+
+
+@dataclass(frozen=True)
+class SearchEffort:
+    """Budgets of a search over goals in a given order, in tries.
+
+    Attributes:
+        candidates: solutions that are looked at for each group of goals that hang on one another by lines, at first;
+            three and nine times as many where these do not do.
+        detours: paths around obstacles, from one group to the next.
+        ik: of the inverse kinematics; samples of a free direction, starts of the numerical method.
+    """
+
+    candidates: int = 24
+    detours: int = 8
+    ik: SearchOptions = field(default_factory=SearchOptions)
+
+
+class SequencePlanner:
+    """Plans goals in the order in which they are given.
+
+    Args:
+        setting: arm, unit, limits.
+        targets: the goals; at least one.
+        q_start: where the arm is at rest, a whole number of counts, (n,) rad.
+        state: what moves with the tool there, and where bodies stand that were moved.
+        effort: budgets of the search.
+        padding: subtracted from every distance, m.
+
+    Raises:
+        InputError: no goals, names that are double or unknown, a configuration beyond limits.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        targets: Sequence[Target],
+        q_start: Array,
+        state: AttachmentState | None = None,
+        effort: SearchEffort | None = None,
+        padding: float = 0.0,
+    ) -> None:
+        _require_distinct(targets)
+        self.setting, self.options, self.effort = setting, setting.options, effort or SearchEffort()
+        first = replace(targets[0], by="transit")  # nothing comes before it
+        self.targets = [
+            goal if goal.q is None else replace(goal, q=setting.at_counts(goal.name, goal.q))
+            for goal in (first, *targets[1:])
+        ]
+        scene, robot = setting.scene, setting.robot
+        self.worlds = AttachmentWorlds(
+            robot, (*scene.bodies, *scene.cubes), self.targets, padding, scene.robot_holding, state
+        )
+        self.start = Layer("q_start", (LineChain((), "", q_start, q_start),), (standing_time(q_start),))
+        self.groups = groups(self.targets)
+        self.search: PoseSearch | None = None
+        self.followed: dict[tuple[int, int], LineChain | ImpossibleError] = {}
+        self.writer = MotionWriter(self.worlds, self.targets, self.options, setting.builder)
+        self.chains = LineChains(
+            robot, setting.unit, self.targets, setting.planned, setting.tool_speed, self.options.slowest
+        )
+
+    def planned(self, meter: Meter) -> Planned:
+        """Return the plan.
+
+        Raises:
+            ImpossibleError: a goal is out of reach, a line cannot be followed, or no clear path was found; data:
+                target, solutions, and what is known of joint, pair, distance_m, refused; or the budget was spent before
+                anything was complete; data: budget, proved (names of goals), left.
+            PlanningInterrupted: by Ctrl-C; says the same.
+        """
+        try:
+            return self._planned(meter)
+        except (BudgetSpent, KeyboardInterrupt) as stop:
+            raise self._ended(stop) from stop
+
+    def _planned(self, meter: Meter) -> Planned:
+        planned = self.setting.planned
+        candidates = Candidates(
+            self.setting.robot,
+            self.worlds,
+            self.targets,
+            self.groups,
+            planned,
+            self.options,
+            self.effort.ik,
+        )
+        candidates.solve(self.start.q_in[0])
+        self._require_clear_start()
+        for widening in _WIDENINGS:
+            width = widening * self.effort.candidates
+            layers = [self._layer(candidates, number, width) for number in range(len(self.groups))]
+            search = self.search = PoseSearch(
+                self.worlds, self.targets, [self.start, *layers], planned, self.options, self.effort.detours
+            )
+            try:
+                return self._result(search, *self._written(search, meter))
+            except ImpossibleError as error:
+                # where many paths around were looked for in vain, more solutions are little hope and much work
+                spent = bool(error.data.get("detours_spent"))
+                if spent or width >= candidates.most or widening == _WIDENINGS[-1]:
+                    raise
+        raise ImpossibleError("no width was tried", widenings=_WIDENINGS)
+
+    def _require_clear_start(self) -> None:
+        """Refuse a start that is itself too near to something, unless a line leads out of it at once."""
+        q, first = self.start.q_out[0], self.targets[0]
+        if first.q is not None and np.array_equal(first.q, q):
+            return
+        world = self.worlds.world(self.worlds.start)
+        seen = world.distance(q)
+        if seen.value < self.options.clearance:
+            own = self_collision_help(world, q, self.options.clearance)
+            raise ImpossibleError(
+                f"q_start: {seen.pair[0]} is {seen.value * 1e3:.1f} mm from {seen.pair[1]} (required: "
+                f"{self.options.clearance * 1e3:g} mm){own or '; start elsewhere, or ask for less clearance'}",
+                pair=list(seen.pair),
+                distance_m=seen.value,
+                clearance_m=self.options.clearance,
+            )
+
+    def _layer(self, candidates: Candidates, number: int, width: int) -> Layer:
+        """The chains of the first `width` solutions of a group that can be followed."""
+        group = self.groups[number]
+        made: list[LineChain] = []
+        why: list[ImpossibleError] = []
+        for rank, solution in enumerate(candidates.ranked(number)):
+            if len(made) == width:
+                break
+            if (number, rank) not in self.followed:
+                try:
+                    self.followed[number, rank] = self.chains.chain(group, solution.q, solution.branch)
+                except ImpossibleError as error:
+                    self.followed[number, rank] = error
+            chain = self.followed[number, rank]
+            if isinstance(chain, LineChain):
+                made.append(chain)
+            else:
+                why.append(chain)
+        if not made:
+            raise candidates.unfollowed(number, why)
+        times = tuple(chain_time(chain, self.targets, self.setting.planned) for chain in made)
+        return Layer(self.targets[group.start].name, tuple(made), times)
+
+    def _ended(self, stop: BudgetSpent | KeyboardInterrupt) -> BaseException:
+        """What to raise where a search ended before anything was complete."""
+        search = self.search
+        names = [] if search is None else [layer.name for layer in search.layers[1:]]
+        proved = names[: search.proved_to] if search is not None else []
+        miss = None if search is None else search.nearest_miss()
+        far = (
+            f"the way is proved as far as {proved[-1]} ({len(proved)} of {len(names)})"
+            if proved
+            else (
+                f"no way is proved to {names[0]} yet"
+                if names
+                else "solutions of the poses were still looked for"
+            )
+        )
+        nearest = "" if miss is None else f" Nearest miss: {miss}"
+        text = f"{budget_words(stop)}: nothing complete was found; {far}.{nearest}"
+        if isinstance(stop, KeyboardInterrupt):
+            return PlanningInterrupted(text)
+        return ImpossibleError(
+            text,
+            **({} if miss is None else miss.data),
+            budget=stop.by,
+            budget_s=stop.allowed_s,
+            effort_s=stop.effort_s,
+            proved=proved,
+            left=names[len(proved) :],
+        )
+
+    def _written(self, search: PoseSearch, meter: Meter) -> tuple[Found, list[Step]]:
+        """The best sequence that can be certified once it is timed, and its steps."""
+        for attempt in range(_ROUNDS):
+            found = search.best(meter)
+            try:
+                with meter.lifted():
+                    return found, self.writer.steps(found.legs)
+            except ClearanceLost as error:
+                if attempt + 1 == _ROUNDS:
+                    raise error.why from error
+                before = found.legs[error.step - 1].index if error.step else 0
+                search.forbid(error.step + 1, before, found.legs[error.step].index)
+        raise ImpossibleError("no sequence was tried", attempts=_ROUNDS)
+
+    def _result(self, search: PoseSearch, found: Found, steps: Sequence[Step]) -> Planned:
+        state = self.worlds.start
+        reached: list[Reached] = []
+        for leg in found.legs:
+            for item in leg.chain.items:
+                if isinstance(item, TargetReached):
+                    target = self.targets[item.target]
+                    reached.append(Reached(target.name, item.q, item.T_base_tool, leg.chain.branch))
+                    state = self.worlds.after(state, target, item.T_base_tool)
+        plan = Planned(
+            setting=self.setting,
+            q_start=search.layers[0].q_in[0],
+            q_end=frozen(found.legs[-1].chain.q_out),
+            steps=tuple(steps),
+            reached=tuple(reached),
+            lower_bound_s=float(np.floor(found.bound * 1e3)) / 1e3,
+            candidates=tuple(len(layer.chains) for layer in search.layers),
+            detours=search.effort.detours,
+            state=state,
+            touching=frozenset(
+                frozenset((step.held, name))
+                for step in steps
+                if isinstance(step, Move) and step.held is not None
+                for name in step.allowed_collisions
+            ),
+        )
+        return plan if search.stopped is None else replace(plan, stopped=_stopped_text(search.stopped, plan))
+
+
+def _require_distinct(targets: Sequence[Target]) -> None:
+    if not targets:
+        raise InputError("a list of poses needs at least one target", targets=0)
+    wrong = [thing for thing in targets if not isinstance(thing, Target)]
+    if wrong:
+        raise InputError(f"targets: {shown(wrong[0])}: must be a Target", value=shown(wrong[0]))
+    names = [t.name for t in targets]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"targets: two are named {twice[0]!r}; names must differ", names=twice)
+
+
+def _stopped_text(stop: BudgetSpent, plan: Planned) -> str:
+    return (
+        f"{budget_words(stop)}: this is a complete way that was found by then, {plan.duration_s:.1f} s; none takes "
+        f"less than {plan.lower_bound_s:.1f} s"
+    )
