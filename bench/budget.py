@@ -24,8 +24,8 @@ from arm.robot.shapes import Body, Box  # noqa: E402
 from arm.se3 import rot_x, transform  # noqa: E402
 from plan.budget import CHECKS_PER_SECOND, allowed  # noqa: E402
 from plan.options import PlanOptions  # noqa: E402
+from plan.program.goals.target import Target  # noqa: E402
 from plan.program.pose_lists import plan_poses  # noqa: E402
-from plan.program.target import Target  # noqa: E402
 from plan.program.tasks import plan_task  # noqa: E402
 from tasks.task2 import Q_START, task2  # noqa: E402
 

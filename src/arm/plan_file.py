@@ -7,148 +7,39 @@ same plan has the same bytes, and its SHA-256 identifies it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from arm.controller.segments import CountPath, Segment, chain
+from arm.controller.segments import CountPath, Segment
 from arm.errors import FileInputError, InputError
-from arm.former import renamed_arguments
-from arm.io.node import Node
+from arm.io.node import Node, Rule
 from arm.io.rules import flag, is_number, is_whole, number, rule_of, same, table, text
 from arm.io.storage import canonical_json, read_json, require_finite, sha256, write_atomic
+from arm.plan_steps import (
+    GripperStep,
+    LookStep,
+    Motion,
+    Move,
+    Pause,
+    Step,
+    duration_of,
+    motions,
+    touching_pairs,
+)
 from arm.robot.shapes import body_from_json
+
+__all__ = [
+    "FORMAT", "GripperStep", "LookStep", "Motion", "Move", "Pause", "Plan", "Step", "duration_of", "motions",
+    "read_plan", "touching_pairs", "write_plan",
+]  # fmt: skip
 
 FORMAT = "a465-plan/3"
 _LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # no two that look alike
 ROUNDING = 1e-6  # m, by which a move's clearance may be below the smallest of its segments' clearances
-
-
-@dataclass(frozen=True)
-class Move:
-    """A part of a motion in which the held body and the allowed collisions do not change.
-
-    Attributes:
-        name: such as "cube 1: approach 01-02/2".
-        role: home, transit, approach or retract.
-        cube: index of the task's cube that the move serves, or None.
-        path: the segments that are sent.
-        held: name of the body in the jaws, or None.
-        jaw_opening: distance of the fingers during the move, m.
-        clearance: smallest distance between any two checked bodies over the whole move, m; a proved lower bound if
-            `certified`.
-        closest: names of the two bodies at that distance.
-        certified: whether `clearance` is proved between samples too.
-        allowed_collisions: names of bodies that the held cube may touch: what it is lifted off, or placed on.
-        clearances: proved lower bound on the clearance of every segment, m; the smallest is `clearance` up to rounding.
-            May be empty if the move is not certified.
-    """
-
-    name: str
-    role: str
-    cube: int | None
-    path: CountPath
-    held: str | None
-    jaw_opening: float
-    clearance: float
-    closest: tuple[str, str]
-    certified: bool = False
-    allowed_collisions: tuple[str, ...] = ()
-    clearances: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class GripperStep:
-    """Open or close the jaws at rest. `fraction_closed` is the target, `settle_s` the shortest wait after it."""
-
-    name: str
-    action: str
-    cube: int | None
-    fraction_closed: float
-    settle_s: float
-
-
-@dataclass(frozen=True)
-class LookStep:
-    """Look again from rest; execution compares the result with the observation that the plan is based on."""
-
-    name: str
-
-
-@renamed_arguments(target="name")
-@dataclass(frozen=True)
-class Pause:
-    """The arm at rest at a goal.
-
-    Attributes:
-        name: of the goal.
-        dwell_s: for how long, s.
-        attached, detached: name of the body that begins to move with the tool, or that stays here; or None.
-    """
-
-    name: str
-    dwell_s: float
-    attached: str | None = None
-    detached: str | None = None
-
-
-Step = Move | GripperStep | LookStep | Pause
-
-
-def duration_of(step: Step) -> float:
-    """Return how long a step takes at least, s; a look takes no time."""
-    match step:
-        case Move():
-            return step.path.duration_s
-        case GripperStep():
-            return step.settle_s
-        case Pause():
-            return step.dwell_s
-    return 0.0
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Consecutive moves that are streamed as one: at rest at both ends only.
-
-    Attributes:
-        first: index of the first move among the steps.
-        moves: in order.
-    """
-
-    first: int
-    moves: tuple[Move, ...]
-
-    @property
-    def path(self) -> CountPath:
-        """The segments of all moves.
-
-        Raises:
-            InputError: a move does not start at the counts where the previous one ends.
-        """
-        return chain([move.path for move in self.moves])
-
-    @property
-    def starts(self) -> tuple[int, ...]:
-        """Index of the first segment of each move in the motion's path."""
-        lengths = [len(move.path.segments) for move in self.moves]
-        return tuple(sum(lengths[:i]) for i in range(len(lengths)))
-
-
-def motions(steps: Sequence[Step]) -> tuple[Motion, ...]:
-    """Join consecutive moves to motions, in order; any other step ends a motion."""
-    found: list[Motion] = []
-    for index, step in enumerate(steps):
-        if not isinstance(step, Move):
-            continue
-        last = found[-1] if found else None
-        if last is not None and last.first + len(last.moves) == index:
-            found[-1] = Motion(last.first, (*last.moves, step))
-        else:
-            found.append(Motion(index, (step,)))
-    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -243,7 +134,10 @@ def read_plan(path: Path) -> Plan:
 def _step_to_json(step: Step) -> dict[str, Any]:
     match step:
         case Move(path=path, allowed_collisions=allowed):
-            kept = {k: v for k, v in vars(step).items() if k not in ("path", "allowed_collisions")}
+            left_out = ("path", "allowed_collisions", "allowed_pairs")
+            kept = {k: v for k, v in vars(step).items() if k not in left_out}
+            if step.allowed_pairs:
+                kept["pairs"] = step.allowed_pairs
             return kept | {
                 "step": "move",
                 "start_counts": path.start,
@@ -258,11 +152,20 @@ def _step_to_json(step: Step) -> dict[str, Any]:
             return {"step": "pause", **vars(step)}
 
 
-_SIX = rule_of(
-    "6 whole numbers that fit the controller's 32-bit integers",
-    lambda v: isinstance(v, list) and len(v) == 6 and all(is_whole(one, 1 - 2**31) for one in v),
-    tuple,
-)
+@cache
+def _whole_numbers(count: int | None) -> Rule[tuple[int, ...]]:
+    """Return the rule for one count of a controller per axis; None: for any number of axes."""
+    return rule_of(
+        f"{count or 'some'} whole numbers that fit the controller's 32-bit integers",
+        lambda v: (
+            isinstance(v, list)
+            and len(v) == (count or max(len(v), 1))
+            and all(is_whole(one, 1 - 2**31) for one in v)
+        ),
+        tuple,
+    )
+
+
 _CUBE = rule_of("a cube's index or null", lambda v: v is None or is_whole(v, -(2**63), 2**63), same)
 _HELD = rule_of("a body's name or null", lambda v: v is None or isinstance(v, str), same)
 _CLEARANCES = rule_of(
@@ -280,13 +183,15 @@ _TWO = rule_of(
 
 def _plan(root: Node) -> Plan:
     """Check and build a plan; every message names the key."""
+    speed_registers = root.get("speed_registers", _whole_numbers(None))
+    counts = _whole_numbers(len(speed_registers))
     plan = Plan(
         task=_task(root),
         unit=root.get("unit", text()),
         speed=root.get("speed", number("", 1e-6, 1.0)),
-        speed_registers=root.get("speed_registers", _SIX),
-        acceleration_registers=root.get("acceleration_registers", _SIX),
-        steps=tuple(_step(step) for step in root["steps"].items()),
+        speed_registers=speed_registers,
+        acceleration_registers=root.get("acceleration_registers", counts),
+        steps=tuple(_step(step, counts) for step in root["steps"].items()),
         provenance=root.get("provenance", table()),
         notes=root.get("notes", table()),
         scene=_scene(root),
@@ -323,7 +228,7 @@ def _task(root: Node) -> dict[str, Any]:
     return values
 
 
-def _step(node: Node) -> Step:
+def _step(node: Node, counts: Rule[tuple[int, ...]]) -> Step:
     kind, name = node.get("step", text()), node.get("name", text())
     match kind:
         case "look":
@@ -344,35 +249,36 @@ def _step(node: Node) -> Step:
                 settle_s=node.get("settle_s", number("", 0.0, 60.0)),
             )
         case "move":
-            return _move(node, name)
+            return _move(node, name, counts)
     raise node["step"].error("must be move, gripper, look or pause")
 
 
-def _segment(node: Node) -> Segment:
+def _segment(node: Node, counts: Rule[tuple[int, ...]]) -> Segment:
     row = node.value
     if not isinstance(row, list) or not 2 <= len(row) <= 4:
         raise node.error("must be a duration in ms and 1 to 3 rows of coefficients")
     if not is_whole(row[0], 0, 60_000):
         raise replace(node, value=row[0]).error("duration must be a whole number of ms from 0 to 60000")
-    return Segment(row[0], tuple(replace(node, value=r).read(_SIX) for r in row[1:]))
+    return Segment(row[0], tuple(replace(node, value=r).read(counts) for r in row[1:]))
 
 
-def _move(node: Node, name: str) -> Move:
-    segments = tuple(map(_segment, node["segments"].items()))
+def _move(node: Node, name: str, counts: Rule[tuple[int, ...]]) -> Move:
+    segments = tuple(_segment(row, counts) for row in node["segments"].items())
     if not segments:
         raise node["segments"].error("must be at least one segment")
     clearance, certified = node.get("clearance", number()), node.get("certified", flag())
     return Move(
         name=name,
-        role=node.get("role", text("home", "transit", "approach", "retract")),
+        role=node.get("role", text("home", "transit", "approach", "line", "retract")),
         cube=node.get("cube", _CUBE),
-        path=CountPath(node.get("start_counts", _SIX), segments),
+        path=CountPath(node.get("start_counts", counts), segments),
         held=node.get("held", _HELD),
         jaw_opening=node.get("jaw_opening", number("", 0.0, 1.0)),
         clearance=clearance,
         closest=node.get("closest", _TWO),
         certified=certified,
         allowed_collisions=node.get("touching", _NAMES),
+        allowed_pairs=tuple(pair.read(_TWO) for pair in node["pairs"].items()) if "pairs" in node else (),
         clearances=_clearances(node, clearance, len(segments), may_lack=not certified),
     )
 

@@ -23,11 +23,11 @@ from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
 from plan.program.assignment.planner import Transfers
 from plan.program.go_to import plan_joint_motion
+from plan.program.goals.target import Target
 from plan.program.planned import Planned, Reached
 from plan.program.pose_lists import plan_poses
 from plan.program.program import Program, plan_program
 from plan.program.sequence.planner import SearchEffort
-from plan.program.target import Target
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
 from plan.transit.planner import plan_transit

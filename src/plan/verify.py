@@ -16,7 +16,7 @@ from arm.controller.segments import CountPath, chain
 from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
-from arm.plan_file import GripperStep, Motion, Move, Plan
+from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, touching_pairs
 from arm.robot.jaws import with_any_jaws
 from arm.robot.shapes import Body
 from arm.se3 import Array, angle_between, frozen, inverse
@@ -84,6 +84,12 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Mo
             case GripperStep(action="open") if held is not None and T_tool_held is not None:
                 placed = mul(scene.robot_open.T_base_tool(q), T_tool_held)
                 cubes[held] = cubes[held].at(placed)
+                held = T_tool_held = None
+            case Pause(attached=str() as name) if name in cubes:
+                held, T_base_tool = name, scene.robot_open.T_base_tool(q)
+                T_tool_held = frozen(mul(inverse(T_base_tool), cubes[name].T_base_body))
+            case Pause(detached=str()) if held is not None and T_tool_held is not None:
+                cubes[held] = cubes[held].at(mul(scene.robot_open.T_base_tool(q), T_tool_held))
                 held = T_tool_held = None
             case Move():
                 if step.held != held:
@@ -218,19 +224,21 @@ def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str
 
 
 def _setting(
-    scene: Scene, cubes: dict[str, Body], held: str | None, T_tool_held: Array | None, move: Move
+    scene: Scene,
+    cubes: dict[str, Body],
+    held: str | None,
+    T_tool_held: Array | None,
+    move: Move,
 ) -> MoveScene:
     resting = tuple(c for name, c in cubes.items() if name != held)
     bodies = (*scene.bodies, *resting)
+    touching = touching_pairs(move)
+    if touching and (move.role not in (*ON_LINES, "line") or not scene.allowed.issuperset(touching)):
+        pairs = sorted(" and ".join(sorted(pair)) for pair in touching)
+        why = f"{move.name!r} lets touch {', '.join(pairs)}, which the scene does not allow there; plan again"
+        raise ImpossibleError(why, step=move.name, touching=pairs)
     if held is None:
-        return MoveScene(World(scene.robot_open, bodies), resting)
-    touching = [frozenset((held, name)) for name in move.allowed_collisions]
-    if touching and (move.role not in ON_LINES or not scene.allowed.issuperset(touching)):
-        why = (
-            f"{move.name!r} lets {held} touch {', '.join(move.allowed_collisions)}, which the scene does not allow "
-            "there; plan again"
-        )
-        raise ImpossibleError(why, step=move.name, touching=list(move.allowed_collisions))
+        return MoveScene(World(scene.robot_open, bodies, allowed=touching), resting)
     world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
     return MoveScene(world, resting)
 

@@ -16,7 +16,7 @@ from arm.errors import InputError
 from arm.former import PLACES, FormerNames
 from calib.model.chain import Chain, Fixed
 from calib.nao.chain import NaoUnknowns
-from plan.program.target import Target
+from plan.program.goals.target import Target
 
 SOURCE = Path(importlib.import_module("arm").__file__ or "").parents[1]
 MODULES = sorted(

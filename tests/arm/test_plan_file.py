@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import FileInputError, InputError
-from arm.plan_file import ROUNDING, GripperStep, LookStep, Move, Plan, motions, read_plan, write_plan
+from arm.plan_file import ROUNDING, GripperStep, LookStep, Move, Pause, Plan, read_plan, write_plan
 
 ROW = (10, -20, 30, 0, 5, 1)
 BOUNDS = (0.05, 0.0123457)  # of both segments; the least is the move's but for rounding
@@ -57,20 +58,27 @@ def test_figures_of_a_plan() -> None:
     assert plan.start == (-181650, -349, -62200, 99200, 8300, -96500)
 
 
-def test_moves_with_nothing_between_make_one_motion() -> None:
-    there, close, back, look = _plan().steps
-    assert isinstance(there, Move)
-    assert isinstance(back, Move)
-    steps = (close, there, back, look, there, close, back)
-    found = motions(steps)
-    assert [(m.first, m.moves) for m in found] == [(1, (there, back)), (4, (there,)), (6, (back,))]
-    assert found[0].starts == (0, 2)
-    assert found[0].path.segments == (*there.path.segments, *back.path.segments)
-    assert (found[0].path.start, found[0].path.end) == (there.path.start, back.path.end)
-    assert [m.first for m in _plan().motions] == [0, 2]
-    assert motions(()) == ()
-    with pytest.raises(InputError, match="path 1 of the chain starts at"):
-        _ = motions((there, there))[0].path
+def test_pauses_and_pairs_that_may_touch_are_kept(tmp_path: Path) -> None:
+    plan = _plan()
+    first, *others = plan.steps
+    assert isinstance(first, Move)
+    touching = replace(first, allowed_pairs=(("box", "finger_l"),))
+    kept = replace(plan, steps=(touching, Pause("a", 0.5, "box"), Pause("b", 0.0, None, "box"), *others))
+    write_plan(tmp_path / "plan.json", kept)
+    assert read_plan(tmp_path / "plan.json") == kept
+    assert '"pairs"' not in plan.to_json()
+
+
+def test_an_arm_may_have_any_number_of_axes(tmp_path: Path) -> None:
+    """As many as it has registers of speed; every row has to have the same number."""
+    path = CountPath((0,) * 7, (Segment(100, ((*ROW, 3),)),))
+    move = Move("there", "line", None, path, None, 0.0, 0.02, ("l1", "wall"), True, (), (0.02,))
+    plan = replace(_plan(), steps=(move,), speed_registers=(1,) * 7, acceleration_registers=(1,) * 7)
+    write_plan(tmp_path / "plan.json", plan)
+    assert read_plan(tmp_path / "plan.json") == plan
+    write_plan(tmp_path / "plan.json", replace(plan, speed_registers=(1,) * 6))
+    with pytest.raises(FileInputError, match=r"acceleration_registers = .* must be 6 whole numbers"):
+        read_plan(tmp_path / "plan.json")
 
 
 def _damaged(change: Any) -> str:
@@ -107,7 +115,7 @@ def _damaged(change: Any) -> str:
         (lambda v: v["steps"][1].update(action="squeeze"), "one of open, close"),
         (lambda v: v["steps"][3].update(step="dance"), "must be move, gripper, look or pause"),
         (lambda v: v.update(steps=[]), "must contain a move"),
-        (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, retract"),
+        (lambda v: v["steps"][0].update(role="jump"), "one of home, transit, approach, line, retract"),
         (lambda v: v["steps"][0].update(segments=[]), r"steps\[0\]\.segments = \[\]: must be at least one"),
         (lambda v: v["steps"][0].pop("clearances"), r"steps\[0\]\.clearances: is missing"),
         (lambda v: v["steps"][0]["clearances"].pop(), r"steps\[0\]\.clearances = 1: .* segments, 2"),

@@ -15,7 +15,7 @@ from arm.robot.model import Robot, load_robot
 from arm.robot.tool import with_disabled_collisions
 from arms.made_up import SEVEN, UR_LIKE, urdf
 from plan.collision.world import World
-from plan.program.target import Target
+from plan.program.goals.target import Target
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/python.md"
 

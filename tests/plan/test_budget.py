@@ -21,10 +21,10 @@ from plan.budget import (
     allowed,
     spend,
 )
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
 from plan.program.sequence.search import PoseSearch
-from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
 
 WALL = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")

@@ -20,7 +20,7 @@ from plan.collision.world import World
 from plan.kinematics.ik import explain_pose, inverse_kinematics
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
-from plan.program.target import Target
+from plan.program.goals.target import Target
 from plan.scene import Scene, Station
 from plan.transit.planner import plan_transit
 from plans.given import HOME, INF, NAN, NO_CONFIGURATION

@@ -11,8 +11,8 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import rot_z, transform
 from plan.options import LEAST_CLEARANCE, PlanOptions, clearance_words
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from tasks.pose_lists import EFFORT, TABLE, down
 
 

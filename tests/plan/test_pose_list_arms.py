@@ -6,17 +6,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from arm.errors import ImpossibleError
+from arm.plan_file import Pause, read_plan, write_plan
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Cylinder, Sphere, convex
 from arm.robot.tool import urdf_limits
 from arm.se3 import inverse, transform
 from arms.made_up import RAIL, SEVEN, UR_LIKE, MujocoArm, arm
+from cell.preview.page import preview_page
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
-from plan.program.planned import Pause, Planned
+from plan.program.goals.target import Target
+from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
+from plan.scene import scene_from_json
+from plan.verify import replay
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down, off
 
 
@@ -106,6 +112,21 @@ def test_a_seven_joint_arm_carries_a_body_past_a_mesh(tmp_path: Path) -> None:
             T = robot.T_base_tool(x) @ T_tool_held if held else T
             assert judge.least(x, held, {"stone": T}, allowed) >= min(step.clearance, 0.1) - 2e-6
     np.testing.assert_allclose(T[:3, 3], (0.35, 0.3, 0.15), atol=1e-5)
+    _verified_from_its_file(plan, tmp_path)
+
+
+def _verified_from_its_file(plan: Planned, folder: Path) -> None:
+    """The file alone gives the worlds again, with what is carried and what may touch; and the page is drawn from it."""
+    write_plan(folder / "plan.json", plan.plan())
+    read = read_plan(folder / "plan.json")
+    assert read == plan.plan()
+    scene = scene_from_json(read.scene, plan.robot, plan.robot)
+    assert len(replay(read, scene, plan.unit, plan.setting.limits)) == len(plan.moves)
+    page = preview_page(read, plan.robot, plan.robot, plan.unit)
+    assert all(name in page for name in ("lift off pick", *plan.robot.joint_names))
+    forbidden = replace(scene, allowed=frozenset())
+    with pytest.raises(ImpossibleError, match="lets touch l7 and stone, which the scene does not allow"):
+        replay(read, forbidden, plan.unit, plan.setting.limits)
 
 
 def test_five_joints_and_a_rail(tmp_path: Path) -> None:

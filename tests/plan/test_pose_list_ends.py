@@ -13,8 +13,8 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
 from plan.collision.world import World
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from plan.trajectory.extremes import segment_extremes
 from plans.waypoints import Q_START, planned
 from tasks.pose_lists import EFFORT, FAST, TABLE, down

@@ -77,7 +77,7 @@ class Entry:
         frame: frame of the pose, of `FRAMES`; empty if the entry is no pose.
         T: pose, 4x4, in the base frame, m; None if the entry is no pose.
         q: configuration (6,), rad, or None.
-        by, free, approach, retract, within, speed: see `plan.program.target.Target`; SI units.
+        by, free, approach, retract, within, speed: see `plan.program.goals.target.Target`; SI units.
         dwell_s: pause at the entry, s.
         jaws: closed fraction of the jaws' stroke at the entry, 0 open to 1 shut; None: unchanged.
     """

@@ -27,10 +27,10 @@ from cell.task.planning import plan_fingerprint, pose_list_options
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.program import Program, plan_program
 from plan.program.setting import Setting
-from plan.program.target import Target
 from plan.scene import Scene
 from vision.observation import Observation
 
@@ -67,7 +67,7 @@ def plan_pose_list(
         back: whether the arm returns to q_start at the end.
 
     Raises:
-        InputError: a configuration beyond the joint limits; a value that `plan.program.target.Target` refuses.
+        InputError: a configuration beyond the joint limits; a value that `plan.program.goals.target.Target` refuses.
         ImpossibleError: a pose is out of reach, a body is too close, or there is no clear path; names the entry.
     """
     return _Planner(task, observation, poses, speed).plan(back)

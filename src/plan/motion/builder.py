@@ -326,6 +326,7 @@ def _move(group: Sequence[MotionPhase], path: CountPath, check: ClearanceCertifi
         certified=True,
         allowed_collisions=tuple(sorted(phase.allowed_collisions)),
         clearances=tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds),
+        allowed_pairs=tuple(sorted((min(pair), max(pair)) for pair in phase.allowed_pairs)),
     )
 
 

@@ -44,6 +44,7 @@ class MotionPhase:
         cube: index of the cube that it serves, or None.
         held: name of the body that moves with the tool, or None.
         allowed_collisions: names of bodies that the held one may touch.
+        allowed_pairs: further pairs of bodies that may touch.
     """
 
     name: str
@@ -54,6 +55,7 @@ class MotionPhase:
     cube: int | None = None
     held: str | None = None
     allowed_collisions: frozenset[str] = frozenset()
+    allowed_pairs: frozenset[frozenset[str]] = frozenset()
 
     @property
     def line(self) -> LinearPath | None:

@@ -15,9 +15,9 @@ from arm.plan_file import Plan
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
+from plan.program.goals.target import Target
 from plan.program.program import Program, plan_program
 from plan.program.setting import Setting
-from plan.program.target import Target
 from plan.scene import Scene
 
 

@@ -17,7 +17,7 @@ from arm.plan_file import Move, Pause, Plan, Step, duration_of
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.options import PlanOptions
-from plan.program.attachments import AttachmentState
+from plan.program.goals.attachments import AttachmentState
 from plan.program.setting import Setting
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import is_virtual

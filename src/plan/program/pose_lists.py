@@ -15,10 +15,10 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from plan.budget import SearchBudget
 from plan.options import PlanOptions
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.program import Program, plan_program
 from plan.program.sequence.planner import SearchEffort
-from plan.program.target import Target
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import virtual_unit
 
@@ -64,8 +64,10 @@ def plan_poses(
     goals = [*targets, *([] if q_end is None else [Target(Q_END, q=np.asarray(q_end))])]
     if not targets:
         raise InputError("a list of poses needs at least one target", targets=0)
+    carried = {target.attach for target in targets if isinstance(target, Target)}
+    fixed, loose = (tuple(b for b in bodies if (b.name in carried) is moved) for moved in (False, True))
     program = Program(
-        Scene(robot, robot, tuple(bodies), ()),
+        Scene(robot, robot, fixed, loose),
         tuple(goals),
         q_start,
         unit or virtual_unit(robot, limits),

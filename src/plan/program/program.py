@@ -15,11 +15,11 @@ from arm.errors import ImpossibleError, InputError
 from plan.budget import Meter, PlanningInterrupted, SearchBudget, allowed
 from plan.options import PlanOptions
 from plan.program.assignment.planner import AssignmentPlanner, Transfers
-from plan.program.attachments import AttachmentState
+from plan.program.goals.attachments import AttachmentState
+from plan.program.goals.target import Target
 from plan.program.planned import Planned, joined
 from plan.program.sequence.planner import SearchEffort, SequencePlanner
 from plan.program.setting import Setting
-from plan.program.target import Target
 from plan.scene import Scene
 
 

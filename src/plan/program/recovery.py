@@ -22,10 +22,10 @@ from arm.se3 import Array
 from plan.cartesian.reachability import reach_stations
 from plan.collision.world import World
 from plan.options import PlanOptions
-from plan.program.attachments import AttachmentState
+from plan.program.goals.attachments import AttachmentState
+from plan.program.goals.target import Target
 from plan.program.program import Program, plan_program
 from plan.program.setting import Setting
-from plan.program.target import Target
 from plan.scene import Scene, Station
 
 # The approach kept the lines' clearance; this one runs beside it by both lines' tolerances, m.

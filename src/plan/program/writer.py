@@ -10,10 +10,10 @@ from arm.se3 import Array
 from plan.motion.builder import MotionBuilder
 from plan.motion.phase import Join, MotionPhase
 from plan.options import PlanOptions
-from plan.program.attachments import AttachmentState, AttachmentWorlds
-from plan.program.blending import join_of
-from plan.program.line_chains import LinearMove, SequenceStep
-from plan.program.target import Target
+from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
+from plan.program.goals.blending import join_of
+from plan.program.goals.line_chains import LinearMove, SequenceStep
+from plan.program.goals.target import Target
 
 
 class ClearanceLost(ImpossibleError):
@@ -90,7 +90,9 @@ class MotionWriter:
         )
 
     def _line(self, item: LinearMove, target: Target, state: AttachmentState) -> MotionPhase:
+        arm = {body.name for body in self.worlds.robot.bodies}
         touched = [pair - {state.held} for pair in target.pairs if state.held in pair]
+        pairs = frozenset(pair for pair in target.pairs if state.held not in pair and pair & arm)
         return MotionPhase(
             f"{target.prefix}{_line_name(item.role, target)}",
             item.role,
@@ -100,6 +102,7 @@ class MotionWriter:
             target.cube,
             state.held,
             frozenset(name for names in touched for name in names if name is not None),
+            pairs,
         )
 
 

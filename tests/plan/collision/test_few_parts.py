@@ -20,8 +20,8 @@ from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from plan.transit.planner import plan_transit
 
 ONE = [("0 0 0.2", "0 0 0", Z, "revolute", -3.0, 3.0)]

@@ -15,8 +15,8 @@ from arm.se3 import transform
 from arms.made_up import SEVEN, arm, several_bodies, urdf
 from plan.collision.missing_srdf import self_collision_help, self_collisions
 from plan.collision.world import World
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from plan.transit.planner import plan_transit
 
 Q = np.array([0.1, 0.5, 0.1, 1.0, 0.1, 0.8, 0.1])

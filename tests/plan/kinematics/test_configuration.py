@@ -13,8 +13,8 @@ from plan.cartesian.reachability import reach
 from plan.collision.world import World
 from plan.kinematics.configuration import check_configuration
 from plan.program.go_to import plan_joint_motion
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from plan.program.tasks import plan_task
 from plan.transit.planner import plan_transit
 from plans.given import HOME, NO_CONFIGURATION

@@ -16,7 +16,7 @@ from plan.cartesian.line import Line, follow_line
 from plan.collision.world import World
 from plan.motion.builder import MotionBuilder
 from plan.motion.phase import LinearPath, MotionPhase
-from plan.program.target import Target
+from plan.program.goals.target import Target
 from plan.trajectory.virtual_unit import virtual_unit
 from plans.waypoints import refusal_of
 from tasks.pose_lists import FAST, TABLE, down

@@ -9,9 +9,9 @@ from arm.controller.unit import Unit
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
-from plan.program.target import Target
 
 
 def test_export(row: tuple[Planned, list[Target]]) -> None:

@@ -13,10 +13,10 @@ from arm.se3 import transform
 from arms.mujoco_cell import MujocoCell
 from plan.collision.certificate import certify_move
 from plan.kinematics.straight_line import Line
-from plan.program.attachments import AttachmentWorlds
+from plan.program.goals.attachments import AttachmentWorlds
+from plan.program.goals.target import Target
 from plan.program.planned import Pause, Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from tasks.pose_lists import FAST, TABLE, check_plan, down
 
 

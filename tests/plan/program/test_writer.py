@@ -7,9 +7,9 @@ import pytest
 
 from arm.controller.unit import Unit
 from arm.robot.model import Robot
+from plan.program.goals.target import Target
 from plan.program.planned import Pause
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from plans.waypoints import FEW, Q_START
 from tasks.pose_lists import FAST, TABLE, down
 

@@ -12,9 +12,9 @@ from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST
 
 

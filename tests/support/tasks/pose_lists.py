@@ -11,9 +11,9 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import inverse, rot_x, rotation_vector, transform
 from plan.kinematics.numeric_ik import FREE, SearchOptions
 from plan.options import PlanOptions
+from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.sequence.planner import SearchEffort
-from plan.program.target import Target
 from plan.trajectory.extremes import segment_extremes
 
 DOWN = rot_x(np.pi)

@@ -17,8 +17,8 @@ from plan.program.assignment.cause import find_cause
 from plan.program.assignment.search import Found, TaskSearch
 from plan.program.assignment.sequence import sequence_steps, task_sequence
 from plan.program.assignment.worlds import TaskWorlds
-from plan.program.attachments import AttachmentState, AttachmentWorlds
-from plan.program.line_chains import LineChains
+from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
+from plan.program.goals.line_chains import LineChains
 from plan.program.planned import Planned
 from plan.program.setting import Setting
 from plan.program.writer import ClearanceLost, MotionWriter

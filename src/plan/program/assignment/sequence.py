@@ -8,8 +8,8 @@ from arm.se3 import Array
 from plan.options import PlanOptions
 from plan.program.assignment.search import Found
 from plan.program.assignment.worlds import TaskWorlds
-from plan.program.line_chains import LineChains, SequenceStep
-from plan.program.target import Target
+from plan.program.goals.line_chains import LineChains, SequenceStep
+from plan.program.goals.target import Target
 from plan.scene import Station
 
 

@@ -18,8 +18,8 @@ from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.options import PlanOptions
-from plan.program.attachments import AttachmentWorlds
-from plan.program.target import Target
+from plan.program.goals.attachments import AttachmentWorlds
+from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import straight_time
 
 

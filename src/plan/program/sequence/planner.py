@@ -1,7 +1,7 @@
 """Goals in a given order: the fastest way through all of them, timed and certified.
 
 Solutions of the inverse kinematics at all goals are chosen together (`plan.program.sequence.search`), lines are
-followed (`plan.program.line_chains`), motions are joined where nothing has to happen (`plan.motion.builder`), and every
+followed (`plan.program.goals.line_chains`), motions are joined where nothing has to happen (`plan.motion.builder`), and every
 move is certified as it is sent.
 """
 
@@ -14,19 +14,19 @@ import numpy as np
 
 from arm.arguments import shown
 from arm.errors import ImpossibleError, InputError
-from arm.plan_file import Move, Step
+from arm.plan_file import Move, Step, touching_pairs
 from arm.se3 import Array, frozen
 from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.numeric_ik import SearchOptions
-from plan.program.attachments import AttachmentState, AttachmentWorlds
-from plan.program.line_chains import LineChain, LineChains, TargetReached, groups
+from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
+from plan.program.goals.line_chains import LineChain, LineChains, TargetReached, groups
+from plan.program.goals.target import Target
 from plan.program.planned import Planned, Reached
 from plan.program.sequence.candidates import Candidates
 from plan.program.sequence.search import Found, Layer, PoseSearch
 from plan.program.sequence.times import chain_time, standing_time
 from plan.program.setting import Setting
-from plan.program.target import Target
 from plan.program.writer import ClearanceLost, MotionWriter
 
 _ROUNDS = 6  # sequences that are tried where one could not be certified once it was timed
@@ -238,10 +238,7 @@ class SequencePlanner:
             detours=search.effort.detours,
             state=state,
             touching=frozenset(
-                frozenset((step.held, name))
-                for step in steps
-                if isinstance(step, Move) and step.held is not None
-                for name in step.allowed_collisions
+                pair for step in steps if isinstance(step, Move) for pair in touching_pairs(step)
             ),
         )
         return plan if search.stopped is None else replace(plan, stopped=_stopped_text(search.stopped, plan))

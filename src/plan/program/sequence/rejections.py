@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from arm.errors import ImpossibleError
 from plan.collision.certificate import ClearanceCertificate
-from plan.program.target import Target
+from plan.program.goals.target import Target
 
 
 def end_blocked(

@@ -1,6 +1,6 @@
 """Which solution at every pose of a list: the fastest sequence, by a search that proves only what it is about to use.
 
-Chains (`plan.program.line_chains`) stand in layers, one layer for each group of targets; from layer to
+Chains (`plan.program.goals.line_chains`) stand in layers, one layer for each group of targets; from layer to
 layer go transits. Their costs are estimates of time. The best sequence is found by A* with edges that are
 looked at late (B. Cohen, M. Phillips, M. Likhachev, "Planning single-arm manipulations with n-arm robots",
 RSS 2014): an edge enters with the time of the straight way, and only when it is the best there is are its way
@@ -28,11 +28,11 @@ from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.search_margin import searched_clearance
 from plan.collision.world import World
 from plan.options import PlanOptions
-from plan.program.attachments import AttachmentState, AttachmentWorlds
-from plan.program.line_chains import LineChain, SequenceStep, TargetReached
+from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
+from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReached
+from plan.program.goals.target import Target
 from plan.program.sequence.rejections import end_blocked, line_blocked, out_of_hand, way_blocked
 from plan.program.sequence.times import ChainTime, way_bounds, way_estimates
-from plan.program.target import Target
 from plan.trajectory.joint_path import Path, smooth_path
 from plan.trajectory.time_estimates import path_time
 from plan.transit.optimise import Ends

@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits
 from arm.se3 import Array, frozen
-from plan.program.blending import blend_distance
-from plan.program.line_chains import LinearMove, LineChain, TargetReached
-from plan.program.target import Target
+from plan.program.goals.blending import blend_distance
+from plan.program.goals.line_chains import LinearMove, LineChain, TargetReached
+from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import path_times
 
 _MIDDLE = 33  # samples of a line that is cut

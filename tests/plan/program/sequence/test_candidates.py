@@ -8,7 +8,7 @@ from arm.controller.unit import Unit
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
-from plan.program.target import Target
+from plan.program.goals.target import Target
 from plans.waypoints import refusal_of
 from tasks.pose_lists import TABLE, down
 

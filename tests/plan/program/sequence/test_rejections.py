@@ -10,7 +10,7 @@ from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
-from plan.program.target import Target
+from plan.program.goals.target import Target
 from plans.waypoints import planned
 from tasks.pose_lists import FAST, TABLE, down
 

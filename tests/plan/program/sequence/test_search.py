@@ -13,10 +13,10 @@ from arm.robot.shapes import Body, Cylinder
 from arm.se3 import transform
 from plan.budget import Meter, SearchBudget
 from plan.kinematics.numeric_ik import SearchOptions
+from plan.program.goals.target import Target
 from plan.program.sequence.planner import SearchEffort, SequencePlanner
 from plan.program.sequence.search import PoseSearch
 from plan.program.setting import Setting
-from plan.program.target import Target
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import virtual_unit
 from tasks.pose_lists import FAST, TABLE, down

@@ -20,7 +20,7 @@ from arm.se3 import Array, frozen, rotation, rotation_vector
 from plan.cartesian.line import JointPath, Line, LineOptions, follow_line
 from plan.kinematics.numeric_ik import FREE
 from plan.motion.phase import LinearPath
-from plan.program.target import Target
+from plan.program.goals.target import Target
 
 _TOLERANCE = 5e-6  # of the tool on lines, m
 _NOWHERE = 1e-9  # m or rad: a line of this length is none

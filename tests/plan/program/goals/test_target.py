@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from plan.program.target import Target
+from plan.program.goals.target import Target
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from arm.se3 import angle_between, rot_x, rot_z, transform
-from plan.program.line_chains import _nearest
-from plan.program.target import Target
+from plan.program.goals.line_chains import _nearest
+from plan.program.goals.target import Target
 from tasks.pose_lists import down
 
 

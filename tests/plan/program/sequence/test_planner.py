@@ -8,8 +8,8 @@ import pytest
 from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.robot.model import Robot
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from tasks.pose_lists import TABLE, down
 
 

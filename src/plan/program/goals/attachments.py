@@ -13,7 +13,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Sphere
 from arm.se3 import Array, frozen, inverse
 from plan.collision.world import Distance, World, distance_of
-from plan.program.target import Target
+from plan.program.goals.target import Target
 
 Pairs = frozenset[frozenset[str]]
 

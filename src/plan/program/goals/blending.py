@@ -9,8 +9,8 @@ import numpy as np
 from arm.numerics.angles import arccos
 from arm.numerics.products import mul
 from plan.motion.phase import Join
-from plan.program.line_chains import LinearMove
-from plan.program.target import Target
+from plan.program.goals.line_chains import LinearMove
+from plan.program.goals.target import Target
 
 _MOST = 0.4  # of a line that a cut may take at each end
 _BACK = -0.98  # cosine of a change of direction that is a way back, where there is no corner to cut

@@ -12,9 +12,9 @@ from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
-from plan.program.attachments import AttachmentWorlds
+from plan.program.goals.attachments import AttachmentWorlds
+from plan.program.goals.target import Target
 from plan.program.planned import Pause
-from plan.program.target import Target
 from plans.waypoints import planned
 from tasks.pose_lists import TABLE, down
 

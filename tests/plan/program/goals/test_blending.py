@@ -6,8 +6,8 @@ import numpy as np
 
 from arm.controller.unit import Unit
 from arm.robot.model import Robot
+from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from plan.program.target import Target
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
 
 
