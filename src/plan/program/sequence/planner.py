@@ -1,8 +1,8 @@
 """Goals in a given order: the fastest way through all of them, timed and certified.
 
 Solutions of the inverse kinematics at all goals are chosen together (`plan.program.sequence.search`), lines are
-followed (`plan.program.goals.line_chains`), motions are joined where nothing has to happen (`plan.motion.builder`), and every
-move is certified as it is sent.
+followed (`plan.program.goals.line_chains`), motions are joined where nothing has to happen (`plan.motion.builder`), and
+every move is certified as it is sent.
 """
 
 from __future__ import annotations
