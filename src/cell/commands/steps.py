@@ -19,7 +19,7 @@ from cell.files.task import Task, read_task
 from cell.scene.arm_shape import arm_shape
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
-from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
+from cell.task.planning import Rest, plan_rest, reach_of, require_above_table, skipped_cubes
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.options import clearance_words
 from vision.observation import Observation
@@ -160,6 +160,7 @@ def plan_step(
         "no_plan_is_faster_than_s": plan.task["no_plan_is_faster_than_s"],
         "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
         "cubes": plan.task["cubes"],
+        "skipped": plan.task.get("skipped", []),
         "stopped": plan.notes.get("search"),
         "moves": [_move_to_json(m) for m in plan.moves],
     }
@@ -175,6 +176,8 @@ def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
         f"{tool_words(plan, cell)}; no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
     )
+    for line in skipped_cubes(plan):
+        console.say(line)
     warn_of(plan, console)
 
 

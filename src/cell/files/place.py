@@ -28,6 +28,7 @@ def read_place(path: Path) -> Task:
         look_after="never",
         order="given",
         assignment="given",
+        skip=False,
         seed=0,
         inputs={},
         digest=sha256(sha256(canonical_json({})) + cell.digest),

@@ -13,7 +13,7 @@ from arm.board import Board
 from arm.errors import FileInputError, InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node
-from arm.io.rules import integer, integers, is_whole, number, numbers, path, rule_of, same, text
+from arm.io.rules import flag, integer, integers, is_whole, number, numbers, path, rule_of, same, text
 from arm.io.storage import canonical_json, sha256
 from arm.se3 import Array
 from cell.config.cell import Cell
@@ -44,7 +44,8 @@ class TaskValues(Keys):
     """Values of a task file that are used unchanged.
 
     With ``free``, the planner chooses the order or the destinations of the cubes for the least time. With ``given``,
-    the cubes move in the order of their holes, each to the next free place.
+    the cubes move in the order of their holes, each to the next free place. With `skip`, a cube that is doubtful, out
+    of reach or blocked stays where it is, and the others move.
     """
 
     look_after: str | int = key(
@@ -52,6 +53,7 @@ class TaskValues(Keys):
     )
     order: str = key("order", text(*CHOICES), "free")
     assignment: str = key("assignment", text(*CHOICES), "free")
+    skip: bool = key("skip", flag(), False)
     seed: int = key("seed", integer(0, 2**31 - 1), 0)
 
 

@@ -188,8 +188,15 @@ def request_of(rest: Rest) -> Request:
     picks = [
         h for h in source.holes("cube", "unsure") if h.index not in skipped and cube_name(h.name) not in done
     ]
-    for hole in picks:
-        _require_seat(hole, source.occupancy[hole.index])
+    skipped_cubes: list[dict[str, str]] = []
+    for hole in list(picks):
+        try:
+            _require_seat(hole, source.occupancy[hole.index])
+        except ImpossibleError as error:
+            if not task.skip or len(picks) == 1:
+                raise
+            picks.remove(hole)
+            skipped_cubes.append({"cube": cube_name(hole.name), "from": hole.name, "reason": str(error)})
     filled = set(done.values())
     target = None if task.to_board is None else observation.board(task.to_board.name)
     if task.to_board is None:
@@ -205,7 +212,13 @@ def request_of(rest: Rest) -> Request:
         Transfer(cube_name(hole.name), stations[hole.name], goal)
         for hole, goal in zip(picks, goals, strict=False)
     )
-    return replace(empty_request(rest), transfers=tuple(transfers), places=tuple(goals[len(picks) :]))
+    return replace(
+        empty_request(rest),
+        transfers=tuple(transfers),
+        places=tuple(goals[len(picks) :]),
+        skip=task.skip,
+        skipped=tuple(skipped_cubes),
+    )
 
 
 def _too_few(
@@ -266,6 +279,12 @@ def plan_rest(rest: Rest) -> Plan | None:
     """
     require_above_table(rest.task, rest.observation)
     return request_of(rest).plan(plan_fingerprint(rest.task), _named(rest.task))
+
+
+def skipped_cubes(plan: Plan | None) -> list[str]:
+    """Say which cubes a plan leaves where they are, and why."""
+    skipped = () if plan is None else plan.task.get("skipped", ())
+    return [f"{entry['cube']} stays in {entry['from']}: {entry['reason']}" for entry in skipped]
 
 
 def plan_to_start(

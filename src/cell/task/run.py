@@ -23,7 +23,7 @@ from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
 from cell.task.explain import explain_failure
 from cell.task.open_run import OpenRun
-from cell.task.planning import Rest, options_of, plan_rest, plan_to_start, reach_of
+from cell.task.planning import Rest, options_of, plan_rest, plan_to_start, reach_of, skipped_cubes
 from driver.execution.progress import StreamOptions
 from plan.program.recovery import plan_retreat
 from vision.observation import Observation
@@ -39,6 +39,8 @@ class TaskRun(OpenRun):
         Raises:
             ImpossibleError: names each hole that is not, and by how much.
         """
+        if self.task.skip:  # what is out of reach stays, and the plan says so
+            return
         table = reach_of(self.task, observation, self.speed)
         with explain_failure(self._rest(observation, self.task.cell.q_start), self.advice, every_hole=True):
             table.require()
@@ -89,7 +91,11 @@ class TaskRun(OpenRun):
     def _planned(self, rest: Rest, every_hole: bool = False) -> Plan | None:
         explaining = explain_failure(rest, self.advice, every_hole)
         with self.console.doing("planning"), explaining, spending(self.budget):
-            return plan_rest(rest)
+            plan = plan_rest(rest)
+        for line in skipped_cubes(plan):
+            if line not in self.remarks:
+                self.tell(line)
+        return plan
 
     def _plan_rest(self, observation: Observation) -> Plan | None:
         plan = self._planned(self._rest(observation, self.q_now()))

@@ -34,6 +34,8 @@ class Request:
     Attributes:
         scene, transfers, q_start, unit, limits, options, places: arguments of that function.
         required: places that must be in reach too, even if no transfer uses them.
+        skip: whether cubes may stay where they are (`plan.program.assignment.planner.Transfers`).
+        skipped: what stays for other reasons: ``cube``, ``from`` and ``reason`` of each, for the plan file.
     """
 
     scene: Scene
@@ -44,6 +46,8 @@ class Request:
     options: PlanOptions = field(default_factory=PlanOptions)
     places: tuple[Station, ...] = ()
     required: tuple[Station, ...] = ()
+    skip: bool = False
+    skipped: tuple[dict[str, str], ...] = ()
 
     def plan(
         self, provenance: Mapping[str, Any] | None = None, task: Mapping[str, Any] | None = None
@@ -59,7 +63,8 @@ class Request:
         if not self.transfers:
             return None
         given = self.q_start, self.unit, self.limits, self.options
-        return plan_task(self.scene, self.transfers, *given, provenance, task, self.places)
+        stated = {**(task or {}), **({"skipped": list(self.skipped)} if self.skipped else {})}
+        return plan_task(self.scene, self.transfers, *given, provenance, stated, self.places, skip=self.skip)
 
     def reach(self, stations: Sequence[Station]) -> ReachTable:
         """Return the reach of places."""

@@ -54,6 +54,7 @@ class Planned:
         lower_bound_s: no motion through the solutions that were looked at is faster, whatever its paths.
         state: what moves with the tool at the end, and where bodies stand that were moved.
         cubes: what was brought where: ``cube``, ``from`` and ``to`` of each, in order.
+        skipped: what stays where it is: ``cube``, ``from`` and ``reason`` of each.
         touching: pairs that the lines may let touch.
         candidates: solutions looked at, per place: the start, and each group of goals.
         detours: paths around obstacles that were made.
@@ -70,6 +71,7 @@ class Planned:
     lower_bound_s: float
     state: AttachmentState
     cubes: tuple[dict[str, str], ...] = ()
+    skipped: tuple[dict[str, str], ...] = ()
     touching: frozenset[frozenset[str]] = frozenset()
     candidates: tuple[int, ...] = ()
     detours: int = 0
@@ -92,14 +94,19 @@ class Planned:
         """Return the plan for a file, which can be previewed, exported, verified and executed."""
         setting = self.setting
         stated = dict(self.provenance)
-        bound = {"no_plan_is_faster_than_s": self.lower_bound_s} if self.cubes else {}
+        stated_task: dict[str, Any] = {"cubes": [dict(cube) for cube in self.cubes], **self.task}
+        if self.cubes:
+            stated_task["no_plan_is_faster_than_s"] = self.lower_bound_s
+        skipped = [*stated_task.pop("skipped", ()), *map(dict, self.skipped)]
+        if skipped:
+            stated_task["skipped"] = skipped
         notes = stated.pop("notes", {})
         if self.stopped:
             notes = {**notes, "search": self.stopped}
         scene = setting.scene.allowing(setting.scene.allowed | self.touching)
         registers = _registers(setting.unit, setting.limits)
         return Plan(
-            task={**bound, "cubes": [dict(cube) for cube in self.cubes], **self.task},
+            task=stated_task,
             unit=setting.unit.name,
             speed=setting.options.speed,
             speed_registers=registers["speed"],
@@ -231,6 +238,7 @@ def joined(before: Planned, after: Planned) -> Planned:
         lower_bound_s=before.lower_bound_s + after.lower_bound_s,
         state=after.state,
         cubes=(*before.cubes, *after.cubes),
+        skipped=(*before.skipped, *after.skipped),
         touching=before.touching | after.touching,
         candidates=(*before.candidates, *after.candidates),
         detours=before.detours + after.detours,

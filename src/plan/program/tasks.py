@@ -27,6 +27,7 @@ def plan_task(
     task: Mapping[str, Any] | None = None,
     places: Sequence[Station] = (),
     budget: SearchBudget | None = None,
+    skip: bool = False,
 ) -> Plan:
     """Plan all transfers, from `q_start` back to `q_start`.
 
@@ -36,7 +37,7 @@ def plan_task(
 
     Args:
         scene, q_start, unit, limits, options, provenance, task: see `plan.program.program.Program`.
-        transfers, places: see `plan.program.assignment.planner.Transfers`.
+        transfers, places, skip: see `plan.program.assignment.planner.Transfers`.
         budget: see `plan.program.program.plan_program`; the plan's notes say where a search ended (`search`).
 
     Raises:
@@ -44,7 +45,7 @@ def plan_task(
         ImpossibleError, PlanningInterrupted: see `plan.program.program.plan_program`. What would help is found by
             `plan.advice.search`.
     """
-    goals = (Transfers(tuple(transfers), tuple(places)),)
+    goals = (Transfers(tuple(transfers), tuple(places), skip),)
     program = Program(
         scene,
         goals,

@@ -20,6 +20,7 @@ from cell.task.planning import (
     reachable_places,
     request_of,
     require_above_table,
+    skipped_cubes,
 )
 from plan.advice.changes import Request
 from tasks.seen_cells import planned
@@ -69,7 +70,7 @@ def test_reach_and_plan_name_the_same_best_branches(task2: Task, speed: float) -
     seen = true_look(task2)
     told = reach_of(task2, seen, speed)
     request = request_of(Rest(task2, seen, task2.cell.q_start, speed))
-    for hole in request.planner().reach(request.stations()).holes:
+    for hole in request.reach(request.stations()).holes:
         mine = told[hole.hole]
         assert [(c.yaw, c.branch, c.margin, c.ok) for c in hole.choices] == [
             (c.yaw, c.branch, c.margin, c.ok) for c in mine.choices
@@ -156,3 +157,20 @@ def test_no_cube_is_taken_from_a_hole_that_shows_something_else(task2: Task) -> 
                 _request(task2, after)
         else:
             assert len(_request(task2, after).transfers) == 4
+
+
+def test_a_doubtful_cube_stays_if_the_task_file_says_so(task2: Task) -> None:
+    seen = true_look(task2)
+    source = seen.board(task2.from_board.name)
+    assert source is not None
+    doubtful = replace(source.occupancy[1], state="unsure", reason=OTHER)
+    changed = replace(source, occupancy=(source.occupancy[0], doubtful, *source.occupancy[2:]))
+    seen = replace(seen, boards=tuple(changed if b is source else b for b in seen.boards))
+    with pytest.raises(ImpossibleError, match="no cube can be taken from hole 01-02/2"):
+        _request(task2, seen)
+    plan = plan_rest(Rest(replace(task2, skip=True), seen, task2.cell.q_start, 0.5))
+    assert plan is not None
+    assert len(plan.task["cubes"]) == 3
+    (line,) = skipped_cubes(plan)
+    assert line.startswith("cube 01-02/2 stays in 01-02/2: no cube can be taken from hole 01-02/2: ")
+    assert skipped_cubes(None) == []

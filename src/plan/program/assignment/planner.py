@@ -13,6 +13,7 @@ from arm.plan_file import GripperStep, Step
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
 from plan.cartesian.reachability import ReachTable, reach_stations
+from plan.failure import failure_in
 from plan.program.assignment.cause import find_cause
 from plan.program.assignment.search import Found, TaskSearch
 from plan.program.assignment.sequence import sequence_steps, task_sequence
@@ -36,10 +37,12 @@ class Transfers:
     Attributes:
         transfers: which cube from where to where; with ``assignment`` free, where to is chosen among all places.
         places: more places that cubes may go to.
+        skip: whether a cube may stay where it is if its pick is out of reach or blocked. At least one cube moves.
     """
 
     transfers: tuple[Transfer, ...]
     places: tuple[Station, ...] = ()
+    skip: bool = False
 
 
 class AssignmentPlanner:
@@ -74,7 +77,8 @@ class AssignmentPlanner:
             if not isinstance(transfer, Transfer):
                 raise InputError(f"transfers: {shown(transfer)}: must be a Transfer", value=shown(transfer))
             self.scene.cube(transfer.cube)
-        self.moved = dict(self.state.moved)
+        self.moved, self.skip = dict(self.state.moved), goals.skip
+        self.skipped: list[dict[str, str]] = []
         self.stations = [t.place for t in self.transfers]
         if self.options.assignment == "free":
             known = {station.name for station in self.stations}
@@ -88,6 +92,25 @@ class AssignmentPlanner:
                 the budget was spent before a sequence was complete; data: budget.
             PlanningInterrupted: by Ctrl-C before a sequence was complete.
         """
+        while True:
+            try:
+                return self._planned(meter)
+            except ImpossibleError as error:
+                left_out = self._to_skip(error)
+                if left_out is None:
+                    raise
+                self.transfers = tuple(t for t in self.transfers if t is not left_out)
+                reason = {"cube": left_out.cube, "from": left_out.pick.name, "reason": str(error)}
+                self.skipped.append(reason)
+
+    def _to_skip(self, error: ImpossibleError) -> Transfer | None:
+        """Return the transfer that an error is about, if it may be skipped."""
+        failure = failure_in(error)
+        if not self.skip or failure is None or len(self.transfers) == 1:
+            return None
+        return next((t for t in self.transfers if t.pick.name in failure.stations), None)
+
+    def _planned(self, meter: Meter) -> Planned:
         search: TaskSearch | None = None
         try:
             search = self.search()
@@ -188,6 +211,7 @@ class AssignmentPlanner:
             cubes=tuple(cubes),
             touching=frozenset(touching),
             stopped=stopped,
+            skipped=tuple(self.skipped),
             interrupted=isinstance(search.stopped, KeyboardInterrupt),
         )
 

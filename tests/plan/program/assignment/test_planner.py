@@ -1,17 +1,24 @@
-"""Sequences whose clearance is lost in whole counts are written anew."""
+"""Transfers: sequences whose clearance is lost are written anew, and cubes that cannot move may stay."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import pytest
 
 from arm.errors import ImpossibleError
 from arm.plan_file import Step
+from arm.robot.shapes import Body, Box
+from arm.se3 import transform
 from plan.budget import Meter, SearchBudget
 from plan.program.assignment.planner import AssignmentPlanner
 from plan.program.assignment.search import Found, TaskSearch
+from plan.program.tasks import plan_task
 from plan.program.writer import ClearanceLost
-from plans.small_search import OPTIONS, planner_of
-from tasks.task2 import task2
+from plan.scene import scene_from_json
+from plan.verify import replay
+from plans.small_search import OPTIONS, UNIT, planner_of
+from tasks.task2 import Q_START, Task2, task2
 
 
 def test_all_paths_are_tried_if_there_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,3 +38,31 @@ def test_all_paths_are_tried_if_there_are_few(monkeypatch: pytest.MonkeyPatch) -
     steps, _ = planner.steps(search, Meter(SearchBudget()))
     assert steps
     assert left == [0]
+
+
+def fenced() -> Task2:
+    """A post where the fingers go in around cube 2."""
+    case = task2(cubes=3)
+    pick = case.transfers[1].pick
+    beside = [pick.T_base_tool[0] @ transform(t=shift) for shift in ((0.045, 0.0, 0.0), (0.0, 0.045, 0.0))]
+    posts = [Body(f"post {i}", Box((0.01, 0.01, 0.1)), T, "post") for i, T in enumerate(beside)]
+    return replace(case, scene=replace(case.scene, bodies=(*case.scene.bodies, *posts)))
+
+
+def test_a_cube_that_is_blocked_stays_if_that_is_allowed() -> None:
+    case = fenced()
+    with pytest.raises(ImpossibleError, match="cube 2"):
+        plan_task(case.scene, case.transfers, Q_START, UNIT, options=OPTIONS)
+    plan = plan_task(case.scene, case.transfers, Q_START, UNIT, options=OPTIONS, skip=True)
+    assert sorted(cube["cube"] for cube in plan.task["cubes"]) == ["cube 1", "cube 3"]
+    (stays,) = plan.task["skipped"]
+    assert (stays["cube"], stays["from"]) == ("cube 2", case.transfers[1].pick.name)
+    assert "post" in stays["reason"]
+    scene = scene_from_json(plan.scene, case.scene.robot_open, case.scene.robot_holding)
+    assert len(replay(plan, scene, UNIT, UNIT.limits())) == len(list(plan.moves))
+
+
+def test_a_task_of_which_nothing_would_be_left_is_refused() -> None:
+    case = fenced()
+    with pytest.raises(ImpossibleError, match="cube 2"):
+        plan_task(case.scene, case.transfers[1:2], Q_START, UNIT, options=OPTIONS, skip=True)
