@@ -122,6 +122,8 @@ def failure_in(error: ImpossibleError) -> Failure | None:
 def of_choice(choice: GraspCandidate) -> Rejected:
     """Return the rejection of a grasp that does not reach."""
     near = Rejected(f"line at {choice.hole}", choice.reason(), choice.yaw, choice.branch)
+    if choice.miss:
+        return near
     if choice.outside > 0.0:
         return replace(near, outside_mm=choice.outside * 1e3)
     if choice.margin < 0.0:

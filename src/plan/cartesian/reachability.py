@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from arm.arguments import finite, rigid
 from arm.controller.unit import Limits
@@ -18,15 +19,17 @@ from arm.errors import ImpossibleError, InputError
 from arm.former import former_names
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
-from plan.cartesian.line import LineOptions
-from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches
+from plan.cartesian.line import LineOptions, follow_line
+from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches, has_closed_form
 from plan.kinematics.configuration import require_limits
 from plan.kinematics.ik import nearest_turns
+from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
 from plan.scene import Station
 
 # m between poses along a line; joints move smoothly between them, away from singularities
 _SAMPLE_STEP = 0.005
+_MOST_SOLUTIONS = 12  # for each pose of an arm without a closed form
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,13 @@ class GraspCandidate:
     Attributes:
         hole: its name.
         yaw: index into the hole's poses.
-        branch: see `plan.kinematics.ik.BRANCH_NAMES`.
-        q_line: (m, 6) rad at even distances from the hole to the offset point, continuous.
+        branch: see `plan.kinematics.ik.BRANCH_NAMES`; of an arm without a closed form, the number of the solution.
+        q_line: (m, n) rad at even distances from the hole to the offset point, continuous.
         margin: smallest distance of a joint from its limits, rad; negative beyond a limit.
         joint: that joint.
         outside: largest distance of the line beyond the reach of the links, m; 0 within reach.
         racing: name of a joint that would exceed its velocity limit even at the slowest tool speed, or "".
+        miss: why an arm without a closed form does not serve the hole so, or "".
     """
 
     hole: str
@@ -52,6 +56,7 @@ class GraspCandidate:
     joint: str
     outside: float
     racing: str
+    miss: str = ""
 
     @property
     def q_hole(self) -> Array:
@@ -66,10 +71,12 @@ class GraspCandidate:
     @property
     def ok(self) -> bool:
         """Whether this candidate serves the hole."""
-        return self.margin >= 0.0 and self.outside == 0.0 and not self.racing
+        return self.margin >= 0.0 and self.outside == 0.0 and not self.racing and not self.miss
 
     def reason(self) -> str:
         """Return in words why the candidate fails, or its margin."""
+        if self.miss:
+            return self.miss
         if self.outside > 0.0:
             return f"the line leaves the workspace by {self.outside * 1e3:.1f} mm"
         if self.margin < 0.0:
@@ -134,7 +141,9 @@ class ReachTable:
 
 def _failure(choice: GraspCandidate) -> dict[str, object]:
     entry: dict[str, object] = {"hole": choice.hole, "branch": choice.branch, "yaw": choice.yaw}
-    if choice.outside > 0.0:
+    if choice.miss:
+        entry["miss"] = choice.miss
+    elif choice.outside > 0.0:
         entry["outside_mm"] = choice.outside * 1e3
     elif choice.margin < 0.0:
         entry.update(joint=choice.joint, excess_deg=float(np.degrees(-choice.margin)))
@@ -173,6 +182,8 @@ def reach(
     poses = np.stack(
         [rigid(f"hole {name!r}: pose {i}", T) for name, hole in grasps.items() for i, T in enumerate(hole)]
     )
+    if not has_closed_form(robot):
+        return _numeric_reach(robot, limits, grasps, heights, slowest)
     lines = np.repeat(poses[:, None], len(heights), axis=1)
     lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
     raw = all_branches(robot, lines.reshape(-1, 4, 4))
@@ -196,8 +207,58 @@ def reach_stations(
 
 def _rank(choice: GraspCandidate) -> tuple[float, ...]:
     """Return a sort key: candidates that serve, by decreasing margin; misses within reach; others, by distance."""
-    branch = BRANCH_NAMES.index(choice.branch)
+    branch = BRANCH_NAMES.index(choice.branch) if choice.branch in BRANCH_NAMES else 0
     return float(not choice.ok), choice.outside, -choice.margin, float(choice.yaw), float(branch)
+
+
+def _numeric_reach(
+    robot: Robot, limits: Limits, grasps: Mapping[str, Sequence[Array]], heights: Array, slowest: float
+) -> ReachTable:
+    """Return the reach of an arm without a closed form: solutions at the holes, followed along the lines."""
+    options = LineOptions(slowest=slowest)
+    holes = []
+    for name, yaws in grasps.items():
+        choices: list[GraspCandidate] = []
+        for yaw, T in enumerate(yaws):
+            found = solve_ik(robot, T, limits.lower, limits.upper)
+            for number, q in enumerate(_spread(found.q, limits, _MOST_SOLUTIONS)):
+                end = np.array(T)
+                end[:3, 3] -= heights[-1] * end[:3, 2]
+                try:
+                    path = follow_line(robot, q, T, end, limits, options)
+                except ImpossibleError as error:
+                    choices.append(_missed(robot, name, yaw, f"{number:02d}", str(error)))
+                    continue
+                q_line = CubicSpline(path.s, path.q)(heights)
+                room = np.minimum(q_line - limits.lower, limits.upper - q_line).min(axis=0)
+                joint = int(np.argmin(room))
+                nearest = (
+                    float(max(room[joint], 0.0)),
+                    robot.joint_names[joint],
+                )  # the line was followed within limits
+                choices.append(GraspCandidate(name, yaw, f"{number:02d}", frozen(q_line), *nearest, 0.0, ""))
+        if not choices:
+            choices.append(_missed(robot, name, 0, "none", "no solution of the pose was found"))
+        holes.append(HoleReach(name, tuple(sorted(choices, key=_rank))))
+    return ReachTable(tuple(holes))
+
+
+def _missed(robot: Robot, hole: str, yaw: int, branch: str, why: str) -> GraspCandidate:
+    nowhere = frozen(np.zeros((2, len(robot.joint_names))))
+    return GraspCandidate(hole, yaw, branch, nowhere, -np.inf, robot.joint_names[0], 0.0, "", why)
+
+
+def _spread(q: Array, limits: Limits, most: int) -> Array:
+    """Return at most so many of the solutions (k, n): the one with the most room, then each the furthest from those."""
+    if len(q) <= most:
+        return q
+    room = np.minimum(q - limits.lower, limits.upper - q).min(axis=1)
+    chosen = [int(np.argmax(np.round(room, 9)))]
+    away = np.full(len(q), np.inf)
+    while len(chosen) < most:
+        away = np.minimum(away, np.abs(q - q[chosen[-1]]).max(axis=1))
+        chosen.append(int(np.argmax(np.round(away, 9))))
+    return q[chosen]
 
 
 class _Steps:
