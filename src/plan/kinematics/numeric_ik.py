@@ -47,12 +47,14 @@ class SearchOptions:
         iterations: most iterations of each start.
         seed: seed of the starts.
         samples: number of poses from the free intervals, with one free rotation and a closed form.
+        poses: number of poses that are tried of a goal that is free within limits (`plan.program.goals.freedom`).
     """
 
     starts: int = 128
     iterations: int = 40
     seed: int = 0
     samples: int = 72
+    poses: int = 32
 
 
 @dataclass(frozen=True)

@@ -215,6 +215,8 @@ class LineChains:
 def _nearest(T_now: Array, target: Target) -> Array:
     """The pose that a target allows, with what is free as it is now."""
     T = target.poses[0]
+    if target.freedom:
+        return target.freedom.nearest(T, T_now, tuple(target.free))
     R = T[:3, :3]
     shift = mul(R.T, T_now[:3, 3] - T[:3, 3])
     turn = rotation_vector(mul(R.T, T_now[:3, :3]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +14,7 @@ from arm.former import renamed_arguments
 from arm.se3 import Array, frozen, orthonormalised
 from plan.kinematics.numeric_ik import FREE
 from plan.options import PlanOptions
+from plan.program.goals.freedom import Freedom
 
 WAYS = ("transit", "line")
 ATTACH_WITHIN = 0.010  # m
@@ -33,6 +34,9 @@ class Target:
             most 1e-6. None for a configuration.
         free: what of the pose may be anything: names out of `plan.kinematics.numeric_ik.FREE`, in the pose's
             own axes; several in one text are parted by spaces or commas.
+        ranges: what of the pose is free within limits: name out of `FREE` to lowest and highest value, m or rad, in the
+            pose's own axes (`plan.program.goals.freedom`).
+        tilt: largest angle between the tool's z axis and the pose's, rad; instead of ranges of rx and ry.
         by: how it is reached from the one before: ``transit``, any path that keeps the clearance, or ``line``, the tool
             straight. On a line the tool keeps what is free of its end as it is; a single free rotation turns as little
             as it can.
@@ -59,6 +63,8 @@ class Target:
     name: str
     T_base_tool: Array | None = None
     free: str | Sequence[str] = ()
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tilt: float = 0.0
     by: str = "transit"
     approach: float = 0.0
     retract: float = 0.0
@@ -83,6 +89,7 @@ class Target:
         wrong = [name for name in names if name not in FREE]
         if wrong:
             raise self.error("free", wrong[0], f"must be one of {', '.join(FREE)}")
+        self._require_freedom(names)
         if self.by not in WAYS:
             raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
         for key in _LENGTHS:
@@ -98,7 +105,7 @@ class Target:
             raise self.error(
                 "T_base_tool", "both" if self.q is not None else None, "give a pose, or q instead"
             )
-        if self.q is not None and (names or self.by == "line"):
+        if self.q is not None and (names or self.freedom or self.by == "line"):
             raise self.error("q", "a configuration", "goes with by='transit', and nothing of it is free")
         pairs = checked_pairs(f"target {self.name!r}: allowed_collisions", self.allowed_collisions)
         for key, value in (
@@ -108,6 +115,26 @@ class Target:
             ("q", self._configuration()),
         ):
             object.__setattr__(self, key, value)
+
+    def _require_freedom(self, free: tuple[str, ...]) -> None:
+        for name, limits in self.ranges.items():
+            if name not in FREE or name in free:
+                rule = f"must be one of {', '.join(FREE)}, and not free as well"
+                raise self.error("ranges", name, rule)
+            pair = numbers(limits)
+            most = 100.0 if name in FREE[:3] else np.pi
+            if pair is None or pair.shape != (2,) or not -most <= pair[0] <= pair[1] <= most:
+                rule = f"must be a lowest and a highest value from {-most:.5g} to {most:.5g} m or rad"
+                raise self.error(f"ranges[{name!r}]", shown(limits), rule)
+        if not 0.0 <= self.tilt <= np.pi / 2.0:
+            raise self.error("tilt", self.tilt, "must be from 0 to pi / 2 rad")
+        if self.tilt > 0.0 and {"rx", "ry"} & {*free, *self.ranges}:
+            raise self.error("tilt", self.tilt, "cannot be combined with rx or ry")
+
+    @property
+    def freedom(self) -> Freedom:
+        """What of the pose is free within limits."""
+        return Freedom(self.ranges, self.tilt)
 
     def _poses(self) -> Array | None:
         """Return the pose or poses, corrected to the nearest rotations."""

@@ -92,13 +92,17 @@ class Candidates:
         if target.q is not None:
             return [Solution(target.q, "")]
         limits, solutions = self.limits, list[Solution]()
-        for T_base_tool in target.poses:
+        freedom, poses = target.freedom, target.poses
+        if freedom:
+            poses = np.concatenate([freedom.sampled(T, self.ik.poses, self.ik.seed) for T in poses])
+        for T_base_tool in poses:
             found = solve_ik(self.robot, T_base_tool, limits.lower, limits.upper, target.free, self.ik)
             solutions += [Solution(q, branch) for q, branch in zip(found.q, found.branch, strict=True)]
         if solutions:
             return solutions
         T_base_tool = target.poses[0]
         free = f" with {', '.join(target.free)} free" if target.free else ""
+        free += " and all that its limits allow" if freedom else ""
         place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
         if has_closed_form(self.robot):

@@ -1,0 +1,101 @@
+"""Freedom within limits: samples stay inside and reach the limits, and the nearest pose is the nearest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Unit
+from arm.errors import InputError
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Cylinder
+from arm.se3 import rot_x, rot_y, rot_z, rotation, transform
+from plan.program.goals.freedom import Freedom, coordinates_of
+from plan.program.goals.target import Target
+from plans.waypoints import planned, refusal_of
+from tasks.pose_lists import TABLE, down
+
+T = transform(rot_x(0.3) @ rot_y(-0.7), (0.3, 0.2, 0.4))
+TILT = Freedom({"rz": (-0.5, 1.0)}, np.radians(20.0))
+
+
+def random_pose(rng: np.random.Generator) -> np.ndarray:
+    return T @ transform(rotation(rng.normal(size=3)), 0.1 * rng.normal(size=3))
+
+
+def test_coordinates_give_the_pose_again() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        now = random_pose(rng)
+        c = coordinates_of(T, now)
+        swing, twist = rotation((c[3], c[4], 0.0)), rot_z(c[5])
+        np.testing.assert_allclose(T @ transform(swing @ twist, c[:3]), now, atol=1e-12)
+        assert np.hypot(c[3], c[4]) == pytest.approx(np.arccos(T[:3, 2] @ now[:3, 2]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "freedom",
+    [TILT, Freedom({"x": (-0.02, 0.05)}), Freedom({"x": (0.01, 0.02), "y": (-0.1, 0.1), "rz": (-3.0, 3.0)})],
+)
+def test_samples_are_within_the_limits_and_come_near_all_of_them(freedom: Freedom) -> None:
+    poses = freedom.sampled(T, 400, seed=3)
+    assert max(freedom.violation(T, pose, ()) for pose in poses) < 1e-12
+    found = np.array([coordinates_of(T, pose) for pose in poses])
+    for name, (low, high) in freedom.ranges.items():
+        column = found[:, ("x", "y", "z", "rx", "ry", "rz").index(name)]
+        assert column.min() < low + 0.02 * (high - low)
+        assert column.max() > high - 0.02 * (high - low)
+    if freedom.tilt:
+        assert np.hypot(found[:, 3], found[:, 4]).max() > 0.98 * freedom.tilt
+    np.testing.assert_array_equal(poses, freedom.sampled(T, 400, seed=3))
+
+
+def test_the_nearest_pose_is_the_tool_s_own_where_that_is_allowed() -> None:
+    rng = np.random.default_rng(2)
+    for pose in TILT.sampled(T, 50, seed=4):
+        np.testing.assert_allclose(TILT.nearest(T, pose, ()), pose, atol=1e-9)
+    for _ in range(50):
+        nearest = TILT.nearest(T, random_pose(rng), ())
+        assert TILT.violation(T, nearest, ()) < 1e-9
+        np.testing.assert_allclose(nearest[:3, 3], T[:3, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"ranges": {"roll": (0, 1)}}, "ranges = 'roll': must be one of x, y"),
+        ({"ranges": {"rz": (0, 1)}, "free": "rz"}, "and not free as well"),
+        ({"ranges": {"rz": (1, 0)}}, r"ranges\['rz'\] = .*lowest and a highest"),
+        ({"ranges": {"rz": (0, 4)}}, "to 3.1416"),
+        ({"tilt": -0.1}, "tilt = -0.1: must be from 0"),
+        ({"tilt": 0.1, "free": "rx"}, "cannot be combined with rx or ry"),
+    ],
+)
+def test_wrong_limits(change: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        Target("a", T, **change)
+
+
+def test_a_tilt_leads_past_what_an_exact_pose_would_hit(robot: Robot, crs97: Unit) -> None:
+    """A ceiling over the pose: the tool has to come in tilted."""
+    at = down(0.45, 0.1, 0.12)
+    lid = Body("lid", Box((0.3, 0.05, 0.02)), transform(t=(0.45, 0.06, 0.24)), "wall")
+    exact = Target("a", at)
+    assert "lid" in str(refusal_of(robot, crs97, [TABLE, lid], exact))
+    target = Target("a", at, tilt=np.radians(30.0), ranges={"rz": (-np.pi, np.pi)})
+    plan = planned(robot, crs97, [TABLE, lid], target)
+    reached = plan.reached[0].T_base_tool
+    assert target.freedom.violation(at, reached, ()) < 1e-4
+    assert np.arccos(at[:3, 2] @ reached[:3, 2]) > np.radians(2.0)
+
+
+def test_a_box_of_positions_and_a_line_to_it(robot: Robot, crs97: Unit) -> None:
+    post = Body("post", Cylinder(0.02, 0.3), transform(t=(0.45, 0.0, 0.1)), "post")
+    box = {"x": (-0.1, 0.1), "y": (-0.1, 0.1)}
+    first = Target("a", down(0.45, 0.0, 0.15), free="rz", ranges=box)
+    second = Target("b", down(0.40, 0.2, 0.15), free="rz", ranges={"x": (-0.08, 0.08)}, by="line")
+    plan = planned(robot, crs97, [TABLE, post], first, second)
+    for target, reached in zip((first, second), plan.reached, strict=True):
+        assert target.freedom.violation(target.poses[0], reached.T_base_tool, ("rz",)) < 1e-4
