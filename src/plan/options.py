@@ -13,6 +13,7 @@ from plan.budget import TransitBudget
 LOOKS = ("each", "never")
 CHOICES = ("free", "given")
 CERTIFICATES = ("tight", "decide")
+AIMS = ("time", "clearance")
 LEAST_CLEARANCE = 0.005  # m, smallest `clearance` of transits unless `least_clearance` allows less
 
 
@@ -56,6 +57,9 @@ class PlanOptions:
             the list of transfers.
         certificate: ``tight`` proves clearances close to the true ones; ``decide`` only proves the required clearance,
             which is cheaper.
+        aim: ``time``: the fastest plan with the required clearance; ``clearance``: the one with the largest clearance
+            (`plan.program.aim`), which takes some ten times as long to plan.
+        clearance_worth: with ``clearance``, how much longer a plan may be for more clearance, s per m; None: any time.
         seed: seed of every random choice.
         transit: budget of the transit search.
     """
@@ -76,6 +80,8 @@ class PlanOptions:
     order: str = "free"
     assignment: str = "free"
     certificate: str = "tight"
+    aim: str = "time"
+    clearance_worth: float | None = None
     seed: int = 0
     transit: TransitBudget = field(default_factory=TransitBudget)
 
@@ -118,7 +124,10 @@ class PlanOptions:
         ):
             why = f"look = {self.look!r}: must be one of {', '.join(LOOKS)}, or a number of cubes, 1 or more"
             raise InputError(why, value=self.look)
-        for name, known in (("order", CHOICES), ("assignment", CHOICES), ("certificate", CERTIFICATES)):
+        if self.clearance_worth is not None:
+            self._within("clearance_worth", 1.0, 1e7, "s/m")
+        choices = ("order", CHOICES), ("assignment", CHOICES), ("certificate", CERTIFICATES), ("aim", AIMS)
+        for name, known in choices:
             if getattr(self, name) not in known:
                 why = f"{name} = {getattr(self, name)!r}: must be one of {', '.join(known)}"
                 raise InputError(why, name=name, value=getattr(self, name))

@@ -22,6 +22,7 @@ SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven
 _SI: dict[str, Callable[[Any], Any]] = {
     "mm": lambda v: v / 1e3,
     "mm/s": lambda v: v / 1e3,
+    "s/mm": lambda v: v * 1e3,
     "us": lambda v: v / 1e6,
     "deg": np.radians,
     "deg/s": np.radians,

@@ -29,6 +29,8 @@ def read_place(path: Path) -> Task:
         order="given",
         assignment="given",
         skip=False,
+        aim="time",
+        clearance_worth=None,
         seed=0,
         inputs={},
         digest=sha256(sha256(canonical_json({})) + cell.digest),

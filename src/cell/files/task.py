@@ -19,7 +19,7 @@ from arm.se3 import Array
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.inputs import Inputs, config_inputs
-from plan.options import CHOICES, LOOKS
+from plan.options import AIMS, CHOICES, LOOKS
 
 KINDS = ("clear-board", "board-to-board")
 KIND = text(*KINDS)
@@ -54,6 +54,8 @@ class TaskValues(Keys):
     order: str = key("order", text(*CHOICES), "free")
     assignment: str = key("assignment", text(*CHOICES), "free")
     skip: bool = key("skip", flag(), False)
+    aim: str = key("aim", text(*AIMS), "time")
+    clearance_worth: float | None = key("clearance_worth_s_per_mm", number("s/mm", 0.001, 10000.0), None)
     seed: int = key("seed", integer(0, 2**31 - 1), 0)
 
 

@@ -54,6 +54,8 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         look=task.look_after,
         order=task.order,
         assignment=task.assignment,
+        aim=task.aim,
+        clearance_worth=task.clearance_worth,
         seed=task.seed,
     )
 

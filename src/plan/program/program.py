@@ -14,6 +14,7 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError, InputError
 from plan.budget import Meter, PlanningInterrupted, SearchBudget, allowed
 from plan.options import PlanOptions
+from plan.program.aim import clearest
 from plan.program.assignment.planner import AssignmentPlanner, Transfers
 from plan.program.goals.attachments import AttachmentState
 from plan.program.goals.target import Target
@@ -73,17 +74,27 @@ def plan_program(
             for transfers). Or the budget was spent before a plan was complete; data: budget.
         PlanningInterrupted: by Ctrl-C; with the best complete plan, if there is one.
     """
+    with allowed(budget) as meter:
+        if program.options.aim == "time":
+            return _planned(program, program.options, effort, meter)
+        found = clearest(lambda options: _planned(program, options, effort, meter), program.options)
+    # what was required is what the plan is bound to; its moves state what they keep
+    limits = found.setting.limits
+    return replace(found, setting=Setting(program.scene, program.unit, limits, program.options))
+
+
+def _planned(program: Program, options: PlanOptions, effort: SearchEffort | None, meter: Meter) -> Planned:
+    """Plan a program for time, with these options."""
     limits = program.limits or program.unit.limits()
-    setting = Setting(program.scene, program.unit, limits, program.options)
+    setting = Setting(program.scene, program.unit, limits, options)
     blocks = list(_blocks(program.goals))
     found: Planned | None = None
-    with allowed(budget) as meter:
-        for number, goals in enumerate(blocks, start=1):
-            part = _part(program, setting, goals, found, effort, meter)
-            stated = replace(part, provenance=program.provenance, task=program.task)
-            found = stated if found is None else joined(found, stated)
-            if part.interrupted:
-                raise PlanningInterrupted(part.stopped, found.plan() if number == len(blocks) else None)
+    for number, goals in enumerate(blocks, start=1):
+        part = _part(program, setting, goals, found, effort, meter)
+        stated = replace(part, provenance=program.provenance, task=program.task)
+        found = stated if found is None else joined(found, stated)
+        if part.interrupted:
+            raise PlanningInterrupted(part.stopped, found.plan() if number == len(blocks) else None)
     if found is None:
         raise ImpossibleError("a program without goals was planned; this is a fault of the planner")
     return found

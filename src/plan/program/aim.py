@@ -1,0 +1,75 @@
+"""The largest clearance as an aim: the same program, planned with more clearance than is required."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from arm.errors import ImpossibleError
+from plan.options import PlanOptions
+from plan.program.planned import Planned
+
+MOST = 0.1  # m, the largest clearance that is tried
+_RESOLUTION = 5e-4  # m, to which the largest clearance is found
+_PART = 0.05  # of the clearance: the resolution where that is more
+
+PlanWith = Callable[[PlanOptions], Planned]
+
+
+@dataclass(frozen=True)
+class _Try:
+    options: PlanOptions
+    planned: Planned
+
+    def worth(self, weight: float | None) -> tuple[float, ...]:
+        """What is aimed at: least clearance of all moves and of transits, m; with `weight` (s per m) less the time."""
+        transits = [move.clearance for move in self.planned.moves if move.role in ("transit", "home")]
+        least = self.planned.clearance
+        clearances = round(min(least, MOST), 7), round(min((*transits, MOST)), 7)
+        if weight is None:
+            return clearances
+        return (round(sum(clearances) - self.planned.duration_s / weight, 7),)
+
+
+def clearest(plan_with: PlanWith, options: PlanOptions) -> Planned:
+    """Return the plan with the largest clearance, or the best by clearance and time.
+
+    Transits and lines are first planned with the same, larger clearance; then transits with more than the lines can
+    keep. Both are found by bisection. Of all plans that were made on the way, the best counts: without
+    `PlanOptions.clearance_worth` the one whose least clearance is largest, then that of its transits; with it, both of
+    these are added, and the time counts against them.
+
+    Args:
+        plan_with: plans the program with other clearances.
+        options: of the program; their clearances are the least.
+
+    Raises:
+        ImpossibleError: there is no plan with the required clearance.
+    """
+    tried = [_Try(options, plan_with(options))]
+
+    def bisect(at: Callable[[float], PlanOptions], low: float) -> float:
+        high = MOST
+        while high - low > max(_RESOLUTION, _PART * low):
+            middle = 0.5 * (low + high)
+            asked = at(middle)
+            try:
+                tried.append(_Try(asked, plan_with(asked)))
+                low = middle
+            except ImpossibleError:
+                high = middle
+        return low
+
+    def both(clearance: float) -> PlanOptions:
+        return replace(
+            options,
+            clearance=max(clearance, options.clearance),
+            line_clearance=max(clearance, options.line_clearance),
+        )
+
+    common = bisect(both, min(options.clearance, options.line_clearance))
+    lines = both(common).line_clearance
+    bisect(
+        lambda clearance: replace(options, clearance=clearance, line_clearance=lines), both(common).clearance
+    )
+    return max(tried, key=lambda one: one.worth(options.clearance_worth)).planned
