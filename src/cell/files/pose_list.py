@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ MOST = 5000  # entries
 PRINTED = 1e-3  # tolerance of a rotation matrix that was printed with few digits
 _KIND_BY_COUNT = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
-_AT_A_POSE = ("by", "free", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
+_AT_A_POSE = ("by", "free", "tilt_deg", "ranges", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Entry:
         frame: frame of the pose, of `FRAMES`; empty if the entry is no pose.
         T: pose, 4x4, in the base frame, m; None if the entry is no pose.
         q: configuration (6,), rad, or None.
-        by, free, approach, retract, within, speed: see `plan.program.goals.target.Target`; SI units.
+        by, free, tilt, ranges, approach, retract, within, speed: see `plan.program.goals.target.Target`; SI units.
         dwell_s: pause at the entry, s.
         jaws: closed fraction of the jaws' stroke at the entry, 0 open to 1 shut; None: unchanged.
     """
@@ -89,6 +89,8 @@ class Entry:
     q: Array | None = None
     by: str = "transit"
     free: str = ""
+    tilt: float = 0.0
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     approach: float = 0.0
     retract: float = 0.0
     within: float = 0.0
@@ -262,11 +264,33 @@ class _ListKeys(Keys):
 
 
 _LENGTH = number("mm", 0.0, 1000.0)
+_RANGES = {
+    **{f"{axis}_mm": (axis, numbers(2, "mm", -5000.0, 5000.0)) for axis in "xyz"},
+    **{f"r{axis}_deg": (f"r{axis}", numbers(2, "deg", -180.0, 180.0)) for axis in "xyz"},
+}
+
+
+def _ranges(node: Node) -> dict[str, tuple[float, float]]:
+    """Read limits of directions, such as ``{"rz_deg": [-30, 60], "x_mm": [-10, 10]}``."""
+    if not isinstance(node.value, dict):
+        raise node.error("must be an object with a lowest and a highest value for each direction")
+    found: dict[str, tuple[float, float]] = {}
+    for given in node.value:
+        if given not in _RANGES:
+            raise node.error_at(given, f"is unknown; must be one of {', '.join(_RANGES)}")
+        name, rule = _RANGES[given]
+        low, high = node.get(given, rule)
+        if low > high:
+            raise node.error_at(given, "must be the lowest value, then the highest")
+        found[name] = float(low), float(high)
+    return found
 
 
 class _EntryValues(Keys):
     by: str = key("by", line(*WAYS), "transit")
     free: str = key("free", line(), "")
+    tilt: float = key("tilt_deg", number("deg", 0.0, 90.0), 0)
+    ranges: dict[str, tuple[float, float]] = key("ranges", Rule("a table of two limits each", _ranges), {})
     approach: float = key("approach_mm", _LENGTH, 0)
     retract: float = key("retract_mm", _LENGTH, 0)
     within: float = key("within_mm", _LENGTH, 0)

@@ -176,6 +176,8 @@ class _Planner:
                 T_base_tool,
                 q=entry.q,
                 free=entry.free,
+                tilt=entry.tilt,
+                ranges=entry.ranges,
                 by=entry.by,
                 approach=entry.approach,
                 retract=entry.retract,

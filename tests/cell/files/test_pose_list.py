@@ -134,6 +134,11 @@ WRONG = [
     ([{"q_rad": Q[:5]}], r"\[0\].q_rad = .*: must be 6 numbers, not 5"),
     ([{"T_base_tool": [Q, Q]}], r"\[0\].T_base_tool = .*: must be 4 \(or 3\) rows"),
     ([{"q_rad": Q, "by": "line"}], r"\[0\].by = 'line': needs a pose"),
+    ([{"T_base_tool": POSE, "ranges": {"rz": [0, 1]}}], r"\[0\]\.ranges\.rz.*must be one of x_mm"),
+    ([{"T_base_tool": POSE, "ranges": {"rz_deg": [9, 1]}}], r"ranges\.rz_deg.*lowest value, then"),
+    ([{"T_base_tool": POSE, "ranges": {"rz_deg": [9]}}], r"ranges\.rz_deg.*2 numbers in deg"),
+    ([{"T_base_tool": POSE, "ranges": 3}], r"ranges = 3: must be an object"),
+    ([{"T_base_tool": POSE, "tilt_deg": 91}], r"tilt_deg = 91: must be a number in deg from 0 to 90"),
     ([{"jaws": 1, "free": "rz"}], r"\[0\].free = 'rz': needs a pose"),
     ([{"T_base_tool": POSE, "by": "arc"}], r"\[0\].by = 'arc': must be one of transit, line"),
     ([{"T_base_tool": POSE, "approach_mm": -1}], r"\[0\].approach_mm = -1: must be a number in mm from 0"),
@@ -239,3 +244,12 @@ def test_a_list_without_end_is_refused_at_once(tmp_path: Path) -> None:
         np.lib.format.write_array_header_1_0(file, shape)
     with pytest.raises(FileInputError, match=r"lying\.npy: is not a \.npy file of numbers"):
         read_pose_list(tmp_path / "lying.npy", Reading(angles="rad"))
+
+
+def test_limits_of_directions_are_read_in_si(tmp_path: Path) -> None:
+    path = tmp_path / "list.json"
+    entry = {"T_base_tool": POSE, "tilt_deg": 20, "ranges": {"rz_deg": [-30, 60], "x_mm": [-10, 10]}}
+    path.write_text(json.dumps([entry]))
+    (read,) = read_pose_list(path).entries
+    assert read.tilt == pytest.approx(np.radians(20))
+    assert read.ranges == {"rz": pytest.approx((np.radians(-30), np.radians(60))), "x": (-0.01, 0.01)}
