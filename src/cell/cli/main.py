@@ -191,6 +191,7 @@ def plan_poses(
     lengths: Annotated[str, Option(help="Unit of the poses' positions: m or mm.")] = "m",
     speed: shared.Speed = None,
     back: Annotated[bool, Option("--back", help="Return to q_start at the end.")] = False,
+    advice: shared.Advice = True,
     budget: shared.Budget = None,
     give_up: shared.GiveUp = None,
     as_json: shared.Json = False,
@@ -201,7 +202,9 @@ def plan_poses(
         from cell.session.budget import budget_of
 
         reading, allowed = reading_of(frame, angles, lengths), budget_of(budget, give_up)
-        console.result(plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed))
+        console.result(
+            plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed, advice)
+        )
 
 
 @app.command(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from cell.files.place import POSES, read_place
 from cell.files.pose_list import Reading, read_pose_list
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
+from cell.task.explain import explain_list_failure
 from cell.task.planning import require_above_table
 from cell.task.pose_list_planning import plan_pose_list
 from plan.budget import SearchBudget
@@ -29,6 +31,7 @@ def plan_poses_step(
     back: bool,
     console: Console,
     budget: SearchBudget | None = None,
+    advice: bool = False,
 ) -> dict[str, Any]:
     """Plan from q_start through the whole list, write the plan file and return a summary as JSON types.
 
@@ -40,6 +43,7 @@ def plan_poses_step(
         reading: units and frame of entries that state none.
         speed: see `cell.session.speed`; default: the cell's.
         back: whether the arm returns to q_start at the end.
+        advice: whether to explain a refusal, with changes that would help.
 
     Raises:
         InputError: a file or value is wrong.
@@ -54,7 +58,8 @@ def plan_poses_step(
             require_boards(seen, task)
         require_above_table(task, seen)
     with within(budget):
-        plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back)
+        explain = partial(explain_list_failure, task, seen) if advice else None
+        plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back, explain)
     write_plan(output, plan)
     console.table(
         ("step", "s", "mm", "closest"),

@@ -62,6 +62,17 @@ def explain_failure(rest: Rest, wanted: bool, every_hole: bool = False) -> Itera
         raise
 
 
+def explain_list_failure(
+    task: Task, observation: Observation | None, request: Request, error: ImpossibleError
+) -> None:
+    """Explain a refusal to plan a list on standard error, with advice; add `advice` to the error's data."""
+    failure = failure_in(error)
+    if failure is not None:
+        console = Console(as_json=True)  # standard error
+        print_failure(console, failure)
+        error.data["advice"] = [a.to_json() for a in _advice(console, task, observation, request, error)]
+
+
 def _conflict(cell: Cell, failure: Failure) -> str:
     """The values of the cell file that contradict each other if the start is blocked."""
     start = f"q_start_deg = [{', '.join(f'{v:g}' for v in np.round(np.degrees(cell.q_start), 3))}]"
@@ -92,13 +103,13 @@ def print_failure(console: Console, failure: Failure) -> None:
 
 
 def _advice(
-    console: Console, task: Task, observation: Observation, request: Request, error: ImpossibleError
+    console: Console, task: Task, observation: Observation | None, request: Request, error: ImpossibleError
 ) -> tuple[Advice, ...]:
     console.say("what would help (each suggestion was planned; --no-advice skips this):")
     advice = advise(
         request,
         error,
-        fits=lambda changed: _may_stand(task, observation, request, changed),
+        fits=lambda changed: observation is None or _may_stand(task, observation, request, changed),
         tell=lambda text: console.step(f"try: {text}"),
     )
     for piece in advice:

@@ -6,7 +6,7 @@ Poses between two configurations are planned together (`plan.program.pose_lists`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from cell.files.pose_list import Entry, PoseList
 from cell.files.task import Task
 from cell.scene.build import build_scene
 from cell.task.planning import plan_fingerprint, pose_list_options
+from plan.advice.changes import Request
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
@@ -55,7 +56,12 @@ class _Place:
 
 
 def plan_pose_list(
-    task: Task, observation: Observation | None, poses: PoseList, speed: float, back: bool
+    task: Task,
+    observation: Observation | None,
+    poses: PoseList,
+    speed: float,
+    back: bool,
+    explain: Callable[[Request, ImpossibleError], None] | None = None,
 ) -> Plan:
     """Plan from rest at the cell's q_start through the whole list.
 
@@ -65,12 +71,13 @@ def plan_pose_list(
         poses: the list.
         speed: factor on velocities.
         back: whether the arm returns to q_start at the end.
+        explain: called with what could not be planned, and the error, before that is raised.
 
     Raises:
         InputError: a configuration beyond the joint limits; a value that `plan.program.goals.target.Target` refuses.
         ImpossibleError: a pose is out of reach, a body is too close, or there is no clear path; names the entry.
     """
-    return _Planner(task, observation, poses, speed).plan(back)
+    return _Planner(task, observation, poses, speed, explain).plan(back)
 
 
 class _Planner:
@@ -83,7 +90,15 @@ class _Planner:
         reached: name and configuration of each pose and configuration, in order.
     """
 
-    def __init__(self, task: Task, observation: Observation | None, poses: PoseList, speed: float) -> None:
+    def __init__(
+        self,
+        task: Task,
+        observation: Observation | None,
+        poses: PoseList,
+        speed: float,
+        explain: Callable[[Request, ImpossibleError], None] | None,
+    ) -> None:
+        self.explain = explain
         self.task, self.cell, self.poses = task, task.cell, poses
         self.options = pose_list_options(task, speed)
         self.closes = any(entry.jaws for entry in poses.entries)
@@ -151,6 +166,9 @@ class _Planner:
         try:
             found = plan_program(program)
         except ImpossibleError as error:
+            if self.explain is not None:
+                asked = scene, (), cell.q_start, cell.unit, cell.limits, self.options
+                self.explain(Request(*asked, goals=tuple(goals)), error)
             raise self.located(error, places) from error
         by_name = {place.name: place for place in places}
         for step in found.steps:

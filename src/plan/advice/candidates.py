@@ -211,6 +211,7 @@ def _level(vector: Array) -> Array:
 
 def _centre(request: Request, names: Sequence[str]) -> Array | None:
     points = [s.T_base_tool[0][:3, 3] for s in request.stations() if s.name in names]
+    points += [goal.poses[0][:3, 3] for goal in request.goals if goal.name in names and goal.q is None]
     return np.mean(points, axis=0) if points else None
 
 

@@ -19,6 +19,8 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, rotation, transform
 from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.options import PlanOptions
+from plan.program.goals.target import Target
+from plan.program.program import Program, plan_program
 from plan.program.setting import Setting
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
@@ -29,10 +31,11 @@ _LEAST_STAND = 2e-3  # m; a lower stand is removed
 
 @dataclass(frozen=True)
 class Request:
-    """The inputs of `plan.program.tasks.plan_task`.
+    """What is to be planned: transfers, or goals in a given order.
 
     Attributes:
-        scene, transfers, q_start, unit, limits, options, places: arguments of that function.
+        scene, transfers, q_start, unit, limits, options, places: arguments of `plan.program.tasks.plan_task`.
+        goals: goals in order, instead of transfers.
         required: places that must be in reach too, even if no transfer uses them.
         skip: whether cubes may stay where they are (`plan.program.assignment.planner.Transfers`).
         skipped: what stays for other reasons: ``cube``, ``from`` and ``reason`` of each, for the plan file.
@@ -48,6 +51,7 @@ class Request:
     required: tuple[Station, ...] = ()
     skip: bool = False
     skipped: tuple[dict[str, str], ...] = ()
+    goals: tuple[Target, ...] = ()
 
     def plan(
         self, provenance: Mapping[str, Any] | None = None, task: Mapping[str, Any] | None = None
@@ -60,6 +64,11 @@ class Request:
         Raises:
             ImpossibleError, InputError: as `plan.program.tasks.plan_task`.
         """
+        if self.goals:
+            program = Program(
+                self.scene, self.goals, self.q_start, self.unit, self.limits, self.options, task=task or {}
+            )
+            return plan_program(replace(program, provenance=provenance or {})).plan()
         if not self.transfers:
             return None
         given = self.q_start, self.unit, self.limits, self.options
@@ -68,6 +77,8 @@ class Request:
 
     def reach(self, stations: Sequence[Station]) -> ReachTable:
         """Return the reach of places."""
+        if not stations:
+            return ReachTable(())
         planned = Setting(self.scene, self.unit, self.limits, self.options).planned
         return reach_stations(self.scene.robot_open, planned, stations, self.options)
 
@@ -78,9 +89,9 @@ class Request:
 
 
 def groups_of(scene: Scene, stations: Sequence[Station]) -> dict[str, frozenset[str]]:
-    """Group bodies that move together: each ``plate X`` that a place touches, its ``stand X`` and its cubes."""
+    """Group bodies that move together: each ``plate X``, its ``stand X``, its cubes and the places that touch it."""
     known = {b.name for b in scene.bodies}
-    plates = sorted({n for s in stations for n in s.touches if n.startswith("plate ") and n in known})
+    plates = sorted(name for name in known if name.startswith("plate "))
     cubes = {c.name for c in scene.cubes}
     groups = {}
     for plate in plates:

@@ -39,16 +39,20 @@ class Advice:
         motion_s: duration of that plan's motion, s; 0 if there was nothing to move.
         left: number of cubes that it moves.
         whole: whether these are all cubes of the request.
+        of_list: whether the request has goals in a given order instead.
     """
 
     change: Change
     motion_s: float
     left: int
     whole: bool
+    of_list: bool = False
 
     @property
     def text(self) -> str:
         """What to do, and what was verified."""
+        if self.of_list:
+            return f"{self.change.text} (checked: all goals can then be planned, {self.motion_s:.1f} s of motion)"
         if not self.left:
             return f"{self.change.text} (checked: all holes are then in reach)"
         others = "the other cube" if self.left == 1 else f"the other {self.left} cubes"
@@ -78,7 +82,7 @@ def advise(
 
     Args:
         request: the request that failed.
-        error: the error of `plan.program.tasks.plan_task`.
+        error: the error of planning it.
         budget: largest number of plans.
         groups: for each board, the names of the bodies that move with it; default: `plan.advice.changes.groups_of`.
         fits: returns whether a changed request is acceptable, such as where boards may stand; or None.
@@ -145,7 +149,8 @@ class _Trial:
         table = changed.reach(changed.stations())
         if not self.reaches(changed, table):
             return False
-        lines = [*(self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ())]
+        failing = self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ()
+        lines = [name for name in failing if name in {s.name for s in changed.stations()}]
         if isinstance(change, MoveBodies):  # a moved body may obstruct other lines
             on_it = [s.name for s in changed.stations() if s.touches & change.bodies]
             lines += [*on_it, *(s.name for s in changed.stations())]
@@ -249,7 +254,8 @@ class _Trial:
             return None, None
         left = len(changed.transfers)
         whole = left == len(self.request.transfers)
-        return Advice(change, plan.duration_s if plan else 0.0, left, whole), None
+        motion_s = plan.duration_s if plan else 0.0
+        return Advice(change, motion_s, left, whole, bool(changed.goals)), None
 
 
 def _line_open(request: Request, choices: Sequence[GraspCandidate], station: str) -> bool:

@@ -21,9 +21,10 @@ from tasks.pose_lists import EFFORT, FAST
 def refusal_of(
     robot: Robot, unit: Unit, bodies: list[Body], *targets: Target, **more: Any
 ) -> ImpossibleError:
+    options = more.pop("options", FAST)
     with pytest.raises(ImpossibleError) as caught:
         plan_poses(
-            robot, bodies, targets, np.radians([-60, -35, -85, 0, -60, 0]), unit.limits(), options=FAST,
+            robot, bodies, targets, np.radians([-60, -35, -85, 0, -60, 0]), unit.limits(), options=options,
             effort=replace(EFFORT, candidates=4, detours=1), **more,
         )  # fmt: skip
     return caught.value

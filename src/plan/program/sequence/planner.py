@@ -24,6 +24,7 @@ from plan.program.goals.line_chains import LineChain, LineChains, TargetReached,
 from plan.program.goals.target import Target
 from plan.program.planned import Planned, Reached
 from plan.program.sequence.candidates import Candidates
+from plan.program.sequence.cause import with_failure
 from plan.program.sequence.search import Found, Layer, PoseSearch
 from plan.program.sequence.times import chain_time, standing_time
 from plan.program.setting import Setting
@@ -98,12 +99,14 @@ class SequencePlanner:
 
         Raises:
             ImpossibleError: a goal is out of reach, a line cannot be followed, or no clear path was found; data:
-                target, solutions, and what is known of joint, pair, distance_m, refused; or the budget was spent before
-                anything was complete; data: budget, proved (names of goals), left.
+                failure (`plan.failure`), target, solutions, and what is known of joint, pair, distance_m, refused; or
+                the budget was spent before anything was complete; data: budget, proved (names of goals), left.
             PlanningInterrupted: by Ctrl-C; says the same.
         """
         try:
             return self._planned(meter)
+        except ImpossibleError as error:
+            raise with_failure(error, {body.name for body in self.setting.robot.bodies}) from error
         except (BudgetSpent, KeyboardInterrupt) as stop:
             raise self._ended(stop) from stop
 

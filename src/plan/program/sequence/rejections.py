@@ -16,6 +16,7 @@ def end_blocked(
         f"the way from {before} to {name} {end} too near: at {where}, {pair[0]} is {distance * 1e3:.1f} mm from "
         f"{pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, or less clearance, may help",
         reason=f"{end} with {pair[0]} too near to {pair[1]}",
+        target=where,
         pair=list(pair),
         distance_m=distance,
         clearance_m=clearance,
@@ -45,6 +46,7 @@ def way_blocked(
         f"on the straight way from {before} to {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of "
         f"{check.pair[1]} ({_asked(check, clearance)}), and {more}",
         reason=f"{check.pair[1]} in the way of {check.pair[0]}" + ("" if tried else ", way around not tried"),
+        target=name,
         pair=list(check.pair),
         distance_m=check.seen,
         clearance_m=clearance,
@@ -57,6 +59,8 @@ def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: f
         f"on the {role} at {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of {check.pair[1]} "
         f"({_asked(check, clearance)}); allow that contact (allowed_collisions), or turn the pose",
         reason=f"{role} with {check.pair[0]} too near to {check.pair[1]}",
+        role=role,
+        target=name,
         pair=list(check.pair),
         distance_m=check.seen,
         clearance_m=clearance,

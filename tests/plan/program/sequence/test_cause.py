@@ -1,0 +1,63 @@
+"""Why a list cannot be planned, as data, and what would help."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from arm.controller.unit import Unit
+from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box, Cylinder
+from arm.se3 import transform
+from plan.advice.changes import ChangeOptions, MoveBodies, Request
+from plan.advice.search import advise
+from plan.failure import LINE_BLOCKED, OUT_OF_REACH, START_BLOCKED, Failure, failure_in
+from plan.program.goals.target import Target
+from plan.scene import Scene
+from plans.waypoints import Q_START, refusal_of
+from tasks.pose_lists import FAST, TABLE, down
+
+
+def failure_of(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target) -> Failure:
+    failure = failure_in(refusal_of(robot, unit, bodies, *targets))
+    assert failure is not None
+    return failure
+
+
+def test_what_is_out_of_reach_says_by_how_much(robot: Robot, crs97: Unit) -> None:
+    far = failure_of(robot, crs97, [TABLE], Target("far", down(1.2, 0.0, 0.3)))
+    assert (far.kind, far.stations, far.body) == (OUT_OF_REACH, ("far",), None)
+    assert far.ways[0].outside_mm is not None
+    assert far.ways[0].outside_mm > 100.0
+
+
+def test_what_stands_in_the_way_is_named(robot: Robot, crs97: Unit) -> None:
+    post = Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "wall")
+    line = failure_of(
+        robot, crs97, [TABLE, post],
+        Target("a", down(0.42, -0.2, 0.2), free="rz"), Target("b", down(0.42, 0.2, 0.2), by="line", free="rz"),
+    )  # fmt: skip
+    assert (line.kind, line.stations, line.body) == (LINE_BLOCKED, ("b",), "post")
+    at = robot.T_base_tool(np.radians([-60, -35, -85, 0, -60, 0]))
+    crate = Body("crate", Box((0.04, 0.04, 0.04)), at, "wall")
+    start = failure_of(robot, crs97, [crate], Target("a", down(0.3, 0.35, 0.2)))
+    assert (start.kind, start.body) == (START_BLOCKED, "crate")
+
+
+def test_advice_for_a_list_was_planned(robot: Robot, crs97: Unit) -> None:
+    """A box too near to a pose: it helps to move it, or to ask for less clearance where that is what lacks."""
+    box = Body("box", Box((0.06, 0.06, 0.2)), transform(t=(0.45, 0.16, 0.05)), "wall")
+    goals = (Target("a", down(0.45, 0.1, 0.1), approach=0.05, retract=0.05),)
+    options = replace(FAST, line_clearance=0.02, clearance=0.02)
+    scene = Scene(robot, robot, (TABLE, box), ())
+    request = Request(scene, (), Q_START, crs97, crs97.limits(), options, goals=goals)
+    error = refusal_of(robot, crs97, [TABLE, box], *goals, options=options)
+    found = advise(request, error)
+    assert found
+    assert all("all goals can then be planned" in piece.text for piece in found)
+    kinds = {type(piece.change) for piece in found}
+    assert kinds & {MoveBodies, ChangeOptions}
+    for piece in found:
+        changed = piece.change.apply(request)
+        assert changed.plan() is not None
