@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from itertools import cycle
 from typing import Any
 
 from arm.errors import ImpossibleError
@@ -209,10 +210,16 @@ def request_of(rest: Rest) -> Request:
         name = task.to_board.name
         raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
     if len(goals) < len(picks):
-        raise _too_few(len(picks), goals, target, filled)
+        if not task.skip or not goals:
+            raise _too_few(len(picks), goals, target, filled)
+        if task.assignment == "given":
+            reason = f"only {len(goals)} places are free and in reach"
+            left_out = [(cube_name(hole.name), hole.name) for hole in picks[len(goals) :]]
+            skipped_cubes += [{"cube": cube, "from": name, "reason": reason} for cube, name in left_out]
+            picks = picks[: len(goals)]
     transfers = (
         Transfer(cube_name(hole.name), stations[hole.name], goal)
-        for hole, goal in zip(picks, goals, strict=False)
+        for hole, goal in zip(picks, cycle(goals), strict=False)
     )
     return replace(
         empty_request(rest),

@@ -174,3 +174,20 @@ def test_a_doubtful_cube_stays_if_the_task_file_says_so(task2: Task) -> None:
     (line,) = skipped_cubes(plan)
     assert line.startswith("cube 01-02/2 stays in 01-02/2: no cube can be taken from hole 01-02/2: ")
     assert skipped_cubes(None) == []
+
+
+@pytest.mark.parametrize("assignment", ["free", "given"])
+def test_three_of_four_cubes_move_if_there_are_three_places(task2: Task, assignment: str) -> None:
+    seen = true_look(task2)
+    target = seen.board(task2.to_board.name) if task2.to_board else None
+    assert target is not None
+    filled = replace(target, occupancy=(replace(target.occupancy[0], state="cube"), *target.occupancy[1:]))
+    seen = replace(seen, boards=tuple(filled if b is target else b for b in seen.boards))
+    task = replace(task2, assignment=assignment)
+    with pytest.raises(ImpossibleError, match="4 cubes to move but only 3 free and reachable places"):
+        _request(task, seen)
+    plan = plan_rest(Rest(replace(task, skip=True), seen, task.cell.q_start, 0.5))
+    assert plan is not None
+    assert len({cube["to"] for cube in plan.task["cubes"]}) == 3
+    (line,) = skipped_cubes(plan)
+    assert line.endswith("only 3 places are free and in reach")

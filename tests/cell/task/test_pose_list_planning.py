@@ -47,6 +47,7 @@ def test_what_cannot_be_reached_or_is_in_the_way_names_its_entry(tmp_path: Path)
         "plan-poses", CELL, written(tmp_path, [{"T_base_tool": far}]), "-o", tmp_path / "p", code=3
     )
     assert "is out of reach" in told
+    assert "what would help" in told
     assert not (tmp_path / "p").exists()
     with pytest.raises(ImpossibleError, match="nothing moves"):
         planned(written(tmp_path, [{"q_deg": [-60, -40, -80, 0, -60, 0]}]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from plan.failure import failure_in
 from plan.program.assignment.cause import find_cause
 from plan.program.assignment.search import Found, TaskSearch
 from plan.program.assignment.sequence import sequence_steps, task_sequence
+from plan.program.assignment.sequencing import best_order
 from plan.program.assignment.worlds import TaskWorlds
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.line_chains import LineChains
@@ -28,6 +30,7 @@ from plan.scene import Station, Transfer
 # The search may be asked again, where what it chose could not be timed and certified, as often as there are ways to
 # serve all places (each time one of them, or a leg, is given up), but so often at most.
 _ATTEMPTS = 100
+_MOST_SUBSETS = 200  # of the cubes, that are compared where there are fewer places than cubes
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ class Transfers:
     Attributes:
         transfers: which cube from where to where; with ``assignment`` free, where to is chosen among all places.
         places: more places that cubes may go to.
-        skip: whether a cube may stay where it is if its pick is out of reach or blocked. At least one cube moves.
+        skip: whether a cube may stay where it is if its pick is out of reach or blocked, or no place is left for it
+            (several transfers may then name the same place). At least one cube moves.
     """
 
     transfers: tuple[Transfer, ...]
@@ -79,7 +83,10 @@ class AssignmentPlanner:
             self.scene.cube(transfer.cube)
         self.moved, self.skip = dict(self.state.moved), goals.skip
         self.skipped: list[dict[str, str]] = []
-        self.stations = [t.place for t in self.transfers]
+        self.stations = list({t.place.name: t.place for t in self.transfers}.values())
+        if len(self.stations) < len(self.transfers) and not (self.skip and self.options.assignment == "free"):
+            why = "two transfers name the same place, which only the option skip with free assignment allows"
+            raise InputError(why, places=[t.place.name for t in self.transfers])
         if self.options.assignment == "free":
             known = {station.name for station in self.stations}
             self.stations += [station for station in goals.places if station.name not in known]
@@ -130,17 +137,29 @@ class AssignmentPlanner:
         picks, places = (self.reach(some) for some in ([t.pick for t in self.transfers], self.stations))
         picks.require()
         served = [station for station in self.stations if places[station.name].ok]
-        if self.options.assignment != "free" or len(served) < len(self.transfers):
+        too_few = len(served) < len(self.transfers)
+        if self.options.assignment != "free" or (too_few and not (self.skip and served)):
             ReachTable((*picks.holes, *places.holes)).require()
-        stages = TaskWorlds(self.scene, self.transfers, served)
-        return TaskSearch(
-            stages,
-            [picks[t.pick.name].feasible() for t in self.transfers],
-            [places[station.name].feasible() for station in served],
-            self.q_start,
-            self.setting.planned,
-            self.options,
-        )
+
+        def search(transfers: tuple[Transfer, ...]) -> TaskSearch:
+            return TaskSearch(
+                TaskWorlds(self.scene, transfers, served),
+                [picks[t.pick.name].feasible() for t in transfers],
+                [places[station.name].feasible() for station in served],
+                self.q_start,
+                self.setting.planned,
+                self.options,
+            )
+
+        if not too_few:
+            return search(self.transfers)
+        searches = [search(some) for some in islice(combinations(self.transfers, len(served)), _MOST_SUBSETS)]
+        best = min(searches, key=_estimated_time)
+        for left_out in (t for t in self.transfers if t not in best.stages.transfers):
+            reason = f"only {len(served)} places are free and in reach"
+            self.skipped.append({"cube": left_out.cube, "from": left_out.pick.name, "reason": reason})
+        self.transfers = best.stages.transfers
+        return best
 
     def reach(self, stations: Sequence[Station]) -> ReachTable:
         """Return the reach of these places."""
@@ -214,6 +233,12 @@ class AssignmentPlanner:
             skipped=tuple(self.skipped),
             interrupted=isinstance(search.stopped, KeyboardInterrupt),
         )
+
+
+def _estimated_time(search: TaskSearch) -> float:
+    """Return what a task takes at least by the estimates that know of no obstacle, s."""
+    ordered = best_order(search.freedom, search.costs.now())
+    return np.inf if ordered is None else round(ordered.time, 6)
 
 
 def _ended(stop: BudgetSpent | KeyboardInterrupt, search: TaskSearch | None) -> BaseException:

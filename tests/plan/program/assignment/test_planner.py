@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.plan_file import Step
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
@@ -66,3 +66,24 @@ def test_a_task_of_which_nothing_would_be_left_is_refused() -> None:
     case = fenced()
     with pytest.raises(ImpossibleError, match="cube 2"):
         plan_task(case.scene, case.transfers[1:2], Q_START, UNIT, options=OPTIONS, skip=True)
+
+
+def test_with_fewer_places_than_cubes_the_fastest_choice_moves() -> None:
+    case = task2(cubes=4)
+    first, *others = case.transfers
+    transfers = [
+        first,
+        *(replace(t, place=place.place) for t, place in zip(others, (*others[:2], first), strict=True)),
+    ]
+    with pytest.raises(InputError, match="two transfers name the same place"):
+        plan_task(case.scene, transfers, Q_START, UNIT, options=OPTIONS)
+    plan = plan_task(case.scene, transfers, Q_START, UNIT, options=OPTIONS, skip=True)
+    assert len(plan.task["cubes"]) == 3
+    (stays,) = plan.task["skipped"]
+    assert stays["reason"] == "only 3 places are free and in reach"
+    places = tuple(t.place for t in case.transfers[:3])
+    for left_out in case.transfers:  # no other choice of three is faster
+        rest = [t for t in case.transfers if t is not left_out]
+        asked = [replace(t, place=place) for t, place in zip(rest, places, strict=True)]
+        other = plan_task(case.scene, asked, Q_START, UNIT, options=OPTIONS)
+        assert plan.duration_s <= 1.01 * other.duration_s
