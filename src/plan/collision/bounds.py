@@ -13,31 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from arm.former import renamed_arguments
-from arm.numerics.products import mul, norm
-from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.numerics.products import mul
 from arm.se3 import Array, Bools, Indices, cross
+from plan.collision.covers import ROUNDING, Part, hull, rounded_box
+from plan.collision.separation import OpenPairs, Separation
 from plan.kinematics.product_of_exponentials import axis_of
-
-ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
-_MOST_BALLS = 4  # balls that cover a long body
-
-
-@dataclass(frozen=True)
-class Part:
-    """A body: the joint that moves it (0 if none does), its pose in the joint's frame, and its padding, m."""
-
-    name: str
-    joint: int
-    shape: Shape
-    T_joint_body: Array
-    padding: float = 0.0
 
 
 @renamed_arguments(turning="revolute")
@@ -48,9 +35,10 @@ class DistanceBounds:
         axes: axes of the arm.
         parts: all bodies; moving ones have a joint above 0.
         pairs: (p, 2) indices into `parts`; the body with the lower joint comes first.
+        paddings: (p,) subtracted from the distance of each pair, m.
     """
 
-    def __init__(self, axes: Axes, parts: Sequence[Part], pairs: Indices) -> None:
+    def __init__(self, axes: Axes, parts: Sequence[Part], pairs: Indices, paddings: Array) -> None:
         self._axes = axes
         moving = [i for i, part in enumerate(parts) if part.joint > 0]
         at_zero = self._axes.poses_at_zero
@@ -63,7 +51,7 @@ class DistanceBounds:
         self._shared, self._joints = joints[pairs].T
         self._pairs = pairs
         self._supports = _Supports(parts, poses)
-        self._separation = _Separation(parts, poses, pairs)
+        self._separation = Separation(parts, poses, pairs, paddings)
 
     @property
     def revolute(self) -> Bools:
@@ -76,25 +64,37 @@ class DistanceBounds:
         point, axis = self._axes.lines(R, t)
         return Placed(q, R, t, point, axis, self._hulls)
 
-    def motion(self, at: Placed, delta: Array) -> Array:
-        """Return upper bounds (m, p) m on the relative motion of each pair.
+    def motion_of(self, at: Placed, delta: Array, rows: Indices, pairs: Indices) -> Array:
+        """Return upper bounds (k,) m on the relative motion of pairs.
 
         Args:
             at: m configurations.
             delta: (m, n) largest motion of each joint from there, rad, not negative.
+            rows, pairs: (k,) indices of configurations and pairs.
         """
-        steps = np.zeros((*at.radii.shape[:2], at.radii.shape[2] + 1))
-        np.cumsum(at.radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
-        return np.asarray(steps[:, self._outer, -1] - steps[:, self._outer, self._shared])
-
-    def motion_of(self, at: Placed, delta: Array, rows: Indices, pairs: Indices) -> Array:
-        """Return `motion` (k,) m of the given pairs (k,) at the configurations with indices `rows` (k,)."""
         own = np.arange(at.radii.shape[2]) >= self._shared[pairs][:, None]
         return np.asarray((at.radii[rows, self._outer[pairs]] * delta[rows] * own).sum(axis=1))
 
     def distances(self, at: Placed) -> Array:
         """Return lower bounds (m, p) m on the distance of each pair; -inf if nothing is known."""
         return self._separation.distances(at.R, at.t)
+
+    def open_pairs(self, at: Placed, enough: float, delta: Array | None = None) -> OpenPairs:
+        """Return the pairs that may be closer than `enough` m, paddings taken off.
+
+        Args:
+            at: m configurations.
+            enough: m.
+            delta: (m, n) largest motion of each joint from there, rad, not negative; None for no motion.
+        """
+        outer, shared = self._outer[self._separation.ball_pairs], self._shared[self._separation.ball_pairs]
+        if delta is None:
+            still = np.zeros((len(at.q), self._hulls.count)), np.zeros((len(at.q), len(outer)))
+            return self._separation.open_pairs(at.R, at.t, enough, *still)
+        steps = np.zeros((*at.radii.shape[:2], at.radii.shape[2] + 1))
+        np.cumsum(at.radii * delta[:, None, :], axis=2, out=steps[:, :, 1:])
+        between = steps[:, outer, -1] - steps[:, outer, shared]
+        return self._separation.open_pairs(at.R, at.t, enough, steps[:, :, -1], between)
 
     def plane_distances(
         self, at: Placed, rows: Indices, pairs: Indices, normals: Array, hulls: Array, spread: Array
@@ -213,6 +213,7 @@ class _Hulls:
         self.points = np.concatenate(points) if points else np.zeros((0, 3))
         # explicit types and shapes, because an arm may have no bodies
         counts = np.array([len(p) for p in points], dtype=np.intp)
+        self.count = len(counts)
         joints = np.array([part.joint for part, _ in bodies], dtype=np.intp)
         self.joint = np.repeat(joints, counts)
         self.first = np.cumsum(counts) - counts
@@ -234,73 +235,11 @@ class _Hulls:
         return np.asarray(np.where(self.revolute, reach, 1.0) * self.moves)
 
 
-class _Separation:
-    """Lower bounds on distance: balls around moving bodies against each other and against boxes around fixed ones."""
-
-    def __init__(self, parts: Sequence[Part], poses: Array, pairs: Indices) -> None:
-        joints = np.array([part.joint for part in parts], dtype=np.intp)
-        moving, still = np.flatnonzero(joints > 0), np.flatnonzero(joints == 0)
-        covers = [cover(parts[i].shape) for i in moving.tolist()]
-        counts = np.array([len(points) for points, _ in covers], dtype=np.intp)
-        body = np.repeat(moving, counts)  # of each ball
-        local = np.concatenate([points for points, _ in covers]) if covers else np.zeros((0, 3))
-        self.centres = (mul(poses[body, :3, :3], local[..., None]))[..., 0] + poses[body, :3, 3]
-        self.joint = joints[body]
-        size = np.repeat([radius for _, radius in covers], counts)
-
-        boxes = [_rounded_box(parts[i].shape) for i in still.tolist()]
-        self.turn = np.concatenate([poses[i, :3, :3] for i in still], axis=1) if boxes else np.zeros((3, 0))
-        middles = [mul(poses[i, :3, 3], poses[i, :3, :3]) + B[0] for i, B in zip(still, boxes, strict=True)]
-        self.middle = np.array(middles).reshape(-1, 3)
-        self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
-        extra = np.array([B[3] for B in boxes])
-
-        # for each pair: the balls of one body against a box, or every ball of one against every ball of the other
-        first_ball, ball_count, column, row = (np.zeros(len(parts), dtype=np.intp) for _ in range(4))
-        first_ball[moving], ball_count[moving] = np.cumsum(counts) - counts, counts
-        column[still], row[moving] = np.arange(len(still)), np.arange(len(moving))
-        self.first, self.size, self.extra = first_ball[moving], size[:, None], extra
-        is_box = joints[pairs[:, 0]] == 0
-        self.box_pairs, self.ball_pairs = np.flatnonzero(is_box), np.flatnonzero(~is_box)
-        inner, outer = pairs[self.box_pairs].T
-        self.boxes = row[outer], column[inner]
-        inner, outer = pairs[self.ball_pairs].T
-        each = ball_count[inner] * ball_count[outer]
-        self.first_ball = np.cumsum(each) - each
-        of = np.repeat(np.arange(len(inner)), each)
-        a, b = np.divmod(np.arange(len(of)) - self.first_ball[of], ball_count[inner][of])
-        self.ball_rows = np.stack([first_ball[outer][of] + a, first_ball[inner][of] + b])
-        self.ball_gap = size[self.ball_rows[0]] + size[self.ball_rows[1]]
-        self.count = len(pairs)
-
-    def distances(self, R: Array, t: Array) -> Array:
-        m = len(R)
-        centres = (mul(R[:, self.joint], self.centres[..., None]))[..., 0] + t[:, self.joint]
-        out = np.empty((m, self.count))
-        if len(self.box_pairs):
-            local = (mul(centres, self.turn)).reshape(m, len(self.joint), -1, 3)
-            local -= self.middle
-            np.abs(local, out=local)
-            local -= self.half
-            np.maximum(local, 0.0, out=local)
-            apart = np.sqrt(np.einsum("mbsi,mbsi->mbs", local, local)) - self.size
-            apart = np.minimum.reduceat(apart, self.first, axis=1) - self.extra
-            out[:, self.box_pairs] = apart[:, *self.boxes]
-        if len(self.first_ball):
-            between = centres[:, self.ball_rows[0]] - centres[:, self.ball_rows[1]]
-            rows = np.sqrt(np.einsum("mbi,mbi->mb", between, between)) - self.ball_gap
-            out[:, self.ball_pairs] = np.minimum.reduceat(rows, self.first_ball, axis=1)
-        out -= ROUNDING
-        # overlapping balls and boxes give no bound
-        out[out <= 0.0] = -np.inf
-        return out
-
-
 class _Supports:
     """Support functions of the bodies: the largest d . p over the points p of a body."""
 
     def __init__(self, parts: Sequence[Part], poses: Array) -> None:
-        sizes = [_rounded_box(part.shape) for part in parts]
+        sizes = [rounded_box(part.shape) for part in parts]
         self.joint = np.array([part.joint for part in parts], dtype=np.intp)
         self.R = poses[:, :3, :3]
         middle = np.array([size[0] for size in sizes]).reshape(-1, 3, 1)
@@ -318,66 +257,3 @@ class _Supports:
         reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
         reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
         return np.asarray(reach + (directions * middle[:, None]).sum(-1))
-
-
-@lru_cache(maxsize=1024)
-def hull(shape: Shape) -> tuple[Array, float]:
-    """Return points (n, 3) and a radius; the hull of balls of that radius about the points contains the body."""
-    match shape:
-        case Box(size):
-            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-            return signs * (np.array(size) / 2.0), 0.0
-        case Cylinder(radius, length) | Capsule(radius, length):
-            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
-        case Sphere(radius):
-            return np.zeros((1, 3)), radius
-        case Convex(points):
-            return np.array(points), 0.0
-
-
-@lru_cache(maxsize=1024)
-def cover(shape: Shape) -> tuple[Array, float]:
-    """Return centres (n, 3) and the radius of equal balls that cover the body."""
-    match shape:
-        case Sphere(radius):
-            return np.zeros((1, 3)), radius
-        case Capsule(radius, length):
-            return _row(np.array([0.0, 0.0, length + 2.0 * radius]), radius)
-        case Cylinder(radius, length):
-            return _row(np.array([2.0 * radius, 2.0 * radius, length]), radius)
-        case Box(size):
-            return _row(np.array(size), None)
-        case Convex(points):
-            corners = np.array(points)
-            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-            return middle[None], float(np.linalg.norm(corners - middle, axis=1).max())
-
-
-def _row(size: Array, radius: float | None) -> tuple[Array, float]:
-    """Place balls along the longest edge of a box (radius None) or along the axis of a cylinder."""
-    axis = int(np.argmax(size)) if radius is None else 2
-    across = float(norm(np.delete(size, axis))) / 2.0 if radius is None else radius
-    count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
-    part = size[axis] / count
-    centres = np.zeros((count, 3))
-    centres[:, axis] = (np.arange(count) - (count - 1) / 2.0) * part
-    return centres, float(np.hypot(across, part / 2.0))
-
-
-@lru_cache(maxsize=1024)
-def _rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
-    """Return a box (middle, half sizes), the radius of a disc across z and of a ball; their sum contains the body."""
-    middle = np.zeros(3)
-    match shape:
-        case Box(size):
-            return middle, np.array(size) / 2.0, 0.0, 0.0
-        case Cylinder(radius, length):
-            return middle, np.array([0.0, 0.0, length / 2.0]), radius, 0.0
-        case Capsule(radius, length):
-            return middle, np.array([0.0, 0.0, length / 2.0]), 0.0, radius
-        case Sphere(radius):
-            return middle, np.zeros(3), 0.0, radius
-        case Convex(points):
-            corners = np.array(points)
-            low, high = corners.min(axis=0), corners.max(axis=0)
-            return (low + high) / 2.0, (high - low) / 2.0, 0.0, 0.0

@@ -13,7 +13,7 @@ The bound holds for every path from q to q', so no maximum over the path is need
 
 For two bodies, a on joint i and b on joint j >= i, take the frame of joint i. Only joints i + 1 to j move b relative to
 a, and the distance of the two drops by at most m = sum over i < k <= j of delta_k R_k, where delta_k bounds
-|q'_k - q_k| and R_k is the largest r_k over b's points (`Placed.radii`, `DistanceBounds.motion`). Hence, if the
+|q'_k - q_k| and R_k is the largest r_k over b's points (`Placed.radii`, `DistanceBounds.motion_of`). Hence, if the
 pair has distance d at q, it has at least d - m at every q' with |q'_k - q_k| <= delta_k.
 
 **Subdivision.** A motion is a chain of cubics. Each stays between the least and greatest of its four Bernstein control
@@ -55,11 +55,11 @@ from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.former import former_names
-from arm.se3 import Array
+from arm.se3 import Array, Indices
 from plan.budget import PIECE_CHECKS, spend
 from plan.collision.bezier import Curve, curve_of_counts
 from plan.collision.subdivision import CurveIntervals, CurveSubdivision
-from plan.collision.world import DISTANCE_ERROR, Indices, World
+from plan.collision.world import DISTANCE_ERROR, World
 
 # Tight mode stops when the bound is within TIGHT_ABSOLUTE (m) of the smallest distance computed so far, or within
 # TIGHT_RELATIVE times that distance, whichever is larger.
@@ -196,15 +196,12 @@ class _Search:
         spend(PIECE_CHECKS * len(pieces))
         world, volumes, enough = self.world, self.world.volumes, self.enough()
         at = volumes.placed(pieces.middle)
-        settled = np.full(len(pieces), np.inf)
         if first:
-            rough = volumes.distances(at) - (volumes.motion(at, pieces.reach) + world.paddings)
-            open_ = rough < enough
-            settled = np.where(open_, np.inf, rough).min(axis=1, initial=np.inf)
+            found = volumes.open_pairs(at, enough, pieces.reach)
+            row, pair, bound, settled = found.row, found.pair, found.bound, found.least
         else:
-            open_ = pieces.open
-        row, pair = np.nonzero(open_)
-        bound = rough[row, pair] if first else np.full(len(row), -np.inf)
+            row, pair = np.nonzero(pieces.open)
+            bound, settled = np.full(len(row), -np.inf), np.full(len(pieces), np.inf)
         motion = volumes.motion_of(at, pieces.reach, row, pair)
         seen = world.witnesses(pieces.middle, row, pair, -np.inf if self.tight else self.clearance)
         self.evaluations += len(pieces)
@@ -222,7 +219,7 @@ class _Search:
         left = (bound < enough) & (motion > RESOLUTION)
         np.minimum.at(settled, row[~left], bound[~left])
         self.settle(pieces, settled)
-        least, open_ = np.full(len(pieces), np.inf), np.zeros_like(open_)
+        least, open_ = np.full(len(pieces), np.inf), np.zeros_like(pieces.open)
         np.minimum.at(least, row[left], bound[left])
         open_[row[left], pair[left]] = True
         return replace(pieces, bound=least, open=open_).where(np.asarray(open_.any(axis=1)))

@@ -11,34 +11,29 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import isfinite
-from typing import Any
 
 import coal
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from arm import arguments as given
 from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
-from arm.se3 import Array, cross, frozen
+from arm.robot.shapes import Body
+from arm.se3 import Array, Indices, cross, frozen
 from plan.budget import DISTANCE_CHECKS, spend
-from plan.collision.bounds import Axes, DistanceBounds, Part
-
-Indices = npt.NDArray[np.intp]
+from plan.collision.bounds import Axes, DistanceBounds
+from plan.collision.covers import Part
+from plan.collision.pair_geometry import GJK_TOLERANCE, PairGeometry, coal_shape
 
 _FLOAT = np.dtype(float)
 
-GJK_TOLERANCE = 1e-7
 # Largest error of a distance, m, which lower bounds subtract: 50 times the largest difference measured between GJK at
 # this tolerance and MuJoCo on the same primitives.
 DISTANCE_ERROR = 1e-5
 # Distance that stands for a depth that coal cannot compute (in a few of a million configurations), m.
 UNKNOWN_DEPTH = -1.0
-# Up to this many bodies, comparing all bounding boxes is faster than sorting them; a tree is slower than either.
-_FEW_BODIES = 60
 
 
 @dataclass(frozen=True)
@@ -152,17 +147,8 @@ class World:
         joint = np.arange(1, n + 1)
         inner, outer = self._joint[self.pairs].T[..., None]
         self._between = (joint > inner) & (joint <= outer)
-        self._geometry = _geometry_model(parts, self.pairs)
-        self._data = robot.model.createData()
-        self._distances = pin.GeometryData(self._geometry)
-        # fresh requests: Pinocchio's own start GJK from the previous result, so that the last digits of a distance
-        # would depend on earlier calls
-        request = coal.DistanceRequest()
-        request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
-        requests = self._distances.distanceRequests
-        for i in range(len(self.pairs)):
-            requests[i] = request
-        self.volumes = DistanceBounds(_axes(robot), parts, self.pairs)
+        self._geometry = PairGeometry(robot.model, parts, self.pairs, self.paddings)
+        self.volumes = DistanceBounds(_axes(robot), parts, self.pairs, self.paddings)
         self._too_near: dict[float, Callable[[Array], bool]] = {}
 
     def pair_names(self, index: int) -> tuple[str, str]:
@@ -173,8 +159,8 @@ class World:
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
         """Return signed distances (k,) m, less paddings, of the pairs `pairs` (k,) at configuration q (n,)."""
         self._place(q)
-        geometry, data, compute = self._geometry, self._distances, pin.computeDistance
-        values = [compute(geometry, data, i).min_distance for i in pairs.tolist()]
+        distance = self._geometry.distance
+        values = [distance(i).min_distance for i in self._geometry.index[pairs].tolist()]
         spend(DISTANCE_CHECKS * len(values))
         return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
 
@@ -189,16 +175,17 @@ class World:
             stop_below: stop after the first distance below this, m.
         """
         q = np.asarray(q, dtype=float)
-        geometry, data, results = self._geometry, self._distances, self._distances.distanceResults
-        least, compute, placed = stop_below + self.paddings[pairs], pin.computeDistance, -1
+        distance, placed = self._geometry.distance, -1
+        least = (stop_below + self.paddings[pairs]).tolist()
         values, normals, points = [], np.empty((len(rows), 3)), np.empty((len(rows), 3))
-        for i, (row, pair) in enumerate(zip(rows.tolist(), pairs.tolist(), strict=True)):
+        for i, (row, pair) in enumerate(
+            zip(rows.tolist(), self._geometry.index[pairs].tolist(), strict=True)
+        ):
             if row != placed:
                 self._place(q[row])
                 placed = row
-            compute(geometry, data, pair)
+            result = distance(pair)
             # copied, because the next call for this pair overwrites the result
-            result = results[pair]
             normals[i], points[i] = result.normal, result.getNearestPoint2()
             values.append(result.min_distance)
             if values[-1] < least[i]:
@@ -253,11 +240,10 @@ class World:
             why = f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad"
             raise InputError(why, shape=q.shape)
         at = self.volumes.placed(q)
-        open_ = self.volumes.distances(at) - self.paddings < limit
-        row, pair = np.nonzero(open_)
-        found = self.witnesses(q, row, pair)
+        open_ = self.volumes.open_pairs(at, limit)
+        found = self.witnesses(q, open_.row, open_.pair)
         close = found.distance < limit
-        row, pair = row[close], pair[close]
+        row, pair = open_.row[close], open_.pair[close]
         normal, point = found.normal[close][:, None], found.point[close][:, None]
         axis_point, axis = at.point[row], at.axis[row]
         motion = np.where(self.volumes.revolute[:, None], cross(axis, point - axis_point), axis)
@@ -277,39 +263,12 @@ class World:
         test = self._too_near.get(clearance)
         if test is None:  # always None for NaN, which is not equal to itself
             given.finite("clearance", clearance, "m")
-            test = self._too_near[clearance] = self._tester(clearance)
+            test = self._geometry.too_near(clearance) if len(self.pairs) else lambda q: False
+            self._too_near[clearance] = test
         return test
-
-    def _tester(self, clearance: float) -> Callable[[Array], bool]:
-        if not len(self.pairs):
-            return lambda q: False
-        model, data, manager = self.robot.model, self._data, self._manager(clearance)
-        compute: Callable[..., bool] = pin.computeCollisions
-
-        def test(q: Array) -> bool:
-            spend(1.0)
-            return compute(model, data, manager, q, True)
-
-        return test
-
-    def _manager(self, clearance: float) -> Any:
-        data = pin.GeometryData(self._geometry)
-        request = coal.CollisionRequest()
-        request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
-        for i, padding in enumerate(self.paddings.tolist()):
-            request.security_margin = clearance + padding
-            data.collisionRequests[i] = request
-        kind = (
-            pin.BroadPhaseManager_NaiveCollisionManager
-            if len(self.names) <= _FEW_BODIES
-            else pin.BroadPhaseManager_SSaPCollisionManager
-        )
-        return kind(self.robot.model, self._geometry, data)
 
     def _place(self, q: npt.ArrayLike) -> None:
-        pin.updateGeometryPlacements(
-            self.robot.model, self._data, self._geometry, self._distances, self._configuration(q)
-        )
+        self._geometry.place(self._configuration(q))
 
     def _configuration(self, q: npt.ArrayLike) -> Array:
         """Return q (n,) after a check, which takes 0.5 us in the usual case; a search calls this a million times."""
@@ -323,7 +282,7 @@ class World:
         return given.joints("q", q, self.robot.joint_names)
 
     def _witness(self, index: int, value: float) -> Distance:
-        result = self._distances.distanceResults[index]
+        result = self._geometry.results[int(self._geometry.index[index])]
         points = frozen([result.getNearestPoint2(), result.getNearestPoint1()])
         return Distance(value, self.pair_names(index), points)
 
@@ -347,16 +306,6 @@ def _pairs(parts: Sequence[Part], excluded: frozenset[frozenset[str]]) -> Indice
     return np.asarray(pairs, dtype=np.intp)
 
 
-def _geometry_model(parts: Sequence[Part], pairs: Indices) -> Any:
-    model = pin.GeometryModel()
-    for p in parts:
-        pose = pin.SE3(np.array(p.T_joint_body[:3, :3]), np.array(p.T_joint_body[:3, 3]))
-        model.addGeometryObject(pin.GeometryObject(p.name, p.joint, pose, coal_shape(p.shape)))
-    for a, b in pairs.tolist():
-        model.addCollisionPair(pin.CollisionPair(a, b))
-    return model
-
-
 def distance_of(first: Body, second: Body) -> Distance:
     """Return the distance of two bodies at their poses."""
     request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -370,20 +319,3 @@ def distance_of(first: Body, second: Body) -> Distance:
     )
     points = frozen([result.getNearestPoint1(), result.getNearestPoint2()])
     return Distance(max(float(value), UNKNOWN_DEPTH), (first.name, second.name), points)
-
-
-def coal_shape(shape: Shape) -> Any:
-    """Return the shape as a coal geometry, in its own frame."""
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
-        case Convex(points):
-            corners = coal.StdVec_Vec3s()
-            corners.extend(np.array(points))
-            return coal.Convex.convexHull(corners, True, "Qt")

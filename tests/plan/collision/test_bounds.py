@@ -8,85 +8,11 @@ import numpy as np
 import pytest
 
 from arm.robot.model import load_robot
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
-from arm.se3 import Array, apply, frozen, rotation, transform
-from arms.grazing import ARMS, OBSTACLES, arm, obstacle, world_of
-from plan.collision.bounds import cover, hull
+from arm.robot.shapes import Body, Convex, Sphere
+from arm.se3 import apply, frozen, transform
+from arms.around import bodies_around, some_q, surface
+from arms.grazing import ARMS, arm, world_of
 from plan.collision.world import DISTANCE_ERROR, World
-
-KINDS = [kind for kind in OBSTACLES if kind != "self"]
-
-
-def bodies_around(rng: np.random.Generator, count: int) -> list[Body]:
-    bodies = []
-    for i in range(count):
-        angle = rng.uniform(-np.pi, np.pi)
-        place = np.array([0.6 * np.cos(angle), 0.6 * np.sin(angle), 0.4]) + rng.uniform(-0.3, 0.3, 3)
-        turn = rotation(rng.normal(size=3)) if i % 3 else np.eye(3)
-        bodies.append(Body(f"body {i}", obstacle(KINDS[i % len(KINDS)], rng), transform(turn, place), "wall"))
-    return bodies
-
-
-def some_q(world: World, rng: np.random.Generator, count: int) -> Array:
-    model = world.robot.model
-    return rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, (count, model.nq))
-
-
-def surface(shape: Shape, rng: np.random.Generator, count: int) -> Array:
-    """Points (count, 3) of a body's surface, many of them at its corners and rims."""
-    v = rng.normal(size=(count, 3))
-    v /= np.linalg.norm(v, axis=1)[:, None]
-    match shape:
-        case Box(size):
-            return rng.choice([-1.0, 0.3, 1.0], (count, 3)) * np.array(size) / 2.0
-        case Cylinder(radius, length):
-            around = v[:, :2] / np.linalg.norm(v[:, :2], axis=1)[:, None] * radius
-            return np.column_stack([around, rng.choice([-0.5, 0.2, 0.5], count) * length])
-        case Capsule(radius, length):
-            return radius * v + np.sign(v[:, 2:]) * (0.0, 0.0, length / 2.0)
-        case Sphere(radius):
-            return radius * v
-        case Convex(points):
-            weights = rng.dirichlet(np.full(len(points), 0.05), count)
-            return np.asarray(weights @ np.array(points))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_hulls_and_balls_hold_their_body(kind: str) -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(30):
-        shape = obstacle(kind, rng)
-        points = surface(shape, rng, 200)
-        centres, radius = cover(shape)
-        apart = np.linalg.norm(points[:, None] - centres, axis=2).min(axis=1)
-        assert apart.max() <= radius + 1e-12
-        corners, ball = hull(shape)
-        directions = rng.normal(size=(50, 3))
-        directions /= np.linalg.norm(directions, axis=1)[:, None]
-        assert np.all(
-            (points @ directions.T).max(axis=0) <= (corners @ directions.T).max(axis=0) + ball + 1e-12
-        )
-
-
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mesh"])
-def test_the_radius_of_covering_balls_is_bounded_by_their_pitch(kind: str) -> None:
-    """Each holds a part that is at most as long as it is wide, while there are fewer than four."""
-    rng = np.random.default_rng(3)
-    for _ in range(60):
-        shape = obstacle(kind, rng)
-        centres, radius = cover(shape)
-        match shape:
-            case Box(size):
-                across, length = float(np.linalg.norm(np.sort(size)[:2])) / 2.0, max(size)
-            case Cylinder(across, length):
-                pass
-            case Capsule(across, length):
-                length += 2.0 * across
-            case Sphere(across):
-                length = 0.0
-        needed = max(int(np.ceil(length / (2.0 * across))), 1)
-        assert len(centres) == min(needed, 4)
-        assert radius <= np.sqrt(2.0) * across + 1e-12 or needed > 4
 
 
 @pytest.mark.parametrize("name", ARMS)
@@ -114,12 +40,13 @@ def test_bodies_move_against_each_other_by_no_more_than_the_bound(name: str) -> 
     world = world_of(name, [])
     robot = arm(name)
     row = {part.name: part for part in robot.bodies}
+    every = np.arange(len(world.pairs))
     tightest = 0.0
     for q in some_q(world, rng, 60):
         delta = rng.uniform(0.0, rng.choice([0.01, 0.2, 1.0]), len(q)) * rng.integers(0, 2, len(q))
         after = robot.joint_poses(q + delta * rng.choice([-1.0, 1.0], len(q)))
         before = robot.joint_poses(q)
-        bounds = world.volumes.motion(world.volumes.placed(q[None]), delta[None])[0]
+        bounds = world.volumes.motion_of(world.volumes.placed(q[None]), delta[None], 0 * every, every)
         for index, bound in enumerate(bounds):
             names = world.pair_names(index)
             if not set(names) <= set(row):
@@ -186,7 +113,7 @@ def test_the_gap_between_planes_shows_how_far_coals_distances_may_be_wrong() -> 
                 world.volumes.placed(q[None]), 0 * apart, apart, normals[apart], q[None, None], nothing
             )
             gaps.append(values[apart] - planes)
-            results = world._distances.distanceResults
+            results = [world._geometry.results[i] for i in world._geometry.index.tolist()]
             ends = [(results[i].getNearestPoint1(), results[i].getNearestPoint2()) for i in apart.tolist()]
             witnessed = np.array([np.linalg.norm(np.subtract(a, b)) for a, b in ends])
             above.append(np.abs(witnessed - values[apart]))

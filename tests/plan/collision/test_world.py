@@ -16,8 +16,8 @@ from arm.robot.shapes import Body, Box, Cylinder, Shape, Sphere
 from arm.se3 import Array, apply, frozen, rotation, transform
 from plan.budget import DISTANCE_CHECKS, SearchBudget, allowed
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.bounds import hull
 from plan.collision.certificate import certify_curve
+from plan.collision.covers import hull
 from plan.collision.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World, distance_of
 from tasks.task2 import TABLE, TOOL_LENGTH, task2
 
@@ -188,7 +188,7 @@ def test_pair_distance_drops_by_no_more_than_the_pair_motion() -> None:
     every = np.arange(len(world.pairs))
     for q in random_q(robot, rng, 200):
         delta = rng.uniform(0.0, 0.2, 6)
-        motion = world.volumes.motion(world.volumes.placed(q[None]), delta[None])[0]
+        motion = world.volumes.motion_of(world.volumes.placed(q[None]), delta[None], 0 * every, every)
         before = world.pair_distances(q, every)
         after = world.pair_distances(q + delta * rng.uniform(-1.0, 1.0, 6), every)
         clear = (before > 0.0) & (after > 0.0)
@@ -199,7 +199,9 @@ def test_bodies_of_the_arm_move_only_with_the_joints_between_them() -> None:
     robot = load_a465(TOOL_LENGTH, 0.06)
     world = World(robot, [TABLE])
     first = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    motion = world.volumes.motion(world.volumes.placed(np.full((1, 6), 0.3)), first[None])[0]
+    every = np.arange(len(world.pairs))
+    at = world.volumes.placed(np.full((1, 6), 0.3))
+    motion = world.volumes.motion_of(at, first[None], 0 * every, every)
     for i in range(len(world.pairs)):
         names = world.pair_names(i)
         still = "table" in names or "base" in names

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from cell.export.folder import write_folder
 from cell.export.urdf import Surroundings, describe
-from plan.collision.world import GJK_TOLERANCE
+from plan.collision.pair_geometry import GJK_TOLERANCE
 
 
 class Exported:

@@ -14,12 +14,12 @@ import numpy as np
 
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Indices, frozen
 from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.search_margin import MARGIN, searched_clearance
-from plan.collision.world import Indices, World
+from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends

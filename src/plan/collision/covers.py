@@ -1,0 +1,89 @@
+"""Simple bodies that contain a shape: balls, the hull of balls, and a rounded box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from arm.numerics.products import norm
+from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.se3 import Array
+
+ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
+_MOST_BALLS = 4  # balls that cover a long body
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body: the joint that moves it (0 if none does), its pose in the joint's frame, and its padding, m."""
+
+    name: str
+    joint: int
+    shape: Shape
+    T_joint_body: Array
+    padding: float = 0.0
+
+
+@lru_cache(maxsize=1024)
+def hull(shape: Shape) -> tuple[Array, float]:
+    """Return points (n, 3) and a radius; the hull of balls of that radius about the points contains the body."""
+    match shape:
+        case Box(size):
+            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            return signs * (np.array(size) / 2.0), 0.0
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+        case Convex(points):
+            return np.array(points), 0.0
+
+
+@lru_cache(maxsize=1024)
+def cover(shape: Shape) -> tuple[Array, float]:
+    """Return centres (n, 3) and the radius of equal balls that cover the body."""
+    match shape:
+        case Sphere(radius):
+            return np.zeros((1, 3)), radius
+        case Capsule(radius, length):
+            return _row(np.array([0.0, 0.0, length + 2.0 * radius]), radius)
+        case Cylinder(radius, length):
+            return _row(np.array([2.0 * radius, 2.0 * radius, length]), radius)
+        case Box(size):
+            return _row(np.array(size), None)
+        case Convex(points):
+            corners = np.array(points)
+            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+            return middle[None], float(np.linalg.norm(corners - middle, axis=1).max())
+
+
+def _row(size: Array, radius: float | None) -> tuple[Array, float]:
+    """Place balls along the longest edge of a box (radius None) or along the axis of a cylinder."""
+    axis = int(np.argmax(size)) if radius is None else 2
+    across = float(norm(np.delete(size, axis))) / 2.0 if radius is None else radius
+    count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
+    part = size[axis] / count
+    centres = np.zeros((count, 3))
+    centres[:, axis] = (np.arange(count) - (count - 1) / 2.0) * part
+    return centres, float(np.hypot(across, part / 2.0))
+
+
+@lru_cache(maxsize=1024)
+def rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
+    """Return a box (middle, half sizes), the radius of a disc across z and of a ball; their sum contains the body."""
+    middle = np.zeros(3)
+    match shape:
+        case Box(size):
+            return middle, np.array(size) / 2.0, 0.0, 0.0
+        case Cylinder(radius, length):
+            return middle, np.array([0.0, 0.0, length / 2.0]), radius, 0.0
+        case Capsule(radius, length):
+            return middle, np.array([0.0, 0.0, length / 2.0]), 0.0, radius
+        case Sphere(radius):
+            return middle, np.zeros(3), 0.0, radius
+        case Convex(points):
+            corners = np.array(points)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            return (low + high) / 2.0, (high - low) / 2.0, 0.0, 0.0
