@@ -179,26 +179,28 @@ class Axes:
         self._along, self._across, self._turn = np.stack(
             [(axis.along, axis.across, axis.turn) for axis in axes], axis=1
         )
+        self._lines = np.stack([self.point, self.direction], axis=-1)
         self._slide = np.where(self.revolute[:, None], 0.0, self.direction)
 
     def place(self, q: Array) -> tuple[Array, Array]:
         """Return rotations (m, n + 1, 3, 3) and translations (m, n + 1, 3) of E_0 .. E_n."""
         m, n = q.shape
         cosine, sine = np.cos(q)[..., None, None], np.sin(q)[..., None, None]
-        step = self._along + cosine * self._across + sine * self._turn
-        shift = self.point - (mul(step, self.point[..., None]))[..., 0] + q[..., None] * self._slide
-        R, t = np.empty((m, n + 1, 3, 3)), np.empty((m, n + 1, 3))
-        R[:, 0], t[:, 0] = np.eye(3), 0.0
+        step = np.empty((m, n, 3, 4))
+        turn = step[..., :3]
+        turn[:] = self._along + cosine * self._across + sine * self._turn
+        step[..., 3] = self.point - mul(turn, self.point[..., None])[..., 0] + q[..., None] * self._slide
+        placed = np.empty((m, n + 1, 3, 4))
+        placed[:, 0] = np.eye(3, 4)
         for k in range(n):
-            R[:, k + 1] = mul(R[:, k], step[:, k])
-            t[:, k + 1] = (mul(R[:, k], shift[:, k, :, None]))[..., 0] + t[:, k]
-        return R, t
+            placed[:, k + 1] = mul(placed[:, k, :, :3], step[:, k])
+            placed[:, k + 1, :, 3] += placed[:, k, :, 3]
+        return placed[..., :3], placed[..., 3]
 
     def lines(self, R: Array, t: Array) -> tuple[Array, Array]:
         """Return a point (m, n, 3) on each axis and its direction (m, n, 3)."""
-        direction = (mul(R[:, 1:], self.direction[..., None]))[..., 0]
-        point = (mul(R[:, 1:], self.point[..., None]))[..., 0] + t[:, 1:]
-        return point, direction
+        found = mul(R[:, 1:], self._lines)
+        return found[..., 0] + t[:, 1:], found[..., 1]
 
 
 class _Hulls:

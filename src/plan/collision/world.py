@@ -213,10 +213,22 @@ class World:
 
     def distance(self, q: npt.ArrayLike) -> Distance:
         """Return the smallest distance over all pairs at configuration q (n,) rad; infinite if there is no pair."""
-        values = self.pair_distances(q, np.arange(len(self.pairs)))
-        if not len(values):
-            return Distance(float("inf"), ("", ""), frozen(np.full((2, 3), np.nan)))
-        return self._witness(int(np.argmin(values)), float(values.min()))
+        q = self._configuration(q)
+        self._geometry.place(q)
+        spend(DISTANCE_CHECKS * len(self.pairs))
+        bounds = self.volumes.distances(self.volumes.placed(q[None]))[0] - self.paddings
+        closest, least = -1, float("inf")
+        for i in np.argsort(bounds, kind="stable").tolist():
+            # a computed distance may be below its bound by its error
+            if bounds[i] > least + DISTANCE_ERROR:
+                break
+            result = self._geometry.distance(int(self._geometry.index[i]))
+            value = max(result.min_distance, UNKNOWN_DEPTH) - float(self.paddings[i])
+            if value < least or (value == least and i < closest):
+                closest, least = i, value
+        if closest < 0:
+            return Distance(least, ("", ""), frozen(np.full((2, 3), np.nan)))
+        return self._witness(closest, least)
 
     def distances_below(self, q: npt.ArrayLike, limit: float) -> list[Distance]:
         """Return every pair closer than `limit` m at configuration q (n,) rad, the closest first.
