@@ -29,6 +29,7 @@ DISTANCE_CHECKS = 0.2  # one distance
 QP_CHECKS = 60.0  # one quadratic program of path optimisation
 START_CHECKS = 30.0  # one start of numerical inverse kinematics
 LINE_CHECKS = 150.0  # one Cartesian line
+STEP_CHECKS = 4.0  # one quadratic program of a line
 _LONGEST = 1e6  # s
 _CHECKS_PER_READING = 200.0  # collision checks between two readings of the clock
 

@@ -14,6 +14,7 @@ LOOKS = ("each", "never")
 CHOICES = ("free", "given")
 CERTIFICATES = ("tight", "decide")
 AIMS = ("time", "clearance")
+SOLVERS = ("daqp", "osqp")
 LEAST_CLEARANCE = 0.005  # m, smallest `clearance` of transits unless `least_clearance` allows less
 
 
@@ -60,6 +61,8 @@ class PlanOptions:
         aim: ``time``: the fastest plan with the required clearance; ``clearance``: the one with the largest clearance
             (`plan.program.aim`), which takes some ten times as long to plan.
         clearance_worth: with ``clearance``, how much longer a plan may be for more clearance, s per m; None: any time.
+        solver: of the quadratic programs of lines (`plan.cartesian.differential_ik`): ``daqp`` or ``osqp``, which takes
+            several times as long.
         seed: seed of every random choice.
         transit: budget of the transit search.
     """
@@ -82,6 +85,7 @@ class PlanOptions:
     certificate: str = "tight"
     aim: str = "time"
     clearance_worth: float | None = None
+    solver: str = "daqp"
     seed: int = 0
     transit: TransitBudget = field(default_factory=TransitBudget)
 
@@ -126,8 +130,13 @@ class PlanOptions:
             raise InputError(why, value=self.look)
         if self.clearance_worth is not None:
             self._within("clearance_worth", 1.0, 1e7, "s/m")
-        choices = ("order", CHOICES), ("assignment", CHOICES), ("certificate", CERTIFICATES), ("aim", AIMS)
-        for name, known in choices:
+        for name, known in (
+            ("order", CHOICES),
+            ("assignment", CHOICES),
+            ("certificate", CERTIFICATES),
+            ("aim", AIMS),
+            ("solver", SOLVERS),
+        ):
             if getattr(self, name) not in known:
                 why = f"{name} = {getattr(self, name)!r}: must be one of {', '.join(known)}"
                 raise InputError(why, name=name, value=getattr(self, name))

@@ -51,6 +51,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         approach_speed=cell.approach_speed,
         fraction_closed=round(cell.fraction_closed(cell.gripper.close_to), 9),
         jerk_time=cell.jerk_time,
+        solver=cell.solver,
         settle_s=cell.settle_s,
         look=task.look_after,
         order=task.order,

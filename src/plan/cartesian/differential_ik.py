@@ -15,6 +15,7 @@ the constraint which prevents it; the result is never a shorter line.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NoReturn
@@ -28,13 +29,13 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, rotation_vector
+from plan.budget import STEP_CHECKS, spend
 from plan.kinematics.straight_line import AXES, Line
 
-SOLVERS = ("daqp", "osqp")
 ACTIVE = 1e-7  # rad, distance to a bound that counts as active
 _ROTATION_SCALE = 0.2  # m per rad: weighs the tool's rotation against its translation
 _DAMPING = 1e-10
-_FREE_DAMPING = 1e-6  # with a free axis: keeps the quadratic program well conditioned
+_FREE_DAMPING = 1e-6  # where joints may move without the tool: keeps the quadratic program well conditioned
 _CONVERGED = 1e-10  # m and rad
 _MAX_STEPS = 40
 _TRUST = 0.1  # rad (m for a prismatic joint), largest step with barriers
@@ -79,10 +80,13 @@ class LineOptions:
             the tolerances.
         tolerance, angle_tolerance: of the tool, at way-points and between them, m and rad.
         slowest: tool speed that the joints must allow everywhere on the line, m/s.
-        solver: one of `SOLVERS`.
+        solver: one of `plan.options.SOLVERS`.
         barrier: called with q (n,); returns additional constraints; or None.
-        free_axis: tool axis (one of `AXES`) about which the tool may rotate freely, or None. It rotates as little as
-            possible.
+        free_axis: what may turn freely, one of `TURNS`: an axis of the tool, or several of them such as ``xyz``; or
+            None. The tool turns as little as possible.
+        room: which way-points keep from joint limits as far as the start does, for what lies between them; rad (m).
+        way: configuration (n,) near which way-points are searched, as a function of the fraction of the line; or None:
+            near the way-point before.
     """
 
     step: float = 0.005
@@ -93,18 +97,23 @@ class LineOptions:
     solver: str = "daqp"
     barrier: Callable[[Array], Barrier] | None = field(default=None, compare=False)
     free_axis: str | None = None
+    room: float = 0.0
+    way: Callable[[float], Array] | None = field(default=None, compare=False)
 
 
 def _twist(T: Array, goal: Array, free_axis: str | None) -> Array:
     """Return the twist (6,) from the tool at T to the goal, m and rad in tool axes, exact to first order.
 
-    With a free axis, the rotation about it is 0 and the other two align it with the goal's.
+    With a free axis, the rotation about it is 0 and the other two align it with the goal's. With two, the third is the
+    part of the rotation vector about its axis (as in `plan.kinematics.numeric_ik`); with three, none is left.
     """
     R = T[:3, :3]
     apart = mul(R.T, goal[:3])
     twist = np.empty(6)
     twist[:3] = apart[:, 3] - mul(R.T, T[:3, 3])
-    if free_axis is not None:
+    if free_axis is not None and len(free_axis) > 1:
+        twist[3:] = np.where([name in free_axis for name in AXES], 0.0, rotation_vector(apart[:, :3]))
+    elif free_axis is not None:
         axis = AXES.index(free_axis)
         twist[3:] = np.cross(np.eye(3)[axis], apart[:, axis])
     elif apart[0, 0] + apart[1, 1] + apart[2, 2] > 2.98:  # below 0.15 rad the sine approximates the angle
@@ -181,11 +190,10 @@ class Follower:
 
     def program(self, q: Array, twist: Array) -> tuple[Array, Array, float]:
         """Return J, e and damping of the quadratic program at q."""
-        J, e = _WEIGHT[:, None] * self.robot.jacobian(q), _WEIGHT * twist
-        if self.options.free_axis is None:
-            return J, e, _DAMPING
-        rows = [r for r in range(6) if r != 3 + AXES.index(self.options.free_axis)]
-        return J[rows], e[rows], _FREE_DAMPING
+        J, e, free = _WEIGHT[:, None] * self.robot.jacobian(q), _WEIGHT * twist, self.options.free_axis or ""
+        rows = [r for r in range(6) if r < 3 or AXES[r - 3] not in free]
+        redundant = free or (self.options.barrier is not None and len(rows) < len(q))
+        return J[rows], e[rows], _FREE_DAMPING if redundant else _DAMPING
 
     def step(self, q: Array, twist: Array, lower: Array, upper: Array, barrier: Barrier) -> Array | None:
         """Solve the quadratic program; return the step, or None if it is infeasible."""
@@ -194,6 +202,7 @@ class Follower:
         kept = not len(barrier.h) or (mul(barrier.G, free) <= barrier.h - _BARRIER_AIM).all()
         if kept and (free >= lower).all() and (free <= upper).all():
             return free
+        spend(STEP_CHECKS)
         solution = _solve(J, e, damping, lower, upper, barrier, self.options.solver)
         return solution.x if solution.found else None
 
@@ -263,4 +272,6 @@ def _solve(
     if solver == "osqp":
         P, G = scipy.sparse.csc_matrix(P), None if G is None else scipy.sparse.csc_matrix(G)
     problem = qpsolvers.Problem(P, mul(-J.T, e), G=G, h=h, lb=lower, ub=upper)
-    return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS[solver])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what osqp could not solve is told by `found`
+        return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS[solver])

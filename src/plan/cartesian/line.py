@@ -5,7 +5,7 @@ The spline is compared with the line, and the step is halved until it is within 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,10 @@ from arm.numerics.products import norm
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.budget import LINE_CHECKS, spend
-from plan.cartesian.differential_ik import ACTIVE, SOLVERS, Barrier, Follower, LineOptions
+from plan.cartesian.differential_ik import ACTIVE, Barrier, Follower, LineOptions
 from plan.kinematics.product_of_exponentials import product_of_exponentials
-from plan.kinematics.straight_line import AXES, Line, LineDeviation
+from plan.kinematics.straight_line import TURNS, Line, LineDeviation
+from plan.options import SOLVERS
 
 __all__ = ["SOLVERS", "Barrier", "JointPath", "Line", "LineDeviation", "LineOptions", "follow_line"]
 
@@ -70,7 +71,7 @@ def follow_line(
     options = options or LineOptions()
     for name, value, known in (
         ("solver", options.solver, SOLVERS),
-        ("free_axis", options.free_axis, (None, *AXES)),
+        ("free_axis", options.free_axis, TURNS),
     ):
         if value not in known:
             choices = ", ".join(str(k) for k in known)
@@ -86,8 +87,9 @@ def follow_line(
     count = max(4, int(np.ceil(max(line.length / options.step, angle / options.step_angle) - 1e-9)))
     for _ in range(_MAX_HALVINGS):
         path = _followed(robot, q, line, limits, options, np.linspace(0.0, length, count + 1))
-        off = _between(robot, path, line, options.free_axis)
-        if off.distance.max() <= options.tolerance and off.angle.max() <= options.angle_tolerance:
+        off, beyond = _between(robot, path, line, limits, options.free_axis)
+        kept = off.distance.max() <= options.tolerance and off.angle.max() <= options.angle_tolerance
+        if kept and beyond <= ACTIVE:
             return path
         count *= 2
     worst = int(np.argmax(off.distance / options.tolerance + off.angle / options.angle_tolerance))
@@ -96,7 +98,7 @@ def follow_line(
         f"line cannot be kept after {done * 1e3:.1f} of {length * 1e3:.1f} mm: between way-points "
         f"{path.s[1] * 1e3:.2g} mm apart the tool is {off.distance[worst] * 1e6:.1f} um and "
         f"{np.degrees(off.angle[worst]):.2g} deg off; the arm is close to a singular configuration there, or a "
-        "barrier bends the path sharply; try another configuration or another rotation of the tool"
+        "barrier or a joint limit bends the path sharply; try another configuration or another rotation of the tool"
     )
     raise ImpossibleError(why, constraint="smoothness", joint=None, done_m=done, length_m=length)
 
@@ -104,24 +106,36 @@ def follow_line(
 _BETWEEN = np.array([0.25, 0.5, 0.75])  # places between way-points where the spline is compared with the line
 
 
-def _between(robot: Robot, path: JointPath, line: Line, free_axis: str | None) -> LineDeviation:
-    """Return the deviation of the spline from the line between way-points."""
+def _between(
+    robot: Robot, path: JointPath, line: Line, limits: Limits, free_axis: str | None
+) -> tuple[LineDeviation, float]:
+    """Return the deviation of the spline from the line between way-points, and how far it leaves joint limits, rad."""
     places = (path.s[:-1, None] + np.diff(path.s)[:, None] * _BETWEEN).ravel()
-    poses = product_of_exponentials(robot).tool_poses(CubicSpline(path.s, path.q)(places))
+    q = CubicSpline(path.s, path.q)(places)
+    poses = product_of_exponentials(robot).tool_poses(q)
     on_the_spot = line.length < 0.5 * path.s[-1]
-    return line.deviation(poses, free_axis, places / path.s[-1] if on_the_spot else None)
+    beyond = float(np.maximum(limits.lower - q, q - limits.upper).max())
+    return line.deviation(poses, free_axis, places / path.s[-1] if on_the_spot else None), beyond
 
 
 def _followed(
     robot: Robot, q: Array, line: Line, limits: Limits, options: LineOptions, s: Array
 ) -> JointPath:
     length = float(s[-1])
-    follower = Follower(robot, limits, options, limits.velocity * (s[1] / options.slowest), line, length)
+    inner = replace(
+        limits,
+        lower=frozen(np.minimum(limits.lower + options.room, np.maximum(limits.lower, q))),
+        upper=frozen(np.maximum(limits.upper - options.room, np.minimum(limits.upper, q))),
+    )
+    follower = Follower(robot, inner, options, limits.velocity * (s[1] / options.slowest), line, length)
     path = [q]
-    for done, goal in zip(s[:-1], line.poses(s[1:] / length), strict=True):
-        # start the search from an extrapolation of the path. With a free axis start from the last way-point, because
-        # extrapolation would continue a rotation about that axis
-        guess = path[-1] if options.free_axis else _extrapolated(path)
+    for i, (done, goal) in enumerate(zip(s[:-1], line.poses(s[1:] / length), strict=True)):
+        # start the search from an extrapolation of the path. With a free direction start from the last way-point,
+        # because extrapolation would continue a motion along it
+        if options.way is not None:
+            guess = options.way(float(s[i + 1]) / length)
+        else:
+            guess = path[-1] if options.free_axis or options.barrier else _extrapolated(path)
         path.append(follower.meet(goal, path[-1], guess, float(done)))
     return JointPath(frozen(path), frozen(s))
 

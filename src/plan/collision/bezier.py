@@ -7,6 +7,7 @@ chapters 4 and 5).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -62,3 +63,13 @@ def curve_of_waypoints(waypoints: npt.ArrayLike) -> Curve:
     fractions = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3.0
     control = q[:-1, None, :] + (q[1:] - q[:-1])[:, None, :] * fractions
     return Curve(control, np.arange(1.0, len(q)))
+
+
+def curve_of_path(path: Any) -> Curve:
+    """Return a piecewise polynomial (scipy PPoly of order at most 3) as a chain of cubics."""
+    c = np.zeros((4, *path.c.shape[1:]))
+    c[4 - len(path.c) :] = path.c
+    h = np.diff(path.x)[:, None]
+    a0, a1, a2, a3 = c[3], c[2] * h, c[1] * h**2, c[0] * h**3
+    control = np.stack([a0, a0 + a1 / 3, a0 + (2 * a1 + a2) / 3, a0 + a1 + a2 + a3], axis=1)
+    return Curve(control, path.x[1:] - path.x[0])

@@ -8,6 +8,7 @@ from arm.se3 import Array
 from plan.collision.world import World
 
 MARGIN = 1e-3  # m, for transits
+LINE_MARGIN = 1e-4  # m, for lines, which keep their shape
 
 
 def searched_clearance(world: World, ends: Iterable[Array], asked: float, margin: float = MARGIN) -> float:

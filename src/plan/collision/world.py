@@ -195,18 +195,6 @@ class World:
         distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
         return Witnesses(np.asarray(distances), normals[:count], points[:count])
 
-    def padding_of(self, pair: tuple[str, str]) -> float:
-        """Return the padding subtracted from the distance of two bodies, m.
-
-        Raises:
-            InputError: the pair is not checked.
-        """
-        wanted = {self.names.index(name) for name in pair if name in self.names}
-        for index, indices in enumerate(self.pairs.tolist()):
-            if set(indices) == wanted:
-                return float(self.paddings[index])
-        raise InputError(f"{' and '.join(pair)}: this pair is not checked", pair=list(pair))
-
     def joint_of(self, name: str) -> int:
         """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""
         return int(self._joint[self.names.index(name)])

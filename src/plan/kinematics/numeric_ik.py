@@ -172,6 +172,28 @@ def numeric_ik(
     return _together(parts)
 
 
+def solutions_near(
+    robot: Robot,
+    q: Array,
+    T_base_tool: Array,
+    lower: Array,
+    upper: Array,
+    free: str | Sequence[str] | None = None,
+    iterations: int = 15,
+) -> tuple[Array, Bools]:
+    """Return the configurations (k, n) that starts q (k, n) lead to by the numerical method, and whether they reach
+    their poses (k, 4, 4) within limits, all together.
+
+    Raises:
+        InputError: unknown names in `free`.
+    """
+    spend(START_CHECKS * len(q) * iterations / SearchOptions.iterations)
+    task = _Task(product_of_exponentials(robot), lower, upper, _free_names(free))
+    found, met = task.search(q, T_base_tool, iterations)
+    inside = (found >= lower - 1e-12).all(axis=1) & (found <= upper + 1e-12).all(axis=1)
+    return found, met & inside
+
+
 def _free_names(free: str | Sequence[str] | None) -> tuple[str, ...]:
     names = (free,) if isinstance(free, str) else tuple(free or ())
     unknown = [name for name in names if name not in FREE]

@@ -11,6 +11,8 @@ from arm.numerics.products import mul, norm
 from arm.se3 import Array, rotation_vector, skew
 
 AXES = ("x", "y", "z")
+TURNS = (None, *AXES, "xy", "xz", "yz", "xyz")
+"""What may be free of a tool's rotation on a line: nothing, or turns about one, two or all of its axes."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,8 @@ class Line:
 
         Args:
             T_base_tool: the poses.
-            free_axis: one of `AXES`, whose direction alone defines the angle; or None for the whole rotation.
+            free_axis: one of `TURNS`. None: the angle is that of the whole rotation; one axis: that of its direction;
+                two: the part of the rotation vector about the third; three: 0.
             fraction: (m,) places on the line to compare with; default: the nearest ones. A pure rotation needs them.
         """
         along = self.T_end[:3, 3] - self.T_start[:3, 3]
@@ -65,6 +68,13 @@ class Line:
         lateral = np.linalg.norm(T_base_tool[:, :3, 3] - wanted[:, :3, 3], axis=-1)
         apart = T_base_tool[:, :3, :3] - wanted[:, :3, :3]
         # norms of differences keep their digits at small angles, unlike products
+        if free_axis is not None and len(free_axis) > 1:
+            held = [k for k, name in enumerate(AXES) if name not in free_axis]
+            turns = [
+                rotation_vector(mul(a.T, b))
+                for a, b in zip(wanted[:, :3, :3], T_base_tool[:, :3, :3], strict=True)
+            ]
+            return LineDeviation(lateral, np.abs(np.array(turns)[:, held]).max(axis=1, initial=0.0))
         if free_axis is not None:
             chord = np.linalg.norm(apart[:, :, AXES.index(free_axis)], axis=-1) / 2.0
         else:

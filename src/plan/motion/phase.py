@@ -17,7 +17,7 @@ class LinearPath:
         line: where the tool goes.
         path: of the joints.
         speed: cap on the tool's speed, m/s (rad/s for a turn on the spot).
-        free_axis: axis of the tool about which it may turn, or None.
+        free_axis: what may turn of the tool; see `plan.cartesian.differential_ik.LineOptions`.
     """
 
     line: Line

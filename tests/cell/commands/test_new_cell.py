@@ -128,14 +128,14 @@ def _names(prefix: str, value: dict[str, Any]) -> list[str]:
 def test_what_may_be_added_reads_too(tmp_path: Path) -> None:
     new_cell_step(tmp_path / "mine", "crs93", None, Console(as_json=True))
     file = tmp_path / "mine/cell.toml"
-    text = re.sub(r"^# (\w+ = (?!\[\.)|\[look)", r"\1", file.read_text(), flags=re.MULTILINE)
+    text = re.sub(r"^# (\w+ = (?!\[\.)|\[(?:look|solver))", r"\1", file.read_text(), flags=re.MULTILINE)
     file.write_text(text)
     cell = read_cell(file)
     assert cell.live_camera.device == "name:MY-CAMERA"
     assert cell.live_camera.basler.exposure == 0.008
     assert cell.live_camera.video == VideoSettings((1920, 1080), None, 0.0, 0.5, 2.0, True)
     shipped = read_cell(data_file("scenes/cell.toml"))
-    for key in ("velocity_fraction", "acceleration_fraction", "jerk_time", "board_limits"):
+    for key in ("velocity_fraction", "acceleration_fraction", "jerk_time", "solver", "board_limits"):
         assert getattr(cell, key) == getattr(shipped, key)  # what is not said is as shown
     assert {"velocity_fraction", "acceleration_fraction", "jerk_time_s"} <= set(tomllib.loads(text)["motion"])
 

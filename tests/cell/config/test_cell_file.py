@@ -33,6 +33,16 @@ def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
         read_task(task)
 
 
+def test_the_solver_of_lines_is_the_cell_files(scenes: Path) -> None:
+    task = scenes / "task2.toml"
+    assert options_of(read_task(task), 0.5).solver == "daqp"
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + '\n[solver]\nlines = "osqp"\n')
+    assert options_of(read_task(task), 0.5).solver == "osqp"
+    replace_in(scenes / "cell.toml", 'lines = "osqp"', 'lines = "quick"')
+    with pytest.raises(InputError, match=r"solver\.lines = 'quick': must be one of daqp, osqp"):
+        read_task(task)
+
+
 def test_only_what_is_meant_counts(scenes: Path) -> None:
     """Comments, the way a number is written, and what a plan does not rest on: still the same task."""
     task = read_task(scenes / "task2.toml")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
@@ -84,3 +87,45 @@ def test_solvers_agree(robot: Robot, crs97: Unit, solver: str) -> None:
     path = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(solver=solver))
     exact = follow_line(robot, q, GRASP, top, crs97.limits())
     np.testing.assert_allclose(path.q, exact.q, atol=1e-7)
+
+
+@pytest.mark.parametrize("axes", ["z", "xy", "xyz"])
+def test_what_is_free_turns_and_the_rest_does_not(robot: Robot, crs97: Unit, axes: str) -> None:
+    """The tip keeps to the line, and so does what is held of the rotation; what is free turns for the least motion."""
+    q = start_above(robot, crs97, YAW)
+    T_start, T_end = START @ transform(rot_z(YAW)), END @ transform(rot_z(YAW))
+    free = follow_line(robot, q, T_start, T_end, crs97.limits(), LineOptions(free_axis=axes))
+    line, poses = Line(T_start, T_end), product_of_exponentials(robot).tool_poses(free.q)
+    off = line.deviation(poses, axes)
+    assert off.distance.max() < 1e-6
+    assert off.angle.max() < 1e-6
+    assert line.deviation(poses).angle.max() > 0.01
+    held = follow_line(robot, q, T_start, T_end, crs97.limits())
+    assert np.abs(np.diff(free.q, axis=0)).sum() < np.abs(np.diff(held.q, axis=0)).sum()
+
+
+def test_way_points_are_searched_near_the_way(robot: Robot, crs97: Unit) -> None:
+    q = start_above(robot, crs97, 0.0)
+    turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -0.4])
+    plain = follow_line(robot, q, START, END, crs97.limits(), LineOptions(free_axis="z"))
+    spline = CubicSpline(plain.s / plain.s[-1], plain.q)
+    options = LineOptions(free_axis="z", way=lambda u: spline(u) + u * turn)
+    path = follow_line(robot, q, START, END, crs97.limits(), options)
+    np.testing.assert_allclose(
+        path.q, spline(path.s / path.s[-1]) + path.s[:, None] / path.s[-1] * turn, atol=1e-4
+    )
+
+
+def test_a_spline_that_meets_a_joint_limit_stays_within(robot: Robot, crs97: Unit) -> None:
+    """The way turns J6 into its limit; without room for what lies between way-points that is refused."""
+    q, limits = start_above(robot, crs97, 0.0), crs97.limits()
+    turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.0 * (limits.upper[5] - q[5])])
+    plain = follow_line(robot, q, START, END, limits, LineOptions(free_axis="z"))
+    spline = CubicSpline(plain.s / plain.s[-1], plain.q)
+    options = LineOptions(free_axis="z", way=lambda u: spline(u) + u * turn)
+    with pytest.raises(ImpossibleError, match="a joint limit bends the path sharply"):
+        follow_line(robot, q, START, END, limits, options)
+    path = follow_line(robot, q, START, END, limits, replace(options, room=1e-2))
+    dense = CubicSpline(path.s, path.q)(np.linspace(0.0, path.s[-1], 5000))
+    assert (dense <= limits.upper + 1e-6).all()
+    assert dense[:, 5].max() > limits.upper[5] - 0.02

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import PPoly
 
 from arm.errors import InputError
 from arm.robot.model import Robot
 from arms.moved_worlds import UNIT, at, count_path, crowded_world
-from plan.collision.bezier import Curve, curve_of_counts, curve_of_waypoints
+from plan.collision.bezier import Curve, curve_of_counts, curve_of_path, curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plans.given import HOME, INF, NAN
@@ -29,6 +30,19 @@ def test_the_curve_is_the_executed_motion() -> None:
         times = np.clip(times, begins[i] + 1e-9, curve.ends[i] - 1e-9)
         assert np.abs(at(piece, u) - UNIT.positions(path.at(times))).max() < 1e-6
     assert curve.ends[-1] == pytest.approx(path.duration_s)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_curve_of_a_path_is_the_path(order: int) -> None:
+    rng = np.random.default_rng(order)
+    path = PPoly(rng.normal(size=(order + 1, 5, 6)), np.cumsum(rng.uniform(0.2, 1.0, 6)))
+    curve = curve_of_path(path)
+    np.testing.assert_allclose(curve.ends, path.x[1:] - path.x[0])
+    u = np.linspace(0.0, 1.0, 9)
+    for i in range(5):
+        piece = Curve(curve.control[i : i + 1], np.array([1.0]))
+        inside = path(path.x[i] + (u[:-1]) * (path.x[i + 1] - path.x[i]))
+        np.testing.assert_allclose(at(piece, u)[:-1], inside, atol=1e-12)
 
 
 def test_a_curve_whose_parts_do_not_fit_is_refused_by_its_shape() -> None:

@@ -297,7 +297,6 @@ def test_paddings_of_bodies_are_taken_off_their_own_distances_only() -> None:
         assert np.abs(world.witnesses(q[None], zeros, every).distance - wanted).max() < 1e-12
         near = world.near(q[None], 0.05)
         assert set(near.pair.tolist()) == set(np.flatnonzero(wanted < 0.05).tolist())
-        assert world.padding_of(bare.pair_names(3)) == pytest.approx(off[3])
         for clearance in (0.0, 0.01, float(wanted.min()) - 1e-5, float(wanted.min()) + 1e-5):
             assert world.in_collision(q, clearance) == bool(wanted.min() < clearance)
 
@@ -316,15 +315,12 @@ def test_a_proof_takes_the_paddings_off() -> None:
     assert not certify_curve(World(robot, [_padded(low, 0.03)]), curve, asked).proved
 
 
-def test_what_is_no_configuration_no_pair_and_no_pose_is_refused() -> None:
+def test_what_is_no_configuration_and_no_pose_is_refused() -> None:
     robot = load_a465(TOOL_LENGTH, 0.06)
     world = World(robot, [TABLE])
     for wrong in (np.zeros(6), np.zeros((2, 5)), np.zeros((1, 2, 6)), np.full((2, 6), np.nan)):
         with pytest.raises(InputError, match=r"must be \(m, 6\) finite numbers, rad"):
             world.near(wrong, 0.1)
-    for pair in (("table", "no such body"), ("table", "table"), ("no", "such")):
-        with pytest.raises(InputError, match=f"{pair[0]} and {pair[1]}: this pair is not checked"):
-            world.padding_of(pair)
     with pytest.raises(InputError, match=r"robot\.T_end_tool"):
         World(replace(robot, T_end_tool=frozen(2.0 * np.eye(4))), [TABLE])
 

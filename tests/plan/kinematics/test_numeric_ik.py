@@ -11,8 +11,9 @@ from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.robot.model import Robot, load_robot
 from arm.se3 import rot_x, rot_z, rotation, transform
+from arms.made_up import UR_LIKE, arm
 from plan.kinematics.closed_form import BRANCH_NAMES
-from plan.kinematics.numeric_ik import SearchOptions, numeric_ik, solve_ik
+from plan.kinematics.numeric_ik import SearchOptions, numeric_ik, solutions_near, solve_ik
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 # joint: origin xyz, origin rpy, axis, kind
@@ -181,6 +182,36 @@ def test_a_rotation_error_of_180_deg_is_not_a_solution(tmp_path: Path) -> None:
     assert len(numeric_ik(robot, T, [0.0], [0.2])) == 1
     for turn in (rot_x(np.pi), rotation((0.0, np.pi, 0.0)), rot_z(np.pi)):
         assert len(numeric_ik(robot, T @ transform(turn), [0.0], [0.2])) == 0
+
+
+def test_starts_lead_to_the_solutions_nearby(robot: Robot, crs97: Unit) -> None:
+    """Each to its own pose, within limits; one that has none nearby says so."""
+    rng = np.random.default_rng(8)
+    q = rng.uniform(crs97.lower, crs97.upper, (40, 6))
+    T = np.stack([robot.T_base_tool(one) for one in q])
+    starts = np.clip(q + rng.uniform(-0.02, 0.02, q.shape), crs97.lower, crs97.upper)
+    T[-1, :3, 3] += 2.0
+    found, met = solutions_near(robot, starts, T, crs97.lower, crs97.upper)
+    assert met[:-1].sum() >= 36
+    assert not met[-1]
+    for one, pose in zip(found[met], T[met], strict=True):
+        np.testing.assert_allclose(robot.T_base_tool(one), pose, atol=1e-7)
+    assert np.abs(found - starts)[met].max() < 0.5
+    turned = T @ transform(rot_z(0.3))
+    found, met = solutions_near(robot, q, turned, crs97.lower, crs97.upper, "rz")
+    assert met[:-1].all()
+    np.testing.assert_allclose(found[met], q[met], atol=1e-6)
+
+
+def test_a_solution_nearby_beyond_a_full_circles_limit_is_none(tmp_path: Path) -> None:
+    robot = arm(tmp_path, UR_LIKE, [])
+    q = np.array([[0.3, -0.8, 1.2, 0.4, 0.9, 6.15]])
+    limit = np.full(6, 6.2)
+    for turn, wanted in ((0.03, True), (0.2, False)):
+        T = robot.T_base_tool(q[0] + [0.0, 0.0, 0.0, 0.0, 0.0, turn])
+        found, met = solutions_near(robot, q, T[None], -limit, limit)
+        assert bool(met[0]) is wanted
+        assert not wanted or (found <= limit).all()
 
 
 def test_wrong_questions_are_refused(robot: Robot, crs97: Unit) -> None:

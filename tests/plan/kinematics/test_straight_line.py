@@ -51,3 +51,8 @@ def test_a_turn_about_the_free_axis_is_no_deviation(line: Line) -> None:
     T = _off(line.poses(u), np.zeros(3), np.array([0.0, 0.0, 0.7]))
     assert line.deviation(T, free_axis="z", fraction=u).angle.max() < 1e-7
     assert line.deviation(T, free_axis="x", fraction=u).angle == pytest.approx(0.7)
+    # two free axes: only the turn about the third counts, by the rotation vector; three: none does
+    turned = _off(line.poses(u), np.zeros(3), np.array([0.5, -0.2, 0.4]))
+    assert line.deviation(turned, free_axis="xy", fraction=u).angle == pytest.approx(0.4)
+    assert line.deviation(turned, free_axis="xz", fraction=u).angle == pytest.approx(0.2)
+    assert line.deviation(turned, free_axis="xyz", fraction=u).angle.max() == 0.0

@@ -196,7 +196,7 @@ class AssignmentPlanner:
             sequence.targets,
             setting.planned,
             setting.tool_speed,
-            options.slowest,
+            options,
         )
         bodies = (*scene.bodies, *scene.cubes)
         worlds = AttachmentWorlds(setting.robot, bodies, sequence.targets, 0.0, scene.robot_holding)

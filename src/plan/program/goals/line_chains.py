@@ -17,9 +17,13 @@ from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, norm
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen, rotation, rotation_vector
+from plan.cartesian.clear_line import follow_clear_line
 from plan.cartesian.line import JointPath, Line, LineOptions, follow_line
+from plan.collision.world import World
 from plan.kinematics.numeric_ik import FREE
 from plan.motion.phase import LinearPath
+from plan.options import PlanOptions
+from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 
 _TOLERANCE = 5e-6  # of the tool on lines, m
@@ -116,7 +120,9 @@ class LineChains:
         targets: the list.
         limits: that lines keep.
         tool_speed: cap on lines of targets that have none, m/s.
-        slowest: see `plan.cartesian.differential_ik.LineOptions`.
+        options: clearance, solver, and the least speed of lines.
+        worlds: in which lines that come too near to something use what they leave free to go around it
+            (`plan.cartesian.clear_line`); or None: lines are plain.
     """
 
     def __init__(
@@ -126,10 +132,17 @@ class LineChains:
         targets: Sequence[Target],
         limits: Limits,
         tool_speed: float,
-        slowest: float,
+        options: PlanOptions,
+        worlds: AttachmentWorlds | None = None,
     ) -> None:
         self.robot, self.unit, self.targets, self.limits = robot, unit, targets, limits
-        self.tool_speed, self.slowest = tool_speed, slowest
+        self.tool_speed, self.options, self.worlds = tool_speed, options, worlds
+
+    @property
+    def can_bend(self) -> bool:
+        """Whether some line leaves anything free."""
+        lines = [t for t in self.targets if t.by == "line" or t.approach > 0.0 or t.retract > 0.0]
+        return any(len(self.limits.lower) > 6 - len(_turns(t, "line") or "") for t in lines)
 
     def chain(self, group: range, q_first: Array, branch: str) -> LineChain:
         """The chain of a group from a solution `q_first` (n,) for its first target.
@@ -151,7 +164,8 @@ class LineChains:
             executed = self.unit.positions(self.unit.counts(q))
             items.append(TargetReached(index, frozen(executed), self.robot.T_base_tool(executed)))
             if target.retract > 0.0:
-                if outwards is None or target.retract != target.approach:
+                changed = self.worlds is not None and (target.attach is not None or target.detach)
+                if outwards is None or target.retract != target.approach or changed:
                     outwards = self.along_axis("retract", index, q, -target.retract)
                 items.append(LinearMove("retract", index, outwards))
                 q = outwards.path.q[-1]
@@ -188,21 +202,41 @@ class LineChains:
         start = self.robot.T_base_tool(q)
         end = np.array(start)
         end[:3, 3] += length * start[:3, 2]
-        step = self.follow(role, index, q, start, frozen(end), None)
+        step = self.follow(role, index, q, start, frozen(end), None, self.options.clearance)
         if step is None:
             raise ImpossibleError(f"{role} of {abs(length):g} m is too short", length_m=abs(length))
         return step.linear
 
     def follow(
-        self, role: str, index: int, q: Array, start: Array, end: Array, axis: str | None
+        self,
+        role: str,
+        index: int,
+        q: Array,
+        start: Array,
+        end: Array,
+        axis: str | None,
+        end_clearance: float = 0.0,
     ) -> LinearMove | None:
         target = self.targets[index]
         line = Line(frozen(start), end)
         if line.length < _NOWHERE and norm(line.turn) < _NOWHERE:
             return None
-        options = LineOptions(tolerance=_TOLERANCE, slowest=self.slowest, free_axis=axis)
+        options = LineOptions(
+            tolerance=_TOLERANCE, slowest=self.options.slowest, solver=self.options.solver, free_axis=axis
+        )
         try:
-            path = follow_line(self.robot, q, line.T_start, line.T_end, self.limits, options)
+            if self.worlds is None:
+                path = follow_line(self.robot, q, line.T_start, line.T_end, self.limits, options)
+            else:
+                world, clearance = (
+                    self.world(self.worlds, role, index),
+                    target.clearance_on_lines(self.options),
+                )
+                turns = _turns(target, role)
+                clear = follow_clear_line(
+                    world, clearance, q, line, self.limits, options, turns, end_clearance
+                )
+                path, axis = clear.path, clear.free_axis
         except ImpossibleError as error:
             data = {k: v for k, v in error.data.items() if k != "target"}
             raise ImpossibleError(
@@ -210,6 +244,26 @@ class LineChains:
             ) from error
         linear = LinearPath(line, path, target.speed or self.tool_speed, axis)
         return LinearMove(role, index, linear)
+
+    def world(self, worlds: AttachmentWorlds, role: str, index: int) -> World:
+        """The world on a line if all poses before are met exactly, whatever is free there."""
+        state = worlds.start
+        for target in self.targets[: index + (role == "retract")]:
+            T_base_tool = target.poses[0] if target.q is None else self.robot.T_base_tool(target.q)
+            state = worlds.after(state, target, T_base_tool)
+        return worlds.world(state, self.targets[index].pairs)
+
+
+def _turns(target: Target, role: str) -> str | None:
+    """What a line leaves free of the tool's rotation, one of `plan.kinematics.straight_line.TURNS`.
+
+    The tool's z axis keeps its direction on approach and retract, and on a line before an approach. Where something may
+    touch on approach and retract, nothing turns.
+    """
+    free = "".join(name[1:] for name in target.free if name.startswith("r"))
+    if role != "line" or target.approach > 0.0:
+        free = "z" if "z" in free and (role == "line" or not target.pairs) else ""
+    return free or None
 
 
 def _nearest(T_now: Array, target: Target) -> Array:

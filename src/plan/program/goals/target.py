@@ -39,8 +39,9 @@ class Target:
         tilt: largest angle between the tool's z axis and the pose's, rad; instead of ranges of rx and ry.
         by: how it is reached from the one before: ``transit``, any path that keeps the clearance, or ``line``, the tool
             straight. On a line the tool keeps what is free of its end as it is; a single free rotation turns as little
-            as it can.
-        approach, retract: lengths of straight lines along the tool's own z axis, into the pose and out of it, m.
+            as it can. Where something is near on the line, what is free turns as far as it has to.
+        approach, retract: lengths of straight lines along the tool's own z axis, into the pose and out of it, m. Where
+            something is near on them and `rz` is free, the tool turns about that axis, unless something may touch.
         speed: cap on the tool's speed on the lines that lead to the target and out of it, m/s (rad/s for a turn on
             the spot); default: the options' `approach_speed` times `speed`.
         blend_radius: the tool may cut the corner at this target: it passes the pose at this distance at most, m. With

@@ -32,6 +32,7 @@ from plan.program.writer import ClearanceLost, MotionWriter
 
 _ROUNDS = 6  # sequences that are tried where one could not be certified once it was timed
 _WIDENINGS = (1, 3, 9)  # times the candidates of each group, where fewer do not do
+_BENT = 0.25  # times the candidates at first where lines bend, which takes longer
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,20 @@ class SequencePlanner:
         self.start = Layer("q_start", (LineChain((), "", q_start, q_start),), (standing_time(q_start),))
         self.groups = groups(self.targets)
         self.search: PoseSearch | None = None
-        self.followed: dict[tuple[int, int], LineChain | ImpossibleError] = {}
+        self.followed: dict[tuple[bool, int, int], LineChain | ImpossibleError] = {}
         self.writer = MotionWriter(self.worlds, self.targets, self.options, setting.builder)
-        self.chains = LineChains(
-            robot, setting.unit, self.targets, setting.planned, setting.tool_speed, self.options.slowest
-        )
+        self.chains = {
+            bends: LineChains(
+                robot,
+                setting.unit,
+                self.targets,
+                setting.planned,
+                setting.tool_speed,
+                self.options,
+                self.worlds if bends else None,
+            )
+            for bends in (False, True)
+        }
 
     def planned(self, meter: Meter) -> Planned:
         """Return the plan.
@@ -123,18 +133,27 @@ class SequencePlanner:
         )
         candidates.solve(self.start.q_in[0])
         self._require_clear_start()
-        for widening in _WIDENINGS:
-            width = widening * self.effort.candidates
-            layers = [self._layer(candidates, number, width) for number in range(len(self.groups))]
-            search = self.search = PoseSearch(
-                self.worlds, self.targets, [self.start, *layers], planned, self.options, self.effort.detours
-            )
+        # plain lines first; where these do not do, lines bend if they can
+        can_bend = self.chains[True].can_bend
+        wider = [_BENT, *_WIDENINGS] if can_bend else _WIDENINGS[1:]
+        for widening, bends in [(1, False), *((times, can_bend) for times in wider)]:
+            width = max(1, int(widening * self.effort.candidates))
             try:
+                layers = [self._layer(candidates, number, width, bends) for number in range(len(self.groups))]
+                search = self.search = PoseSearch(
+                    self.worlds,
+                    self.targets,
+                    [self.start, *layers],
+                    planned,
+                    self.options,
+                    self.effort.detours,
+                )
                 return self._result(search, *self._written(search, meter))
             except ImpossibleError as error:
                 # where many paths around were looked for in vain, more solutions are little hope and much work
                 spent = bool(error.data.get("detours_spent"))
-                if spent or width >= candidates.most or widening == _WIDENINGS[-1]:
+                widest = width >= candidates.most or widening == _WIDENINGS[-1]
+                if spent or (widest and bends == can_bend):
                     raise
         raise ImpossibleError("no width was tried", widenings=_WIDENINGS)
 
@@ -155,20 +174,21 @@ class SequencePlanner:
                 clearance_m=self.options.clearance,
             )
 
-    def _layer(self, candidates: Candidates, number: int, width: int) -> Layer:
-        """The chains of the first `width` solutions of a group that can be followed."""
+    def _layer(self, candidates: Candidates, number: int, width: int, bends: bool) -> Layer:
+        """The chains of the first `width` solutions of a group that can be followed, with lines that bend or not."""
         group = self.groups[number]
         made: list[LineChain] = []
         why: list[ImpossibleError] = []
         for rank, solution in enumerate(candidates.ranked(number)):
             if len(made) == width:
                 break
-            if (number, rank) not in self.followed:
+            key = (bends, number, rank)
+            if key not in self.followed:
                 try:
-                    self.followed[number, rank] = self.chains.chain(group, solution.q, solution.branch)
+                    self.followed[key] = self.chains[bends].chain(group, solution.q, solution.branch)
                 except ImpossibleError as error:
-                    self.followed[number, rank] = error
-            chain = self.followed[number, rank]
+                    self.followed[key] = error
+            chain = self.followed[key]
             if isinstance(chain, LineChain):
                 made.append(chain)
             else:

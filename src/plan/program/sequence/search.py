@@ -23,9 +23,9 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter
-from plan.collision.bezier import Curve, curve_of_waypoints
+from plan.collision.bezier import curve_of_path, curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
-from plan.collision.search_margin import searched_clearance
+from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
@@ -33,12 +33,11 @@ from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReache
 from plan.program.goals.target import Target
 from plan.program.sequence.rejections import end_blocked, line_blocked, out_of_hand, way_blocked
 from plan.program.sequence.times import ChainTime, way_bounds, way_estimates
-from plan.trajectory.joint_path import Path, smooth_path
+from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.time_estimates import path_time
 from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
 
-LINE_MARGIN = 1e-4  # m: lines are proved with this much more clearance than is asked, for what timing changes
 _SAMPLES = (0.5, 0.25, 0.75)  # of a straight way before it is proved
 _BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
 
@@ -327,16 +326,6 @@ class PoseSearch:
                 "detours_spent": self._made[number] >= self.most_detours,
             },
         )
-
-
-def curve_of_path(path: Path) -> Curve:
-    """A piecewise polynomial of order up to 3 as a chain of cubics."""
-    c = np.zeros((4, *path.c.shape[1:]))
-    c[4 - len(path.c) :] = path.c
-    h = np.diff(path.x)[:, None]
-    a0, a1, a2, a3 = c[3], c[2] * h, c[1] * h**2, c[0] * h**3
-    control = np.stack([a0, a0 + a1 / 3, a0 + (2 * a1 + a2) / 3, a0 + a1 + a2 + a3], axis=1)
-    return Curve(control, path.x[1:] - path.x[0])
 
 
 def _miss(error: ImpossibleError) -> float:
