@@ -15,6 +15,7 @@ CHOICES = ("free", "given")
 CERTIFICATES = ("tight", "decide")
 AIMS = ("time", "clearance")
 SOLVERS = ("daqp", "osqp")
+TIMINGS = ("own", "toppra")
 LEAST_CLEARANCE = 0.005  # m, smallest `clearance` of transits unless `least_clearance` allows less
 
 
@@ -63,6 +64,9 @@ class PlanOptions:
         clearance_worth: with ``clearance``, how much longer a plan may be for more clearance, s per m; None: any time.
         solver: of the quadratic programs of lines (`plan.cartesian.differential_ik`): ``daqp`` or ``osqp``, which takes
             several times as long.
+        timing: of joined motions and lines: ``own``: `plan.trajectory.topp_ra`; ``toppra``: the library of this name,
+            corrected like ours (`plan.trajectory.toppra_timing`), which takes several times as long. It has no jerk
+            limits.
         seed: seed of every random choice.
         transit: budget of the transit search.
     """
@@ -86,8 +90,14 @@ class PlanOptions:
     aim: str = "time"
     clearance_worth: float | None = None
     solver: str = "daqp"
+    timing: str = "own"
     seed: int = 0
     transit: TransitBudget = field(default_factory=TransitBudget)
+
+    @property
+    def by_toppra(self) -> bool:
+        """Whether the library times motions (`plan.trajectory.timing.time_curve`)."""
+        return self.timing == "toppra"
 
     @property
     def slowest(self) -> float:
@@ -136,10 +146,14 @@ class PlanOptions:
             ("certificate", CERTIFICATES),
             ("aim", AIMS),
             ("solver", SOLVERS),
+            ("timing", TIMINGS),
         ):
             if getattr(self, name) not in known:
                 why = f"{name} = {getattr(self, name)!r}: must be one of {', '.join(known)}"
                 raise InputError(why, name=name, value=getattr(self, name))
+        if self.timing == "toppra" and self.jerk_time > 0.0:
+            why = f"timing = 'toppra': must be 'own' with a jerk limit (jerk_time = {self.jerk_time:g} s)"
+            raise InputError(why, name="timing", value=self.timing)
 
     def _within(self, name: str, low: float, high: float, unit: str = "") -> None:
         value = getattr(self, name)

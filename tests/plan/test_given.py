@@ -156,6 +156,7 @@ def test_a_station_has_poses_in_a_row(robot: Robot) -> None:
         ("look", ["x", 0, 1.5, None, NAN]),
         ("order", [None, 3, ["free"]]),
         ("solver", [None, "quadprog", "OSQP"]),
+        ("timing", [None, "topp", True]),
     ],
 )
 def test_options_are_checked_when_they_are_made(key: str, values: list[object]) -> None:

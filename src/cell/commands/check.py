@@ -39,6 +39,7 @@ def _check_scene(
 def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str, Any]:
     """Check every segment that the plan would send, independently of the clearances it states."""
     from arm.plan_file import read_plan
+    from cell.commands.second_opinion import second_opinion
     from cell.files.place import read_place
     from cell.task.plan_matches import check_plan
 
@@ -53,4 +54,14 @@ def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str,
         f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "
         f"acceleration limits at speed {plan.speed:g}"
     )
+    again = result["second_opinion"] = second_opinion(task, plan)
+    if again["toppra_s"] is None:
+        console.say(f"toppra gives no time for {', '.join(again['unanswered'])}")
+    else:
+        apart = [m["percent"] for m in again["motions"]]
+        console.say(
+            f"timed again by the library toppra, along the same path: {again['toppra_s']:.2f} s; the plan's motions "
+            f"take {again['planned_s']:.2f} s ({again['percent']:+.2f} %; one by one {min(apart):+.2f} to "
+            f"{max(apart):+.2f} %)"
+        )
     return result

@@ -6,7 +6,7 @@ from arm.io.keys import Keys, key
 from arm.io.rules import integer, number, numbers, rule_of, text
 from arm.se3 import Array
 from cell.config.board_keys import DICTIONARY
-from plan.options import LEAST_CLEARANCE, SOLVERS, PlanOptions
+from plan.options import LEAST_CLEARANCE, SOLVERS, TIMINGS, PlanOptions
 
 ARM_PADDING_MM = 10.0  # default; of links whose bodies were not compared with the real arm
 _FRACTION = number("", 0.01, 1.0)
@@ -47,4 +47,5 @@ class CellValues(Keys):
         "motion.acceleration_fraction", _FRACTION, default=PlanOptions.acceleration_fraction
     )
     jerk_time: float = key("motion.jerk_time_s", number("s", 0, 2), PlanOptions.jerk_time)
+    timing: str = key("motion.timing", text(*TIMINGS), PlanOptions.timing)
     solver: str = key("solver.lines", text(*SOLVERS), PlanOptions.solver)

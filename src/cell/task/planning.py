@@ -52,6 +52,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         fraction_closed=round(cell.fraction_closed(cell.gripper.close_to), 9),
         jerk_time=cell.jerk_time,
         solver=cell.solver,
+        timing=cell.timing,
         settle_s=cell.settle_s,
         look=task.look_after,
         order=task.order,

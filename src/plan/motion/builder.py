@@ -139,7 +139,7 @@ class MotionBuilder:
         careful = bool(free or inner)
         try:
             sent = to_marked_segments(
-                time_curve(chain.path, self.planned, chain.caps),
+                time_curve(chain.path, self.planned, chain.caps, self.options.by_toppra),
                 self.unit,
                 self.options.segment_ms,
                 limits=self.sent,
@@ -168,7 +168,7 @@ class MotionBuilder:
         if isinstance(phase.path, LinearPath):
             path, speed = phase.path.path, phase.path.speed
             trajectory = (
-                time_line(path, self.planned, speed)
+                time_line(path, self.planned, speed, self.options.by_toppra)
                 if self.jerk is None
                 else time_smooth(smooth_path(path.q, path.s), self.planned, self.jerk, speed)
             )

@@ -1,7 +1,8 @@
 """Time parametrisation of joint paths under velocity and acceleration limits, from rest to rest.
 
 On a straight piece in joint space the limits are constant, so the fastest timing is a trapezoid, exact and without
-iteration. Any other path is timed by reachability analysis (`plan.trajectory.topp_ra`).
+iteration. Any other path is timed by reachability analysis: ours (`plan.trajectory.topp_ra`), or the library's on
+request (`plan.trajectory.toppra_timing`).
 
 On a path of third order, the acceleration can slightly exceed its limit between grid points. So every result is
 measured inside every interval. Intervals with a large excess are timed again with a lower limit; a small excess is
@@ -21,10 +22,12 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
 from plan.trajectory.joint_path import Path, polyline, smooth_path
 from plan.trajectory.topp_ra import gridpoints, parametrise
+from plan.trajectory.toppra_timing import parametrise_by_toppra
 
 Caps = float | Array | None  # on the rate of the path parameter, for a whole path or for each piece of it
 
 GRID = 200  # intervals over all curved pieces; fewer give slower motions
+_TOPPRA_GRID = 400  # intervals over a whole path for the library
 _BEND_GRID = 12  # intervals in a bend, however short; in a parabola, limits hold between them too
 _INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # places in an interval where limits are measured
 _EASINGS = 4  # largest number of timings of one path
@@ -50,7 +53,7 @@ class Trajectory:
         path: geometry, see `plan.trajectory.joint_path`.
         times, s, rate: (k,) knots: time in s, path parameter, and its rate per s.
         limits: limits that it was timed under.
-        method: ``trapezoid``, ``topp`` or ``ruckig`` (`plan.trajectory.jerk_limited`).
+        method: ``trapezoid``, ``topp``, ``toppra`` or ``ruckig`` (`plan.trajectory.jerk_limited`).
         rate_cap: cap on the rate that it was timed under, or None.
         stretch: factor on time after timing, to keep the limits; 1 if not needed.
     """
@@ -98,7 +101,7 @@ class Trajectory:
         """Time the same path under other limits, by the same method."""
         if self.method == "trapezoid":
             return _trapezoids(self.path, limits)
-        return time_curve(self.path, limits, self.rate_cap)
+        return time_curve(self.path, limits, self.rate_cap, self.method == "toppra")
 
     def switches(self) -> Array:
         """Return the times (k,) in s, without both ends, where an acceleration jumps by over 20 % of its limit."""
@@ -154,18 +157,21 @@ def time_path(q: npt.ArrayLike, limits: Limits) -> Trajectory:
     return _trapezoids(polyline(q), limits)
 
 
-def time_line(path: JointPath, limits: Limits, tool_speed: float | None = None) -> Trajectory:
+def time_line(
+    path: JointPath, limits: Limits, tool_speed: float | None = None, by_toppra: bool = False
+) -> Trajectory:
     """Time a Cartesian line, from rest to rest.
 
     Args:
         path: from `plan.cartesian.line.follow_line`.
         limits: limits of velocity and acceleration.
         tool_speed: cap on the tool's speed, m/s (rad/s for a pure rotation), or None.
+        by_toppra: see `time_curve`.
     """
-    return time_curve(smooth_path(path.q, path.s), limits, tool_speed)
+    return time_curve(smooth_path(path.q, path.s), limits, tool_speed, by_toppra)
 
 
-def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
+def time_curve(path: Path, limits: Limits, rate_cap: Caps = None, by_toppra: bool = False) -> Trajectory:
     """Time any path of `plan.trajectory.joint_path`, from rest to rest, by TOPP-RA.
 
     Args:
@@ -173,15 +179,20 @@ def time_curve(path: Path, limits: Limits, rate_cap: Caps = None) -> Trajectory:
         limits: limits of velocity and acceleration.
         rate_cap: cap on the rate of the path parameter, its unit per s: one for the path, or one for each piece (inf
             for no cap), or None.
+        by_toppra: whether the library toppra solves it, instead of `plan.trajectory.topp_ra`. Its result is corrected
+            like ours.
 
     Raises:
         InputError: a cap is not positive, or no joint moves along the path.
+        ImpossibleError: toppra gives no answer.
     """
-    stage = gridpoints(path, _counts(path), rate_caps(path, rate_cap))
+    counts = _counts_of_toppra(path) if by_toppra else _counts(path)
+    method, solve = ("toppra", parametrise_by_toppra) if by_toppra else ("topp", parametrise)
+    stage = gridpoints(path, counts, rate_caps(path, rate_cap))
     ease = np.ones(len(stage.s) - 1)
     for _ in range(_EASINGS):
-        s, rate = parametrise(stage, limits, ease)
-        trajectory = Trajectory(path, _times(s, rate), frozen(s), frozen(rate), limits, "topp", rate_cap)
+        s, rate = solve(stage, limits, ease)
+        trajectory = Trajectory(path, _times(s, rate), frozen(s), frozen(rate), limits, method, rate_cap)
         velocity, acceleration = trajectory.loads()
         if acceleration.max() <= _WORTH_EASING:
             break
@@ -212,6 +223,13 @@ def _counts(path: Path) -> npt.NDArray[np.int64]:
     step = max(float(length[~straight].sum()), 1e-12) / GRID
     least = _BEND_GRID if path.c.shape[0] < 4 else 1  # a spline has many pieces
     return np.where(straight, 1, np.maximum(least, np.ceil(length / step - 1e-9))).astype(np.int64)
+
+
+def _counts_of_toppra(path: Path) -> npt.NDArray[np.int64]:
+    """Return the number of intervals of each piece: it has no switches inside intervals, in straight pieces neither."""
+    length = np.diff(path.x)
+    step = float(length.sum()) / _TOPPRA_GRID
+    return np.asarray(np.maximum(_counts(path), np.ceil(length / step - 1e-9)), dtype=np.int64)
 
 
 def _times(s: Array, rate: Array) -> Array:

@@ -101,7 +101,7 @@ def parametrise(stage: Gridpoints, limits: Limits, ease: Array | None = None) ->
         p = np.where(A != 0.0, step[:, None] * a / np.abs(A), np.inf)
         g = np.where(A != 0.0, 1.0 - step[:, None] * B / A, 1.0)
         inside = np.minimum((limits.velocity / np.abs(stage.first)).min(axis=-1), stage.cap[:, None]) ** 2
-        speed = _speed_caps(inside)
+        speed = speed_caps(inside)
         # x' >= 0 must be reachable
         stop = np.where(g < 0.0, p / -g, np.inf).min(axis=1)
         cap = np.minimum(speed, np.append(np.minimum(_pair_caps(A, B, a, stage.straight), stop), np.inf))
@@ -113,7 +113,7 @@ def parametrise(stage: Gridpoints, limits: Limits, ease: Array | None = None) ->
     return _with_switches(stage, np.asarray(x), p.min(axis=1) / step, inside[:, 2])
 
 
-def _speed_caps(inside: Array) -> Array:
+def speed_caps(inside: Array) -> Array:
     """Return the largest x at the grid points (n + 1,) that keeps velocity limits there and, x being linear, between.
 
     `inside` (n, 5) is the largest x under the velocity limits at the five places of every interval.

@@ -135,7 +135,14 @@ def test_what_may_be_added_reads_too(tmp_path: Path) -> None:
     assert cell.live_camera.basler.exposure == 0.008
     assert cell.live_camera.video == VideoSettings((1920, 1080), None, 0.0, 0.5, 2.0, True)
     shipped = read_cell(data_file("scenes/cell.toml"))
-    for key in ("velocity_fraction", "acceleration_fraction", "jerk_time", "solver", "board_limits"):
+    for key in (
+        "velocity_fraction",
+        "acceleration_fraction",
+        "jerk_time",
+        "timing",
+        "solver",
+        "board_limits",
+    ):
         assert getattr(cell, key) == getattr(shipped, key)  # what is not said is as shown
     assert {"velocity_fraction", "acceleration_fraction", "jerk_time_s"} <= set(tomllib.loads(text)["motion"])
 

@@ -43,6 +43,16 @@ def test_the_solver_of_lines_is_the_cell_files(scenes: Path) -> None:
         read_task(task)
 
 
+def test_what_times_motions_is_the_cell_files(scenes: Path) -> None:
+    task = scenes / "task2.toml"
+    assert options_of(read_task(task), 0.5).timing == "own"
+    replace_in(scenes / "cell.toml", "[motion]", '[motion]\ntiming = "toppra"')
+    assert options_of(read_task(task), 0.5).by_toppra
+    replace_in(scenes / "cell.toml", "[motion]", "[motion]\njerk_time_s = 0.1")
+    with pytest.raises(InputError, match="timing = 'toppra': must be 'own' with a jerk limit"):
+        options_of(read_task(task), 0.5)
+
+
 def test_only_what_is_meant_counts(scenes: Path) -> None:
     """Comments, the way a number is written, and what a plan does not rest on: still the same task."""
     task = read_task(scenes / "task2.toml")
