@@ -4,19 +4,23 @@ Two figures for each pair of ends. The *estimate* ranks: every phase at the full
 of what each change of velocity takes. The *bound* is proved: no motion through these forced places is faster. It is
 the larger of
 
-- the sum over the phases of the time that the slowest joint needs at full speed (and the tool at its own), and
+- the sum of three times: of either line alone, from rest at its station, and of the way across, where every joint
+  alone starts and ends with at most the velocity that its line allows there, and
 - over the joints, the least time from rest to rest through the joint's forced values, at rest wherever it turns back.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.controller.unit import Limits
 from arm.se3 import Array, frozen
+
+# What a line may be faster at its very end than over its last stretch, which is 5 mm long: at the most, by far.
+_FASTER = 1.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +32,8 @@ class LineEnds:
         time: (k,) s of the line at full speed.
         velocity: (k, n) rad/s with which the line outwards passes the offset point.
         start: (k,) s that it costs to get going at the station.
+        least: (k,) s that no motion along the line undercuts, from rest at the station.
+        fastest: (k, n) rad/s that no motion along the line exceeds where it passes the offset point.
     """
 
     station: Array
@@ -35,18 +41,20 @@ class LineEnds:
     time: Array
     velocity: Array
     start: Array
+    least: Array
+    fastest: Array
 
     def row(self, index: int) -> LineEnds:
         """One of them."""
         one = slice(index, index + 1)
-        return LineEnds(*(a[one] for a in (self.station, self.offset, self.time, self.velocity, self.start)))
+        return LineEnds(*(getattr(self, field.name)[one] for field in fields(self)))
 
 
 def standing(q: npt.ArrayLike) -> LineEnds:
     """A place to stand, (n,) rad, as the end of a leg."""
     at = np.atleast_2d(np.asarray(q, dtype=float))
-    none = frozen(np.zeros(len(at)))
-    return LineEnds(frozen(at), frozen(at), none, frozen(np.zeros_like(at)), none)
+    none, still = frozen(np.zeros(len(at))), frozen(np.zeros_like(at))
+    return LineEnds(frozen(at), frozen(at), none, still, none, none, still)
 
 
 def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float | None) -> LineEnds:
@@ -59,8 +67,8 @@ def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float
     steps = np.diff(q, axis=1)
     # each stretch at the full speed of its slowest joint: a bound, and near what is reached
     times = (np.abs(steps) / limits.velocity).max(axis=-1)
-    if tool_speed is not None:
-        times = np.maximum(times, length / (q.shape[1] - 1) / tool_speed)
+    least = 0.0 if tool_speed is None else length / (q.shape[1] - 1) / tool_speed
+    times = np.maximum(times, least)
     first, last = steps[:, 0] / times[:, :1], steps[:, -1] / times[:, -1:]
     return LineEnds(
         frozen(q[:, 0]),
@@ -68,6 +76,8 @@ def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float
         frozen(times.sum(axis=1)),
         frozen(last),
         frozen(0.5 * (np.abs(first) / limits.acceleration).max(axis=-1)),
+        frozen(_from_rest(steps, least, limits)),
+        frozen(_FASTER * last),
     )
 
 
@@ -86,7 +96,11 @@ def leg_bounds(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
     """Lower bounds (k, l) s of the same legs, whatever the way across."""
     across = into.offset[None] - out.offset[:, None]
     shape = across.shape
-    phases = out.time[:, None] + (np.abs(across) / limits.velocity).max(axis=-1) + into.time[None]
+    # the velocity of a line towards where the joint has to go; away from there, standing still is best
+    enter = np.maximum(np.sign(across) * out.fastest[:, None], 0.0)
+    leave = np.maximum(-np.sign(across) * into.fastest[None], 0.0)
+    between = _moving(np.abs(across), enter, leave, limits).max(axis=-1)
+    phases = out.least[:, None] + between + into.least[None]
     one = np.broadcast_to((out.offset - out.station)[:, None], shape)
     three = np.broadcast_to((into.station - into.offset)[None], shape)
     first_runs_on, last_runs_on = one * across >= 0.0, across * three >= 0.0
@@ -105,6 +119,48 @@ def leg_bounds(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
         ),
     )
     return np.asarray(np.maximum(phases, joints.max(axis=-1)))
+
+
+def _from_rest(steps: Array, least: float, limits: Limits) -> Array:
+    """Least times (k,) s from rest through samples `steps` (k, m, n) rad apart, each of which takes at least `least` s.
+
+    A joint that sets out at rest has a velocity of at most a t after t. So each step takes as long as the joint needs
+    that is furthest behind.
+    """
+    v, a = limits.velocity, limits.acceleration
+    ramp = v * v / (2.0 * a)
+    time = np.zeros(len(steps))
+    for step in np.moveaxis(np.abs(steps), 1, 0):
+        now = time[:, None]
+        reach = np.where(now < v / a, 0.5 * a * now * now, v * now - ramp) + step
+        arrived = np.where(reach < ramp, np.sqrt(2.0 * reach / a), reach / v + v / (2.0 * a))
+        # a joint that stays where it is needs no time
+        arrived = np.where(step > 0.0, arrived, now).max(axis=-1)
+        time = np.maximum(arrived, time + least)
+    return time
+
+
+def _moving(way: Array, enter: Array, leave: Array, limits: Limits) -> Array:
+    """Least times (..., n) s in which each joint alone moves by `way` >= 0 rad, with the velocities given at most.
+
+    Its velocity after t of T is at most enter + a t, leave + a (T - t) and v: so `way` is at most their integral, which
+    is solved for T.
+    """
+    v, a = limits.velocity, limits.acceleration
+    enter, leave = np.minimum(enter, v), np.minimum(leave, v)
+    slower = np.minimum(enter, leave)
+    top = np.sqrt(a * way + 0.5 * (enter * enter + leave * leave))
+    return np.asarray(
+        np.where(
+            top > v,
+            way / v + ((v - enter) ** 2 + (v - leave) ** 2) / (2.0 * a * v),
+            np.where(
+                top >= np.maximum(enter, leave),
+                (2.0 * top - enter - leave) / a,
+                (np.sqrt(slower * slower + 2.0 * a * way) - slower) / a,
+            ),
+        )
+    )
 
 
 def _rest_to_rest(step: Array, limits: Limits) -> Array:
