@@ -7,20 +7,24 @@ that really stand there by then.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array, Indices, frozen
+from plan.budget import TransitBudget
 from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.search_margin import MARGIN, searched_clearance
 from plan.collision.world import World
+from plan.failure import nearness, short_of
 from plan.options import PlanOptions
+from plan.program.assignment.leg_costs import TransitEdge
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
@@ -31,6 +35,8 @@ _SLACK = 0.5
 _FIRST_SAMPLES = (0.5, 0.25, 0.75, 0.375, 0.625, 0.125, 0.875)
 # Samples of RRT-Connect as long as other ways may do.
 _FEW_SAMPLES = 150
+# Steps in which a way that will be used is made faster.
+_POLISH = 12
 # Steps of the first joint at which bodies that move with it alone are looked at, rad.
 _PASSING = np.radians(0.25)
 _UNCHANGED = 1e-5  # m
@@ -91,8 +97,7 @@ class EdgeChecks:
         ) | frozenset(places)
         self._clear_lines: set[tuple[object, ...]] = set()
         self._straight: dict[tuple[object, ...], ClearanceCertificate | Blocked] = {}
-        self._ways: dict[tuple[object, ...], Array] = {}
-        self._corners: dict[bool, list[Array]] = {False: [], True: []}
+        self._ways: dict[tuple[object, Moment], Array] = {}
         self.margin = MARGIN
 
     def least_margin(self) -> None:
@@ -162,20 +167,45 @@ class EdgeChecks:
             raise ImpossibleError("a way across was asked for at no moment", key=str(key))
         return found
 
-    def around(self, key: object, crossing: TransitQuery, now: Moment, thorough: bool) -> Array | None:
-        """A way around what is in the straight one, or None."""
+    def around(
+        self, key: object, crossing: TransitQuery, now: Moment, known: Sequence[Array], thorough: bool
+    ) -> Array | None:
+        """A way around what is in the straight one, or None.
+
+        Args:
+            key, crossing, now: as `straight`.
+            known: corners (c, n) of ways around the same body, the most promising last.
+            thorough: whether to spend more where none is found soon.
+        """
         for moment in self._moments(now, self._absent(crossing)):
-            known = (key, moment)
-            if known in self._ways:
-                return self._ways[known]
-            blocked = self._straight.get(known)
+            asked = (key, moment)
+            if asked in self._ways:
+                return self._ways[asked]
+            blocked = self._straight.get(asked)
             if not isinstance(blocked, Blocked) or blocked.end:
                 continue
-            way = self._around(crossing, moment, blocked, thorough)
+            way = self._around(crossing, moment, blocked, known, thorough)
             if way is not None:
-                self._ways[known] = frozen(way)
-                return self._ways[known]
+                self._ways[asked] = frozen(way)
+                return self._ways[asked]
         return None
+
+    def polish(self, way: Array, crossing_of: Callable[[Any], TransitQuery]) -> tuple[Array, float]:
+        """A way around that was returned, made faster with more effort, and the s that this saves.
+
+        Args:
+            way: as `around` returned it.
+            crossing_of: what was asked for, by its key.
+        """
+        key, moment = next(asked for asked, known in self._ways.items() if known is way)
+        crossing = crossing_of(key)
+        planner = self._planner(crossing, self._world(crossing, moment), self.options.transit, [])
+        better = planner.optimiser.shorten(way, _POLISH)
+        saved = planner.time(way) - planner.time(better)
+        if saved <= 0.0 or not planner.proved(better):
+            return way, 0.0
+        self._ways[key, moment] = frozen(better)
+        return self._ways[key, moment], saved
 
     def clearance(self, crossing: TransitQuery, world: World) -> float:
         """What a way is searched with, m: the asked clearance and a margin, or half of what the ends leave of it."""
@@ -245,24 +275,34 @@ class EdgeChecks:
         return True
 
     def _around(
-        self, crossing: TransitQuery, moment: Moment, blocked: Blocked, thorough: bool
+        self,
+        crossing: TransitQuery,
+        moment: Moment,
+        blocked: Blocked,
+        known: Sequence[Array],
+        thorough: bool,
     ) -> Array | None:
         world = self._world(crossing, moment)
         budget = self.options.transit
         if not thorough:
             budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
+        detours = self._planner(crossing, world, budget, list(known))
+        return detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
+
+    def _planner(
+        self, crossing: TransitQuery, world: World, budget: TransitBudget, known: list[Array]
+    ) -> TransitPlanner:
         clearance = self.clearance(crossing, world)
-        detours = TransitPlanner(
+        return TransitPlanner(
             world,
             self.limits,
             clearance,
             np.random.default_rng(self.options.seed),
             budget,
             crossing.ends,
-            self._corners[crossing.pick is not None],
+            known,
             slack=_SLACK * (clearance - self.options.clearance),
         )
-        return detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
 
     def _by(self, check: ClearanceCertificate, others: Moment) -> CubePlacement | None:
         for standing in sorted(others):
@@ -281,3 +321,52 @@ def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertifi
 def _seen(world: World, q: Array, at: float) -> ClearanceCertificate:
     closest = world.distance(q)
     return ClearanceCertificate(closest.value, closest.value, closest.pair, at, False, 1)
+
+
+def line_error(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
+    """What is in the way of a line, as an error."""
+    return ImpossibleError(
+        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
+        f"{nearness(check.pair, check.seen, clearance)}",
+        station=choice.hole,
+        yaw=choice.yaw,
+        branch=choice.branch,
+        pair=list(check.pair),
+        distance_m=check.seen,
+    )
+
+
+def leg_error(leg: TransitEdge, blocked: Blocked, clearance: float, stages: TaskWorlds) -> ImpossibleError:
+    """What is in the way of a leg, as an error."""
+    check = blocked.check
+    picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
+    match leg.kind:
+        case "begin":
+            origin, goal = "the start", picks[leg.numbers[0]]
+        case "carry":
+            origin, goal = picks[leg.numbers[0]], places[leg.numbers[1]]
+        case "go on":
+            origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
+        case _:
+            origin, goal = places[leg.numbers[0]], "the start"
+    names, seen = check.pair, f"{short_of(check.seen, clearance)} mm"
+    data: dict[str, object] = {"from": origin, "to": goal}
+    if not blocked.end:
+        near = f"is {seen} from it" if check.seen > 0.0 else "would go through it"
+        text = f"no path around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
+    elif 0.0 < check.time < 1.0:
+        near = f"is {seen} from" if check.seen > 0.0 else "is inside"
+        text = (
+            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} {near} {names[1]}"
+        )
+    else:
+        at, data["end"] = (origin, "from") if check.time == 0.0 else (goal, "to")
+        near = f"are {seen} apart" if check.seen > 0.0 else "overlap"
+        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} {near} there"
+    return ImpossibleError(
+        f"{text} (required: {clearance * 1e3:g} mm)",
+        **data,
+        ways=list(leg.ways),
+        pair=list(names),
+        distance_m=check.seen,
+    )

@@ -5,7 +5,12 @@ Everything is ranked by estimates of time that know of no obstacle (`plan.progra
 sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
 more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
 stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
-around is made, and its own time counts. The search ends when all of the best sequence is proved.
+around is made, and its own time counts.
+
+One wall blocks many legs alike. So legs that were not looked at are first taken to be blocked where those between the
+same two stations were, and to take as long as the corners of known ways around the body let them
+(`plan.program.assignment.leg_costs`). The search ends when nothing promises more than it allows. Where all orders are covered,
+it then goes on without that assumption, until all that could be better is proved or blocked.
 
 The obstacle-free bounds of the legs give, by the same search over orders, a time that no plan can undercut.
 """
@@ -13,7 +18,7 @@ The obstacle-free bounds of the legs give, by the same search over orders, a tim
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,10 +27,8 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent
 from plan.cartesian.reachability import GraspCandidate
-from plan.collision.certificate import ClearanceCertificate
-from plan.failure import nearness, short_of
 from plan.options import PlanOptions
-from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery
+from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery, leg_error, line_error
 from plan.program.assignment.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
 from plan.program.assignment.leg_times import line_ends, standing
 from plan.program.assignment.sequencing import (
@@ -41,12 +44,13 @@ from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
 
 # Ways around that are made between one pick and one place (and more where there is none yet).
-_DETOURS, _DETOURS_AT_MOST = 1, 12
-# As many times more, where the best of them still costs much more than the straight way.
-_MORE = 5
+_DETOURS, _DETOURS_AT_MOST = 3, 12
 _ROUNDS = 400
 # A sequence that could at best be this much faster, in parts, is not looked for.
 _GOOD_ENOUGH = 0.003
+# Nor one that could be this much faster, if legs that were not looked at are blocked like those that were: beyond what
+# is ordered exactly, that ends the search.
+_ALLOWED = 0.03
 
 
 @dataclass(frozen=True)
@@ -144,12 +148,17 @@ class TaskSearch:
         bound = best_order(self.freedom, self.costs.bounds())
         costs = self.costs.now()
         best: Found | None = None
+        exact = self.freedom.exact
         for _ in range(_ROUNDS):
             ordered = best_order(self.freedom, costs)
-            enough = np.inf if best is None else best.time * (1.0 - _GOOD_ENOUGH)
+            gain = _GOOD_ENOUGH if exact and not self.costs.presume else _ALLOWED
+            enough = np.inf if best is None else best.time * (1.0 - gain)
             if ordered is None or bound is None or ordered.time >= min(enough, NOT_NOW):
+                if best is not None and exact and self.costs.presume:
+                    self.costs.presume = False
+                    continue
                 if best is not None:
-                    return best
+                    break
                 if self.most_detours >= _DETOURS_AT_MOST:
                     break
                 self.most_detours = _DETOURS_AT_MOST
@@ -157,9 +166,43 @@ class TaskSearch:
                 self.costs.ask_again()
                 continue
             best = self.complete = self._proved(ordered, costs, best, bound.bound)
-        if best is not None:
-            return best
-        raise self._impossible()
+            if not exact:
+                self._probe()
+        if best is None:
+            raise self._impossible()
+        return self._polished(best)
+
+    def _polished(self, found: Found) -> Found:
+        """The same sequence with its ways around made faster."""
+        saved, stops = 0.0, []
+
+        def polished(way: Array) -> Array:
+            nonlocal saved
+            if len(way) == 2:
+                return way
+            better, seconds = self.proofs.polish(way, self._query)
+            saved += seconds
+            return better
+
+        for stop in found.stops:
+            home = None if stop.home is None else polished(stop.home)
+            stops.append(replace(stop, out=polished(stop.out), across=polished(stop.across), home=home))
+        return replace(found, stops=tuple(stops), time=found.time - saved)
+
+    def _probe(self) -> None:
+        """Look at the fastest straight leg between any two stations of which nothing is known yet.
+
+        Where one of them is blocked for good, so are most others, and all of them are taken to be.
+        """
+        if not self.costs.detours.made:
+            return
+        there = self.costs.there(Progress(frozenset(), frozenset()))
+        for leg in self.costs.fastest_unknown():
+            found = self.proofs.straight(leg, self._query(leg), there)
+            if not isinstance(found, Blocked):
+                self.costs.clear(leg)
+            elif found.by is None and not found.end:
+                self.costs.block(leg, None, None, found.check.pair[1])
 
     def _proved(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
         """The best ways that can be proved for the order and places of `ordered`, or `best` if that is faster."""
@@ -229,15 +272,15 @@ class TaskSearch:
             if not self._lines_proved(visit, there, after):
                 whole, last = False, None
                 continue
-            across = self._across(
-                TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
-            )
             out = None
             if count == 1 or self.options.looks_after(count - 1):
                 out = self._across(TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)), there)
             elif last is not None:
                 leg = TransitEdge(GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
                 out = self._across(leg, there)
+            across = self._across(
+                TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
+            )
             home, goes_home = None, count == len(ordered.visits) or self.options.looks_after(count)
             if goes_home:
                 home = self._across(TransitEdge(END, (visit.place,), (visit.place_way, 0)), after)
@@ -264,46 +307,52 @@ class TaskSearch:
             blocked = self.proofs.line(choice, CubePlacement(placed, number), visit.pick, now)
             if blocked is not None:
                 self.costs.close_line(CubePlacement(placed, number), way, blocked.by)
-                self._reject(_line_blocked(choice, blocked.check, self.options.line_clearance))
+                self._reject(line_error(choice, blocked.check, self.options.line_clearance))
                 proved = False
         return proved
 
     def _across(self, leg: TransitEdge, now: frozenset[CubePlacement]) -> Array | None:
         """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
-        out, into = self.costs.ends(leg)
-        crossing = TransitQuery(
-            out.offset[0],
-            into.offset[0],
-            Ends(out.velocity[0], -into.velocity[0]),
-            leg.numbers[0] if leg.kind == CARRY else None,
-            self._own(leg),
-        )
+        crossing = self._query(leg)
         found = self.proofs.straight(leg, crossing, now)
         if not isinstance(found, Blocked):
+            if len(found) == 2:
+                self.costs.clear(leg)
             return found
         by = found.by
         if found.end:
             self._give_up(leg, found)
             return None
         if not self.costs.is_blocked(leg, by):
-            self.costs.block(leg, by, None)
+            self.costs.block(leg, by, None, found.check.pair[1])
             return None
         if self.costs.time(leg, by) is None:
             made = self.detours.get((leg.kind, leg.numbers, by), 0)
-            if made >= self.most_detours * (_MORE if self.costs.is_poor(leg) else 1):
+            if made >= self.most_detours:
                 self.costs.block(leg, by, NOT_NOW)
                 return None
             self.detours[leg.kind, leg.numbers, by] = made + 1
-        way = self.proofs.around(leg, crossing, now, thorough=self.most_detours > _DETOURS)
+        known = self.costs.detours.nearest(found.check.pair[1], self.costs.ends(leg))
+        way = self.proofs.around(leg, crossing, now, known, thorough=self.most_detours > _DETOURS)
         if way is None:
             self._give_up(leg, found)
             return None
         return way if self.costs.found(leg, by, way) else None
 
+    def _query(self, leg: TransitEdge) -> TransitQuery:
+        out, into = self.costs.ends(leg)
+        return TransitQuery(
+            out.offset[0],
+            into.offset[0],
+            Ends(out.velocity[0], -into.velocity[0]),
+            leg.numbers[0] if leg.kind == CARRY else None,
+            self._own(leg),
+        )
+
     def _give_up(self, leg: TransitEdge, blocked: Blocked) -> None:
         """There is no way for a leg."""
         self.costs.block(leg, blocked.by, np.inf)
-        self._reject(_leg_blocked(leg, blocked, self.options.clearance, self.stages))
+        self._reject(leg_error(leg, blocked, self.options.clearance, self.stages))
 
     def _own(self, leg: TransitEdge) -> frozenset[CubePlacement]:
         """Cubes that stand wherever the leg is used: at its own stations."""
@@ -328,50 +377,3 @@ class TaskSearch:
             cubes=[t.cube for t in self.stages.transfers],
             rejected=[{"reason": str(e), **e.data} for e in self.rejected.values()],
         )
-
-
-def _line_blocked(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
-    return ImpossibleError(
-        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
-        f"{nearness(check.pair, check.seen, clearance)}",
-        station=choice.hole,
-        yaw=choice.yaw,
-        branch=choice.branch,
-        pair=list(check.pair),
-        distance_m=check.seen,
-    )
-
-
-def _leg_blocked(leg: TransitEdge, blocked: Blocked, clearance: float, stages: TaskWorlds) -> ImpossibleError:
-    check = blocked.check
-    picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
-    match leg.kind:
-        case "begin":
-            origin, goal = "the start", picks[leg.numbers[0]]
-        case "carry":
-            origin, goal = picks[leg.numbers[0]], places[leg.numbers[1]]
-        case "go on":
-            origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
-        case _:
-            origin, goal = places[leg.numbers[0]], "the start"
-    names, seen = check.pair, f"{short_of(check.seen, clearance)} mm"
-    data: dict[str, object] = {"from": origin, "to": goal}
-    if not blocked.end:
-        near = f"is {seen} from it" if check.seen > 0.0 else "would go through it"
-        text = f"no path around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
-    elif 0.0 < check.time < 1.0:
-        near = f"is {seen} from" if check.seen > 0.0 else "is inside"
-        text = (
-            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} {near} {names[1]}"
-        )
-    else:
-        at, data["end"] = (origin, "from") if check.time == 0.0 else (goal, "to")
-        near = f"are {seen} apart" if check.seen > 0.0 else "overlap"
-        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} {near} there"
-    return ImpossibleError(
-        f"{text} (required: {clearance * 1e3:g} mm)",
-        **data,
-        ways=list(leg.ways),
-        pair=list(names),
-        distance_m=check.seen,
-    )

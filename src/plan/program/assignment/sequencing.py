@@ -86,6 +86,11 @@ class Choices:
         every = range(self.places) if self.assignment else (pick,)
         return (j for j in every if j not in filled)
 
+    @property
+    def exact(self) -> bool:
+        """Whether dynamic programming covers all orders and assignments."""
+        return self.states() <= _MOST_STATES
+
     def states(self) -> int:
         """How many expansions dynamic programming would make, roughly."""
         total = 0
@@ -109,7 +114,7 @@ class Ordered:
 
 def best_order(freedom: Choices, costs: Costs) -> Ordered | None:
     """The visits with the least sum of times, or None where every one is infinite."""
-    if freedom.states() <= _MOST_STATES:
+    if freedom.exact:
         return _exactly(freedom, costs)
     return _improved(freedom, costs)
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from arm.errors import ImpossibleError
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import certify_curve
 from plan.program.assignment.search import Stop
 from plan.program.assignment.sequencing import Progress
 from plan.program.assignment.worlds import CubePlacement
+from plan.trajectory.time_estimates import path_time
 from plans.small_search import CASES, search_of
 
 
@@ -44,3 +48,19 @@ def test_a_leg_that_a_cube_blocks_is_open_again_when_the_cube_is_gone() -> None:
     line = ImpossibleError("too near", pair=["palm", names[0]], role="approach")
     search.forbid(found.stops, 0, "out", line)  # its own cube is always there
     assert search.costs._closed(CubePlacement(False, first.visit.pick), frozenset()) == [first.visit.pick_way]
+
+
+def test_a_way_that_is_polished_is_no_slower_and_keeps_its_clearance() -> None:
+    search = search_of(*CASES["wall"])
+    found = search.best()
+    around = [way for stop in found.stops for way in (stop.out, stop.across) if len(way) > 2]
+    assert around
+    for way in around:
+        better, saved = search.proofs.polish(way, search._query)
+        leg, moment = next(key for key, known in search.proofs._ways.items() if known is better)
+        crossing = search._query(leg)
+        times = [path_time(w, search.limits, crossing.ends.enter, crossing.ends.leave) for w in (way, better)]
+        assert times[0] - times[1] == pytest.approx(saved, abs=1e-9)
+        assert saved >= 0.0
+        world = search.proofs._world(crossing, moment)
+        assert certify_curve(world, curve_of_waypoints(better), search.options.clearance).proved

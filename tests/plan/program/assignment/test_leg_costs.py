@@ -8,10 +8,11 @@ import pytest
 from arm.controller.unit import load_unit
 from arm.se3 import frozen
 from plan.options import PlanOptions
-from plan.program.assignment.leg_costs import CARRY, NOT_NOW, TransitCosts, TransitEdge
+from plan.program.assignment.leg_costs import CARRY, NOT_NOW, Detours, TransitCosts, TransitEdge
 from plan.program.assignment.leg_times import line_ends, standing
 from plan.program.assignment.sequencing import Progress
 from plan.program.assignment.worlds import CubePlacement
+from plan.trajectory.time_estimates import path_time
 
 LIMITS = load_unit("crs93").limits()
 NOTHING_DONE = Progress(frozenset(), frozenset())
@@ -50,3 +51,44 @@ def test_only_a_forbidden_leg_has_infinite_cost() -> None:
     assert np.isinf(after[1, 0])
     untouched = np.array([[True, True], [False, True]])
     assert (after[untouched] == before[untouched]).all()
+
+
+def test_legs_between_the_same_stations_are_taken_to_be_blocked_alike_until_one_is_clear() -> None:
+    noted = costs()
+    before = noted.now().carry(0, 0, NOTHING_DONE)
+    leg = TransitEdge(CARRY, (0, 0), (0, 0))
+    noted.block(leg, None, float(before[0, 0]) + 2.0, "wall")
+    assert noted.now().carry(0, 0, NOTHING_DONE) == pytest.approx(before + 2.0)
+    noted.presume = False
+    only = np.array([[2.0, 0.0], [0.0, 0.0]])
+    assert noted.now().carry(0, 0, NOTHING_DONE) == pytest.approx(before + only)
+    noted.presume = True
+    noted.clear(TransitEdge(CARRY, (0, 0), (1, 1)))
+    assert noted.now().carry(0, 0, NOTHING_DONE) == pytest.approx(before + only)
+
+
+def test_what_a_cube_blocks_says_nothing_of_other_legs() -> None:
+    noted = costs()
+    before = noted.now().carry(0, 0, NOTHING_DONE)
+    noted.block(
+        TransitEdge(CARRY, (0, 0), (0, 0)), CubePlacement(True, 0), float(before[0, 0]) + 2.0, "cube 1"
+    )
+    assert (noted.now().carry(0, 0, NOTHING_DONE) == before).all()
+
+
+def test_a_way_that_was_made_tells_what_others_around_the_same_body_take() -> None:
+    """Over its own corners a leg takes what its way took, back too; around another body, nothing is known."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        start, goal = standing(rng.uniform(-1.0, 1.0, 6)), standing(rng.uniform(-1.0, 1.0, 6))
+        corners = rng.uniform(-1.0, 1.0, (3, 6))
+        way = np.concatenate([start.offset, corners, goal.offset])
+        detours = Detours(LIMITS)
+        detours.learn("wall", True, way, 1.5, -np.inf)
+        for ends, points in (((start, goal), way), ((goal, start), way[::-1])):
+            over = detours.over(detours.nearest("wall", ends), ends)
+            assert over.min() <= path_time(points, LIMITS) + 1e-9
+            assert over[-1] == over.min()
+        assert detours.median("wall", True) == 1.5
+        assert detours.known("crate") == []
+        assert np.isinf(detours.median("wall", False))
