@@ -87,8 +87,8 @@ def test_a_way_that_was_made_tells_what_others_around_the_same_body_take() -> No
         detours.learn("wall", True, way, 1.5, -np.inf)
         for ends, points in (((start, goal), way), ((goal, start), way[::-1])):
             over = detours.over(detours.nearest("wall", ends), ends)
-            assert over.min() <= path_time(points, LIMITS) + 1e-9
-            assert over[-1] == over.min()
+            assert over.min() <= path_time(points, LIMITS) + 1e-6
+            assert over[-1] == pytest.approx(over.min(), abs=2e-6)
         assert detours.median("wall", True) == 1.5
         assert detours.known("crate") == []
         assert np.isinf(detours.median("wall", False))
