@@ -21,7 +21,7 @@ from planning_bench import tables
 from planning_bench.campaign import GROUPS, PLANNERS, Record, run_scenes
 from planning_bench.query import CLEARANCE
 
-ROWS = ("queries", "whole", "certificate", "infeasible", "scaling")
+ROWS = ("queries", "whole", "certificate", "infeasible", "scaling", "walls")
 LIBRARIES = ("a465", "numpy", "pin", "coal", "mujoco", "toppra", "roboplan", "ompl", "cmeel-toppra")
 
 
@@ -53,6 +53,10 @@ def main() -> None:
         from planning_bench.scaling import scaling_row
 
         more["scaling"] = scaling_row(options.first_seed, options.plot)
+    if "walls" in options.rows:
+        from planning_bench.scaling import walls_row
+
+        more["walls"] = walls_row()
     report(records, more)
     if options.json:
         options.json.write_text(json.dumps({"records": records, **more}, indent=1, default=str) + "\n")

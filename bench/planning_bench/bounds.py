@@ -3,6 +3,9 @@
 LB: rest at home, at every offset point and at every station; straight synchronised trapezoids between, lines timed
 under joint limits alone; the best over all yaws and branches. Motion that does not stop at offset points can beat it.
 
+LB1: what no motion from home to the grasps, to the places and home can beat that rests where the gripper acts, whatever
+it does between: every joint alone, from rest to rest, as if it never had to wait for another. Nobody undercuts it.
+
 LB0: what no motion can beat that goes through the offset points, along the lines, and rests where the gripper acts.
 Between two rests, each joint goes through known values in order. The time is at least (1) the sum over steps between
 those of the slowest joint's at full speed, and (2) for each joint, the time of its own fastest motion through them: it
@@ -32,10 +35,11 @@ class Bounds:
 
     LB: float
     LB0: float
+    LB1: float
 
 
 def bounds(query: Query, free: bool = True) -> Bounds:
-    """Both bounds, best over yaws and branches along the whole chain of transfers.
+    """All bounds, best over yaws and branches along the whole chain of transfers.
 
     Args:
         query: whose transfers.
@@ -51,6 +55,10 @@ def bounds(query: Query, free: bool = True) -> Bounds:
     def free_times(a: Lines, b: Lines) -> Array:
         return np.array([[_free_time(np.vstack([x.q, y.q[::-1]]), limits) for y in b] for x in a])
 
+    def alone_times(a: Lines, b: Lines) -> Array:
+        steps = np.array([y.q_station for y in b])[None] - np.array([x.q_station for x in a])[:, None]
+        return np.asarray(_rest_to_rest(np.abs(steps), limits.velocity, limits.acceleration).max(axis=-1))
+
     def line_times(lines: Lines) -> Array:
         return 2.0 * np.array([_line_time(one, limits) for one in lines])
 
@@ -58,6 +66,7 @@ def bounds(query: Query, free: bool = True) -> Bounds:
     return Bounds(
         _best(_Legs(home, picks, places, rest_times, line_times), free),
         _best(_Legs(home, picks, places, free_times, lambda lines: np.zeros(len(lines))), free),
+        _best(_Legs(home, picks, places, alone_times, lambda lines: np.zeros(len(lines))), free),
     )
 
 
@@ -126,7 +135,12 @@ def _free_time(q: Array, limits: Limits) -> float:
         if not len(step):
             continue
         runs = np.add.reduceat(step, np.flatnonzero(np.diff(np.sign(step), prepend=0.0)))
-        v, a = limits.velocity[k], limits.acceleration[k]
-        d = np.abs(runs)
-        slowest = max(slowest, float(np.where(d * a > v * v, d / v + v / a, 2.0 * np.sqrt(d / a)).sum()))
+        rests = _rest_to_rest(np.abs(runs), limits.velocity[k], limits.acceleration[k])
+        slowest = max(slowest, float(rests.sum()))
     return max(speed, slowest)
+
+
+def _rest_to_rest(way: Array, velocity: Array, acceleration: Array) -> Array:
+    """Least times (...) s of joints that move by `way` (...) >= 0 rad from rest to rest."""
+    v, a = velocity, acceleration
+    return np.asarray(np.where(way * a > v * v, way / v + v / a, 2.0 * np.sqrt(way / a)))

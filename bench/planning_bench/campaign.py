@@ -136,6 +136,7 @@ def run_scene(kind: str, seed: int, names: tuple[str, ...], whole: bool) -> list
                     "planner": name,
                     "LB": bound.LB,
                     "LB0": bound.LB0,
+                    "LB1": bound.LB1,
                     **run_query(planner(name), query),
                 }
             )

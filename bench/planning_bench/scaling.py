@@ -1,4 +1,4 @@
-"""CPU of planning against the number of still bodies and of cubes."""
+"""CPU of planning against the number of still bodies and of cubes, without and with a wall between them."""
 
 from __future__ import annotations
 
@@ -21,6 +21,52 @@ from planning_bench.tables import markdown
 BODIES = (10, 20, 50, 100, 200, 300)
 CUBES = (1, 2, 3, 4, 6, 8, 10, 12)
 REPEATS = 3
+
+
+WALLS = (0.2, 0.4)  # heights, m
+
+
+def walls_row() -> str:
+    """Cubes with a wall between where they are and where they go, against the same without, in the same run."""
+    planner = Ours()
+    planner.plan(grid(1))
+    rows, eight = [], 0.0
+    for height in (None, *WALLS):
+        found, said = [], []
+        for count in CUBES:
+            query = grid(count) if height is None else walled(count, height)
+            began = time.process_time()
+            plan = planner.plan(query)
+            found.append((count, time.process_time() - began))
+            gap = plan.task["above_that_s"]["unexplored"] / plan.duration_s
+            said.append(f"{count}: {plan.duration_s:.1f} s, {100.0 * gap:.1f} %")
+        eight = eight or dict(found)[8]
+        rows.append(
+            [
+                "none" if height is None else f"{height:g} m",
+                ", ".join(f"{n}: {t:.2f}" for n, t in found),
+                f"{exponent(found):.2f}",
+                f"{exponent([p for p in found if p[0] >= 4]):.2f}",
+                f"{dict(found)[8] / eight:.2f}",
+                ", ".join(said),
+            ]
+        )
+    head = [
+        "wall",
+        "CPU s",
+        "exponent",
+        "from 4 cubes",
+        "8 cubes over those without wall",
+        "motion, unexplored",
+    ]
+    return markdown(head, rows)
+
+
+def walled(count: int, height: float) -> Query:
+    """`grid` with a wall 0.5 m long and 20 mm thick across all ways, from 0.25 m in front of the arm's axis."""
+    query = grid(count)
+    wall = Body("wall", Box((0.5, 0.02, height)), transform(t=(0.5, 0.0, height / 2.0)), "wall")
+    return replace(query, scene=replace(query.scene, bodies=(*query.scene.bodies, wall)))
 
 
 def scaling_row(seed: int, plot: Path | None) -> str:

@@ -27,7 +27,7 @@ def query_table(records: list[Record], whole: bool = False) -> str:
     """The table of the facts, one row a planner."""
     head = [
         "planner", "n", "returned", "clean", "penetrating", "CPU s med, p95", "T s med",
-        "T/LB med, p95", "T/LB0 med, p95",
+        "T/LB med, p95", "T/LB0 med, p95", "T/LB1 med, p95",
         "path rad med",
         "transit clearance mm med, p5", "certified mm min", "deepest mm", "grasp mm max", "line mm med, max",
         "peak v", "peak a", "join",
@@ -50,6 +50,7 @@ def query_table(records: list[Record], whole: bool = False) -> str:
                 pct([r["duration"] for r in clean], 50, digits=2),
                 pct([r["duration"] / r["LB"] for r in clean], 50, 95),
                 pct([r["duration"] / r["LB0"] for r in clean], 50, 95),
+                pct([r["duration"] / r["LB1"] for r in clean], 50, 95),
                 pct([r["path"] for r in clean], 50, digits=2),
                 pct([r["clearance"] for r in judged], 50, 5, digits=1, scale=1e3),
                 f"{1e3 * min(certified):.2f}" if certified else "-",

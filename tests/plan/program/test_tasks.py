@@ -140,6 +140,20 @@ def test_motion_is_near_the_bound_without_obstacles(plan: Plan, direct: Plan, wa
     assert walled_plan.task["no_plan_is_faster_than_s"] == plan.task["no_plan_is_faster_than_s"]
 
 
+def test_what_a_plan_takes_above_its_bound_is_explained(plan: Plan, direct: Plan, walled_plan: Plan) -> None:
+    around = []
+    for made in (plan, direct, walled_plan):
+        bound, above = made.task["no_plan_is_faster_than_s"], made.task["above_that_s"]
+        parts = [above[name] for name in ("order", "straight", "around", "sent")]
+        assert bound + sum(parts) == pytest.approx(made.duration_s, abs=4e-3)
+        assert min(parts[:2]) >= 0.0
+        assert abs(above["sent"]) < 0.02 * made.duration_s
+        assert 0.0 <= above["unexplored"] <= 0.03 * made.duration_s
+        around.append(above["around"])
+    assert plan.task["no_plan_is_faster_than_s"] > 0.95 * plan.duration_s
+    assert around[2] > around[0] + 0.1
+
+
 def test_a_plan_avoids_a_wall(plan: Plan, walled_plan: Plan) -> None:
     assert walled_plan.duration_s < 1.1 * plan.duration_s
     assert walled_plan.to_json() != plan.to_json()

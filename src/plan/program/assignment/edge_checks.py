@@ -35,8 +35,8 @@ _SLACK = 0.5
 _FIRST_SAMPLES = (0.5, 0.25, 0.75, 0.375, 0.625, 0.125, 0.875)
 # Samples of RRT-Connect as long as other ways may do.
 _FEW_SAMPLES = 150
-# Steps in which a way that will be used is made faster.
-_POLISH = 12
+# Steps in which a way that will be used is made faster, and what that must save, s.
+_POLISH, _WORTH_S = 12, 0.02
 # Steps of the first joint at which bodies that move with it alone are looked at, rad.
 _PASSING = np.radians(0.25)
 _UNCHANGED = 1e-5  # m
@@ -202,7 +202,7 @@ class EdgeChecks:
         planner = self._planner(crossing, self._world(crossing, moment), self.options.transit, [])
         better = planner.optimiser.shorten(way, _POLISH)
         saved = planner.time(way) - planner.time(better)
-        if saved <= 0.0 or not planner.proved(better):
+        if saved < _WORTH_S or not planner.proved(better):
             return way, 0.0
         self._ways[key, moment] = frozen(better)
         return self._ways[key, moment], saved

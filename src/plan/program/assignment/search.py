@@ -1,11 +1,10 @@
 """A whole task as one problem: which way of gripping and which branch everywhere, which cube next, and to which place.
 
 Everything is ranked by estimates of time that know of no obstacle (`plan.program.assignment.leg_times`,
-`plan.program.assignment.sequencing`). Only what the best
-sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
-more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
-stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
-around is made, and its own time counts.
+`plan.program.assignment.sequencing`). Only what the best sequence uses is proved: its lines, and its ways across, straight in
+joint space. What turns out to be blocked costs more from then on - for ever where a body that stands still is in the
+way, or as long as the cube that is in the way stands there - and the best sequence is asked for again. Where a straight
+way is blocked and still looks best, a way around is made, and its own time counts.
 
 One wall blocks many legs alike. So legs that were not looked at are first taken to be blocked where those between the
 same two stations were, and to take as long as the corners of known ways around the body let them
@@ -30,7 +29,7 @@ from plan.cartesian.reachability import GraspCandidate
 from plan.options import PlanOptions
 from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery, leg_error, line_error
 from plan.program.assignment.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
-from plan.program.assignment.leg_times import line_ends, standing
+from plan.program.assignment.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
 from plan.program.assignment.sequencing import (
     Choices,
     Costs,
@@ -76,12 +75,30 @@ class Stop:
 
 
 @dataclass(frozen=True)
+class Gap:
+    """What the estimated time of a sequence consists of above its bound, s.
+
+    Attributes:
+        order: what the bounds of its legs sum up to, more than those of the sequence with the least bound.
+        straight: what its legs would take more than their bounds, straight in joint space: joints wait for each other.
+        around: what ways around what is there take more.
+        unexplored: how much faster a sequence could be by the estimates at the end of the search; not in the sum.
+    """
+
+    order: float = 0.0
+    straight: float = 0.0
+    around: float = 0.0
+    unexplored: float = 0.0
+
+
+@dataclass(frozen=True)
 class Found:
-    """The best sequence: its stops, its estimated time and what no sequence undercuts, s."""
+    """The best sequence: its stops, its estimated time, what no sequence undercuts, and what lies between, s."""
 
     stops: tuple[Stop, ...]
     time: float
     bound: float
+    gap: Gap = Gap()
 
 
 class TaskSearch:
@@ -146,9 +163,9 @@ class TaskSearch:
 
     def _best(self) -> Found:
         bound = best_order(self.freedom, self.costs.bounds())
-        costs = self.costs.now()
+        costs, exact = self.costs.now(), self.freedom.exact
         best: Found | None = None
-        exact = self.freedom.exact
+        promised = np.inf
         for _ in range(_ROUNDS):
             ordered = best_order(self.freedom, costs)
             gain = _GOOD_ENOUGH if exact and not self.costs.presume else _ALLOWED
@@ -158,6 +175,7 @@ class TaskSearch:
                     self.costs.presume = False
                     continue
                 if best is not None:
+                    promised = best.time if ordered is None else ordered.bound
                     break
                 if self.most_detours >= _DETOURS_AT_MOST:
                     break
@@ -166,21 +184,34 @@ class TaskSearch:
                 self.costs.ask_again()
                 continue
             best = self.complete = self._proved(ordered, costs, best, bound.bound)
-            if not exact:
+            if not exact and self.costs.detours.made:
                 self._probe()
         if best is None:
             raise self._impossible()
-        return self._polished(best)
+        return self._explained(self._polished(best), best.time - promised)
+
+    def _explained(self, found: Found, unexplored: float) -> Found:
+        """The same sequence with what its time consists of."""
+        costs, legs = self.costs, list[tuple[LineEnds, LineEnds]]()
+        came = costs.home  # or the place that the arm goes on from
+        for stop in found.stops:
+            pick = costs.picks[stop.visit.pick].row(stop.visit.pick_way)
+            place = costs.places[stop.visit.place].row(stop.visit.place_way)
+            legs += [(came, pick), (pick, place), *([] if stop.home is None else [(place, costs.home)])]
+            came = place if stop.home is None else costs.home
+        bounds, straight = (
+            float(sum(times(*ends, self.limits)[0, 0] for ends in legs)) for times in (leg_bounds, leg_times)
+        )
+        around = found.time - straight
+        return replace(found, gap=Gap(bounds - found.bound, straight - bounds, around, max(unexplored, 0.0)))
 
     def _polished(self, found: Found) -> Found:
         """The same sequence with its ways around made faster."""
-        saved, stops = 0.0, []
+        saved, stops = 0.0, list[Stop]()
 
         def polished(way: Array) -> Array:
             nonlocal saved
-            if len(way) == 2:
-                return way
-            better, seconds = self.proofs.polish(way, self._query)
+            better, seconds = self.proofs.polish(way, self._query) if len(way) > 2 else (way, 0.0)
             saved += seconds
             return better
 
@@ -194,8 +225,6 @@ class TaskSearch:
 
         Where one of them is blocked for good, so are most others, and all of them are taken to be.
         """
-        if not self.costs.detours.made:
-            return
         there = self.costs.there(Progress(frozenset(), frozenset()))
         for leg in self.costs.fastest_unknown():
             found = self.proofs.straight(leg, self._query(leg), there)
