@@ -52,6 +52,8 @@ class Planned:
         steps: in order (`arm.plan_file.Step`). Moves with no other step between them may meet at speed.
         reached: every goal whose configuration the planner chose in the given order.
         lower_bound_s: no motion through the solutions that were looked at is faster, whatever its paths.
+        above_bound_s: what the motion takes more than that, by cause, s (`plan.program.assignment.search.Gap`, and
+            ``sent``: blends and rounding); of transfers.
         state: what moves with the tool at the end, and where bodies stand that were moved.
         cubes: what was brought where: ``cube``, ``from`` and ``to`` of each, in order.
         skipped: what stays where it is: ``cube``, ``from`` and ``reason`` of each.
@@ -71,6 +73,7 @@ class Planned:
     lower_bound_s: float
     state: AttachmentState
     cubes: tuple[dict[str, str], ...] = ()
+    above_bound_s: Mapping[str, float] = field(default_factory=dict)
     skipped: tuple[dict[str, str], ...] = ()
     touching: frozenset[frozenset[str]] = frozenset()
     candidates: tuple[int, ...] = ()
@@ -97,6 +100,7 @@ class Planned:
         stated_task: dict[str, Any] = {"cubes": [dict(cube) for cube in self.cubes], **self.task}
         if self.cubes:
             stated_task["no_plan_is_faster_than_s"] = self.lower_bound_s
+            stated_task["above_that_s"] = dict(self.above_bound_s)
         skipped = [*stated_task.pop("skipped", ()), *map(dict, self.skipped)]
         if skipped:
             stated_task["skipped"] = skipped
@@ -238,6 +242,10 @@ def joined(before: Planned, after: Planned) -> Planned:
         lower_bound_s=before.lower_bound_s + after.lower_bound_s,
         state=after.state,
         cubes=(*before.cubes, *after.cubes),
+        above_bound_s={
+            cause: round(before.above_bound_s.get(cause, 0.0) + after.above_bound_s.get(cause, 0.0), 3)
+            for cause in {**before.above_bound_s, **after.above_bound_s}
+        },
         skipped=(*before.skipped, *after.skipped),
         touching=before.touching | after.touching,
         candidates=(*before.candidates, *after.candidates),

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations, islice
 
 import numpy as np
 
 from arm.arguments import shown
 from arm.errors import ImpossibleError, InputError
-from arm.plan_file import GripperStep, Step
+from arm.plan_file import GripperStep, Move, Step
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
 from plan.cartesian.reachability import ReachTable, reach_stations
@@ -230,9 +230,17 @@ class AssignmentPlanner:
             cubes=tuple(cubes),
             touching=frozenset(touching),
             stopped=stopped,
+            above_bound_s=_above(found, steps),
             skipped=tuple(self.skipped),
             interrupted=isinstance(search.stopped, KeyboardInterrupt),
         )
+
+
+def _above(found: Found, steps: Sequence[Step]) -> dict[str, float]:
+    """Return what the motion of a plan takes more than its bound, by cause, s."""
+    gap = asdict(found.gap)
+    gap["sent"] = sum(step.path.duration_s for step in steps if isinstance(step, Move)) - found.time
+    return {name: round(seconds, 3) + 0.0 for name, seconds in gap.items()}
 
 
 def _estimated_time(search: TaskSearch) -> float:

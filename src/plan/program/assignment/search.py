@@ -1,15 +1,15 @@
 """A whole task as one problem: which way of gripping and which branch everywhere, which cube next, and to which place.
 
-Everything is ranked by estimates of time that know of no obstacle (`plan.program.assignment.leg_times`,
-`plan.program.assignment.sequencing`). Only what the best sequence uses is proved: its lines, and its ways across, straight in
-joint space. What turns out to be blocked costs more from then on - for ever where a body that stands still is in the
-way, or as long as the cube that is in the way stands there - and the best sequence is asked for again. Where a straight
-way is blocked and still looks best, a way around is made, and its own time counts.
+Everything is ranked by estimates of time that know of no obstacle (`leg_times`, `sequencing`). Only what the best
+sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs more
+from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way stands
+there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way around is
+made, and its own time counts.
 
 One wall blocks many legs alike. So legs that were not looked at are first taken to be blocked where those between the
-same two stations were, and to take as long as the corners of known ways around the body let them
-(`plan.program.assignment.leg_costs`). The search ends when nothing promises more than it allows. Where all orders are covered,
-it then goes on without that assumption, until all that could be better is proved or blocked.
+same two stations were, and to take as long as the corners of known ways around the body let them (`leg_costs`). The
+search ends when nothing promises more than it allows. Where all orders are covered, it then goes on without that
+assumption, until all that could be better is proved or blocked.
 
 The obstacle-free bounds of the legs give, by the same search over orders, a time that no plan can undercut.
 """
