@@ -1,9 +1,9 @@
 """A whole task as one problem: which way of gripping and which branch everywhere, which cube next, and to which place.
 
 Everything is ranked by estimates of time that know of no obstacle (`leg_times`, `sequencing`). Only what the best
-sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs more
-from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way stands
-there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way around is
+sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
+more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
+stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way around is
 made, and its own time counts.
 
 One wall blocks many legs alike. So legs that were not looked at are first taken to be blocked where those between the
