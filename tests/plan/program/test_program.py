@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from plan.program.attachments import AttachmentState
-from plan.program.target import Target
 
 from arm.errors import InputError
 from arm.plan_file import GripperStep, Move
 from arm.se3 import transform
 from plan.program.assignment.planner import Transfers
+from plan.program.goals.attachments import AttachmentState
+from plan.program.goals.target import Target
 from plan.program.program import Program, plan_program
 from plan.scene import scene_from_json
 from plan.verify import replay
