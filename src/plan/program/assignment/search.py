@@ -3,8 +3,8 @@
 Everything is ranked by estimates of time that know of no obstacle (`leg_times`, `sequencing`). Only what the best
 sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
 more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
-stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way around is
-made, and its own time counts.
+stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
+around is made, and its own time counts.
 
 One wall blocks many legs alike. So legs that were not looked at are first taken to be blocked where those between the
 same two stations were, and to take as long as the corners of known ways around the body let them (`leg_costs`). The
