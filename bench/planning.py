@@ -21,7 +21,7 @@ from planning_bench import tables
 from planning_bench.campaign import GROUPS, PLANNERS, Record, run_scenes
 from planning_bench.query import CLEARANCE
 
-ROWS = ("queries", "whole", "certificate", "infeasible", "scaling", "walls")
+ROWS = ("queries", "whole", "certificate", "infeasible", "scaling", "walls", "crowd")
 LIBRARIES = ("a465", "numpy", "pin", "coal", "mujoco", "toppra", "roboplan", "ompl", "cmeel-toppra")
 
 
@@ -57,6 +57,10 @@ def main() -> None:
         from planning_bench.scaling import walls_row
 
         more["walls"] = walls_row()
+    if "crowd" in options.rows:
+        from planning_bench.crowd import crowd_row
+
+        more["crowd"] = crowd_row(options.first_seed)
     report(records, more)
     if options.json:
         options.json.write_text(json.dumps({"records": records, **more}, indent=1, default=str) + "\n")
