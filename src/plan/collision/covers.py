@@ -10,6 +10,7 @@ import numpy as np
 from arm.numerics.products import norm
 from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array
+from plan.collision.enclosing import few_points
 
 ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
 _MOST_BALLS = 4  # balls that cover a long body
@@ -38,7 +39,7 @@ def hull(shape: Shape) -> tuple[Array, float]:
         case Sphere(radius):
             return np.zeros((1, 3)), radius
         case Convex(points):
-            return np.array(points), 0.0
+            return few_points(np.array(points))
 
 
 @lru_cache(maxsize=1024)
@@ -50,19 +51,22 @@ def cover(shape: Shape) -> tuple[Array, float]:
         case Capsule(radius, length):
             return _row(np.array([0.0, 0.0, length + 2.0 * radius]), radius)
         case Cylinder(radius, length):
-            return _row(np.array([2.0 * radius, 2.0 * radius, length]), radius)
+            return _row(np.array([0.0, 0.0, length]), radius)
         case Box(size):
-            return _row(np.array(size), None)
+            across = np.delete(np.array(size), int(np.argmax(size)))
+            return _row(np.array(size), float(norm(across)) / 2.0)
         case Convex(points):
             corners = np.array(points)
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
-            return middle[None], float(np.linalg.norm(corners - middle, axis=1).max())
+            size = np.ptp(corners, axis=0)
+            across = np.delete(corners - middle, int(np.argmax(size)), axis=1)
+            centres, ball = _row(size, float(np.sqrt((across * across).sum(axis=1).max())))
+            return middle + centres, ball
 
 
-def _row(size: Array, radius: float | None) -> tuple[Array, float]:
-    """Place balls along the longest edge of a box (radius None) or along the axis of a cylinder."""
-    axis = int(np.argmax(size)) if radius is None else 2
-    across = float(norm(np.delete(size, axis))) / 2.0 if radius is None else radius
+def _row(size: Array, across: float) -> tuple[Array, float]:
+    """Place balls along the longest edge of a box, which hold all within `across` of its axis."""
+    axis = int(np.argmax(size))
     count = int(np.clip(np.ceil(size[axis] / max(2.0 * across, 1e-9)), 1, _MOST_BALLS))
     part = size[axis] / count
     centres = np.zeros((count, 3))
