@@ -12,7 +12,7 @@ at q (K. Lynch, F. Park, "Modern Robotics", 2017, section 4.1.1).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ import pinocchio as pin
 
 from arm.former import renamed_arguments
 from arm.numerics.products import mul
+from arm.robot.shapes import Convex
 from arm.se3 import Array, Bools, Indices, cross
 from plan.collision.covers import ROUNDING, Part, hull, rounded_box
 from plan.collision.separation import OpenPairs, Separation
@@ -72,8 +73,9 @@ class DistanceBounds:
             delta: (m, n) largest motion of each joint from there, rad, not negative.
             rows, pairs: (k,) indices of configurations and pairs.
         """
-        own = np.arange(at.radii.shape[2]) >= self._shared[pairs][:, None]
-        return np.asarray((at.radii[rows, self._outer[pairs]] * delta[rows] * own).sum(axis=1))
+        radii = at.radii_of(rows, self._outer[pairs])
+        own = np.arange(radii.shape[1]) >= self._shared[pairs][:, None]
+        return np.asarray((radii * delta[rows] * own).sum(axis=1))
 
     def distances(self, at: Placed) -> Array:
         """Return lower bounds (m, p) m on the distance of each pair; -inf if nothing is known."""
@@ -129,7 +131,7 @@ class DistanceBounds:
         inner = self._supports.of(self._pairs[pairs, 0], normals[:, None], at.R, at.t, rows)[:, 0]
         first_order = (outer + shift).min(axis=1) - inner
         # the remainder of the linear form: points move on circles, and inner joints rotate the motion of outer ones
-        radius = np.where(between, at.radii[rows, self._outer[pairs]], 0.0)
+        radius = np.where(between, at.radii_of(rows, self._outer[pairs]), 0.0)
         deviation = spread[rows]
         delta = np.where(between, np.abs(moves).max(axis=1) + deviation, 0.0)
         inside = np.cumsum(delta, axis=1) - 0.5 * delta
@@ -154,11 +156,29 @@ class Placed:
     point: Array
     axis: Array
     hulls: _Hulls
+    _known: dict[int, Array] = field(default_factory=dict)
 
     @cached_property
     def radii(self) -> Array:
         """Largest distance of each moving body from each axis, (m, bodies, n) m; see `plan.collision.certificate`."""
-        return self.hulls.radii(self.R, self.t, self.point, self.axis)
+        self._measure(np.arange(self.hulls.count))
+        shape = len(self.q), self.hulls.count, self.q.shape[1]
+        return np.stack([self._known[i] for i in range(shape[1])], axis=1) if shape[1] else np.zeros(shape)
+
+    def radii_of(self, rows: Indices, bodies: Indices) -> Array:
+        """Return `radii` (k, n) of some moving bodies (k,) at some configurations (k,); no others are computed."""
+        self._measure(bodies)
+        out = np.empty((len(rows), self.q.shape[1]))
+        for body in set(bodies.tolist()):
+            mine = bodies == body
+            out[mine] = self._known[body][rows[mine]]
+        return out
+
+    def _measure(self, bodies: Indices) -> None:
+        new = np.array(sorted(set(bodies.tolist()) - set(self._known)), dtype=np.intp)
+        if len(new):
+            found = self.hulls.radii(self.R, self.t, self.point, self.axis, new)
+            self._known.update(zip(new.tolist(), np.moveaxis(found, 1, 0), strict=True))
 
 
 class Axes:
@@ -214,17 +234,23 @@ class _Hulls:
         ]
         self.points = np.concatenate(points) if points else np.zeros((0, 3))
         # explicit types and shapes, because an arm may have no bodies
-        counts = np.array([len(p) for p in points], dtype=np.intp)
-        self.count = len(counts)
+        self.counts = np.array([len(p) for p in points], dtype=np.intp)
+        self.count = len(self.counts)
         joints = np.array([part.joint for part, _ in bodies], dtype=np.intp)
-        self.joint = np.repeat(joints, counts)
-        self.first = np.cumsum(counts) - counts
+        self.joint = np.repeat(joints, self.counts)
         self.moves = (np.arange(len(revolute)) < joints[:, None]).astype(float)
         self.revolute = revolute
 
-    def radii(self, R: Array, t: Array, axis_point: Array, axis: Array) -> Array:
-        """Return distances (m, bodies, n) m from the axes; 1 for a prismatic joint, which moves all points alike."""
-        points = (mul(R[:, self.joint], self.points[..., None]))[..., 0] + t[:, self.joint]
+    def radii(self, R: Array, t: Array, axis_point: Array, axis: Array, bodies: Indices) -> Array:
+        """Return distances (m, k, n) m of bodies (k,), ascending, from the axes.
+
+        The distance from the axis of a prismatic joint, which moves all points alike, is 1.
+        """
+        chosen = np.zeros(self.count, dtype=bool)
+        chosen[bodies] = True
+        own = np.repeat(chosen, self.counts)
+        joint, counts = self.joint[own], self.counts[bodies]
+        points = (mul(R[:, joint], self.points[own][..., None]))[..., 0] + t[:, joint]
         # |(p - o) x d|^2 = |p - o|^2 - ((p - o) . d)^2, expanded into matrix products
         along = mul(points, np.swapaxes(axis, 1, 2)) - (axis_point * axis).sum(-1)[:, None]
         square = (
@@ -232,9 +258,9 @@ class _Hulls:
             - mul(2.0 * points, np.swapaxes(axis_point, 1, 2))
             + (axis_point * axis_point).sum(-1)[:, None]
         )
-        far = np.maximum.reduceat(square - along * along, self.first, axis=1)
-        reach = np.sqrt(np.maximum(far, 0.0)) + (self.ball[:, None] + ROUNDING)
-        return np.asarray(np.where(self.revolute, reach, 1.0) * self.moves)
+        far = np.maximum.reduceat(square - along * along, np.cumsum(counts) - counts, axis=1)
+        reach = np.sqrt(np.maximum(far, 0.0)) + (self.ball[bodies, None] + ROUNDING)
+        return np.asarray(np.where(self.revolute, reach, 1.0) * self.moves[bodies])
 
 
 class _Supports:
@@ -248,6 +274,15 @@ class _Supports:
         self.middle = (mul(self.R, middle))[..., 0] + poses[:, :3, 3]
         self.half = np.array([size[1] for size in sizes]).reshape(-1, 3)
         self.tube, self.ball = np.array([size[2] for size in sizes]), np.array([size[3] for size in sizes])
+        # a hull is held by the points of `hull` about the middle of its box, and by their ball, instead of by the box
+        self.hull = np.array([isinstance(part.shape, Convex) for part in parts], dtype=bool)
+        held = [hull(part.shape) for part in parts if isinstance(part.shape, Convex)]
+        most = max((len(points) for points, _ in held), default=1)
+        self.row = np.cumsum(self.hull) - 1
+        self.points = np.zeros((len(held), 3, most))
+        for row, ((points, radius), body) in enumerate(zip(held, np.flatnonzero(self.hull), strict=True)):
+            self.points[row] = np.resize(points, (most, 3)).T - middle[body]
+            self.half[body], self.ball[body] = 0.0, radius
 
     def of(self, bodies: Indices, directions: Array, R: Array, t: Array, rows: Indices) -> Array:
         """Return supports (k, c) m of bodies (k,) in directions (k, c, 3), at configurations `rows` (k,) of R and t."""
@@ -258,4 +293,7 @@ class _Supports:
         reach = (np.abs(local) * self.half[bodies][:, None]).sum(-1)
         reach += self.tube[bodies][:, None] * np.hypot(local[..., 0], local[..., 1])
         reach += self.ball[bodies][:, None] * np.sqrt((local * local).sum(-1))
+        hulls = np.flatnonzero(self.hull[bodies])
+        if len(hulls):
+            reach[hulls] += mul(local[hulls], self.points[self.row[bodies[hulls]]]).max(axis=-1)
         return np.asarray(reach + (directions * middle[:, None]).sum(-1))

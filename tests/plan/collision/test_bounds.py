@@ -11,11 +11,11 @@ from arm.robot.model import load_robot
 from arm.robot.shapes import Body, Convex, Sphere
 from arm.se3 import apply, frozen, transform
 from arms.around import bodies_around, some_q, surface
-from arms.grazing import ARMS, arm, world_of
+from arms.grazing import ARMS, HULLS, arm, world_of
 from plan.collision.world import DISTANCE_ERROR, World
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", [*ARMS, HULLS])
 def test_distances_are_never_above_coals(name: str) -> None:
     rng = np.random.default_rng(2)
     known, tightest = 0, np.inf
@@ -30,10 +30,10 @@ def test_distances_are_never_above_coals(name: str) -> None:
             known += int(np.isfinite(low).sum())
             tightest = min(tightest, float(np.min(np.where(np.isfinite(low), values - low, np.inf))))
     assert known > 4000
-    assert tightest < 1e-4  # the bound is not idle
+    assert tightest < (0.01 if name == HULLS else 1e-4)  # the bound is not idle
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", [*ARMS, HULLS])
 def test_bodies_move_against_each_other_by_no_more_than_the_bound(name: str) -> None:
     """Points of the outer body in the inner body's frame, for steps of all joints at once."""
     rng = np.random.default_rng(3)
@@ -61,7 +61,7 @@ def test_bodies_move_against_each_other_by_no_more_than_the_bound(name: str) -> 
     assert tightest > 0.95
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", [*ARMS, HULLS])
 def test_planes_stay_between_the_bodies_over_the_whole_motion(name: str) -> None:
     """Random motions in the hull of some configurations, and a little beside it, whatever the normal is."""
     rng = np.random.default_rng(4)
@@ -91,6 +91,18 @@ def test_planes_stay_between_the_bodies_over_the_whole_motion(name: str) -> None
         near += int((bounds > 0.8 * least).sum())
     assert near > 500  # most are close to what they bound
     assert idle > 20
+
+
+def test_radii_of_some_bodies_are_those_of_all() -> None:
+    rng = np.random.default_rng(8)
+    world = world_of(HULLS, bodies_around(rng, 2))
+    q = some_q(world, rng, 7)
+    rows, bodies = rng.integers(0, 7, 12), rng.integers(1, 4, 12)
+    placed = world.volumes.placed(q)
+    some = placed.radii_of(rows, bodies)
+    every = world.volumes.placed(q).radii
+    np.testing.assert_array_equal(some, every[rows, bodies])
+    np.testing.assert_array_equal(placed.radii, every)
 
 
 def test_the_gap_between_planes_shows_how_far_coals_distances_may_be_wrong() -> None:

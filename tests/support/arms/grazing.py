@@ -23,6 +23,7 @@ UNIT = load_unit("crs93")
 MOTIONS = ("straight", "cubic", "counts", "run", "to and fro")
 OBSTACLES = ("box", "sheet", "plane", "cylinder", "capsule", "ball", "mesh", "self")
 ARMS = ("open", "holding", "seven joints")
+HULLS = "hulls"  # the seven joints, each body the hull of 200 points
 CLEARANCES = (0.0, 0.005, 0.01, 0.01, 0.03)
 NEAR = (-0.002, 0.005)  # of the closest approach from what is asked, m
 _FAR = 0.15  # m
@@ -101,7 +102,16 @@ def world_of(name: str, bodies: Sequence[Body], padding: float = 0.0) -> World:
 
 @cache
 def arm(name: str) -> Robot:
-    """One of `ARMS`."""
+    """One of `ARMS`, or `HULLS`."""
+    if name == HULLS:
+        bare, rng = arm("seven joints"), np.random.default_rng(1)
+        tubes = [rng.normal(size=(200, 3)) for _ in bare.bodies]
+        skins = [
+            convex(tube / np.linalg.norm(tube, axis=1)[:, None] * size)
+            for tube, size in zip(tubes, rng.uniform(0.03, 0.12, (len(tubes), 3)), strict=True)
+        ]
+        bodies = zip(bare.bodies, skins, strict=True)
+        return replace(bare, bodies=tuple(replace(body, shape=skin) for body, skin in bodies))
     if name != "seven joints":
         return load_a465(TOOL_LENGTH, 0.04 if name == "holding" else 0.06)
     links = "".join(f'<link name="l{k}"/>' for k in range(len(_MADE_UP) + 1))
