@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,8 @@ _ROTATION_SCALE = 0.2  # m per rad
 _SINGULAR = 1e-6  # smallest singular value of the task's Jacobian, rotation scaled
 _SAME = 1e-4  # rad or m between solutions that count as one
 _BATCH = 4096  # configurations computed together
+_PATIENCE = 5  # iterations in a row that do not halve the squared error: such a start leads nowhere
+_CHOICE = 32  # configurations for every start: of these, the nearest to the pose are started from
 
 
 @dataclass(frozen=True)
@@ -150,14 +152,14 @@ def numeric_ik(
         why = f"lower, upper: must be {len(arm.axes)} numbers each, one per joint, lower not above upper"
         raise InputError(why, lower=low.tolist(), upper=high.tolist())
     task = _Task(arm, low, high, _free_names(free))
-    sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(options.seed))
-    starts = low + (high - low) * sequence.random(options.starts)
+    pool = _pool(arm, tuple(low.tolist()), tuple(high.tolist()), options.starts, options.seed)
     parts, together = [], max(1, _BATCH // options.starts)
     for first in range(0, len(T), together):
         some = T[first : first + together]
-        pose = np.repeat(np.arange(len(some)), len(starts))
+        pose = np.repeat(np.arange(len(some)), options.starts)
         spend(START_CHECKS * len(pose))
-        q, met = task.search(np.tile(starts, (len(some), 1)), some[pose], options.iterations)
+        starts = np.concatenate([task.nearest(pool, one, options.starts) for one in some])
+        q, met = task.search(starts, some[pose], options.iterations)
         for index in range(len(some)):
             distinct = task.distinct(q[met & (pose == index)])
             singular = task.singular(distinct, some[index])
@@ -192,6 +194,25 @@ def solutions_near(
     found, met = task.search(q, T_base_tool, iterations)
     inside = (found >= lower - 1e-12).all(axis=1) & (found <= upper + 1e-12).all(axis=1)
     return found, met & inside
+
+
+@dataclass(frozen=True, eq=False)
+class _Pool:
+    """Configurations (N, n) to start from, and the tool there as columns (3, 4, N)."""
+
+    q: Array
+    columns: Array
+
+
+@lru_cache(maxsize=16)
+def _pool(
+    arm: ProductOfExponentials, lower: tuple[float, ...], upper: tuple[float, ...], starts: int, seed: int
+) -> _Pool:
+    """Return a Halton sequence of `_CHOICE` configurations for every start; cached, since all poses share it."""
+    low, high = np.array(lower), np.array(upper)
+    sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(seed))
+    q = low + (high - low) * sequence.random(_CHOICE * starts)
+    return _Pool(frozen(q), frozen(arm.tool_columns(q)))
 
 
 def _free_names(free: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -230,12 +251,21 @@ class _Task:
         """Flags (n,) of the revolute joints."""
         return np.array([not axis.slides for axis in self.arm.axes])
 
+    def nearest(self, pool: _Pool, T: Array, count: int) -> Array:
+        """Return the `count` configurations of a pool with the smallest error from one pose (4, 4)."""
+        error, _ = self.deviation(pool.columns, np.broadcast_to(T, (len(pool.q), 4, 4)))
+        order = np.argsort(np.round((error * error).sum(axis=1), 9), kind="stable")
+        return pool.q[order[:count]]
+
     def error(self, q: Array, T: Array) -> tuple[Array, Array, Array]:
-        """Return the error from tool to pose in the pose's axes, scaled (N, r); its true size (N,); tips (N, 3)."""
+        """Return `deviation` at configurations (N, n), and the tips (N, 3)."""
         columns = self.arm.tool_columns(q)
+        return *self.deviation(columns, T), columns[:, 3].T
+
+    def deviation(self, columns: Array, T: Array) -> tuple[Array, Array]:
+        """Return the error from tools (3, 4, N) to poses in the poses' axes, scaled (N, r); and its true size (N,)."""
         goal = np.moveaxis(T[:, :3], 0, -1)
-        tips = columns[:, 3].T
-        e = np.empty((len(q), 6))
+        e = np.empty((len(T), 6))
         e[:, :3] = np.einsum("jin,jn->ni", goal[:, :3], goal[:, 3] - columns[:, 3])
         held = [k for k in range(3) if FREE[3 + k] not in self.free]
         if len(held) == 2:
@@ -257,7 +287,7 @@ class _Task:
         lost = (sine <= 1e-9) & (cosine < 0.0) & (len(held) > 0)
         size = np.where(lost, np.pi, np.abs(e[:, self.rows]).max(axis=1, initial=0.0))
         e[:, 3:] *= _ROTATION_SCALE
-        return e[:, self.rows], size, tips
+        return e[:, self.rows], size
 
     def jacobian(self, q: Array, T: Array, tips: Array) -> Array:
         """Return the Jacobian of `error`, (N, r, n)."""
@@ -273,10 +303,10 @@ class _Task:
         q, lower = starts.copy(), np.where(around, -np.inf, self.lower)
         upper = np.where(around, np.inf, self.upper)
         error, size, tips = self.error(q, T)
-        damping = np.full(len(q), 1e-2)
+        damping, slow = np.full(len(q), 1e-2), np.zeros(len(q), dtype=np.intp)
         live = np.arange(len(q))
         for _ in range(iterations):
-            live = live[(size[live] > 0.01 * POSE_TOLERANCE) & (damping[live] < 1e8)]
+            live = live[(size[live] > 0.01 * POSE_TOLERANCE) & (slow[live] < _PATIENCE)]
             if not len(live):
                 break
             J, e, at = self.jacobian(q[live], T[live], tips[live]), error[live], q[live]
@@ -290,7 +320,8 @@ class _Task:
             step *= np.minimum(1.0, 1.0 / np.maximum(np.abs(step).max(axis=1), 1e-12))[:, None]
             trial = np.clip(at + step, lower, upper)
             trial_error, trial_size, trial_tips = self.error(trial, T[live])
-            better = (trial_error * trial_error).sum(axis=1) < square
+            left = (trial_error * trial_error).sum(axis=1)
+            better, slow[live] = left < square, np.where(left < 0.5 * square, 0, slow[live] + 1)
             kept = live[better]
             q[kept], error[kept], size[kept] = trial[better], trial_error[better], trial_size[better]
             tips[kept] = trial_tips[better]
@@ -300,22 +331,22 @@ class _Task:
     def distinct(self, q: Array) -> Array:
         """Return solutions (k, n) without duplicates, in every revolution within limits, sorted."""
         # keep the first of each cluster, modulo whole revolutions
-        chosen: list[Array] = []
-        for one in q:
-            apart = [
-                np.where(self.revolute, nearest_turns(one - c, np.zeros(len(c))), one - c) for c in chosen
+        chosen, left = np.zeros((0, q.shape[1])), q
+        while len(left):
+            chosen, apart = np.concatenate([chosen, left[:1]]), left - left[0]
+            apart = np.where(self.revolute, nearest_turns(apart, np.zeros(q.shape[1])), apart)
+            left = left[np.abs(apart).max(axis=1) >= _SAME]
+        found = chosen
+        for k in np.flatnonzero(self.revolute).tolist() if len(found) else ():
+            low, high = self.lower[k] - 1e-12, self.upper[k] + 1e-12
+            first = int(np.ceil((low - found[:, k].max()) / (2 * np.pi)))
+            last = int(np.floor((high - found[:, k].min()) / (2 * np.pi)))
+            turned = [
+                found + 2 * np.pi * turn * (np.arange(q.shape[1]) == k) for turn in range(first, last + 1)
             ]
-            if not any(np.abs(a).max() < _SAME for a in apart):
-                chosen.append(one)
-        shifted: list[Array] = []
-        for one in chosen:
-            first = np.where(self.revolute, np.ceil((self.lower - 1e-12 - one) / (2 * np.pi)), 0.0)
-            last = np.where(self.revolute, np.floor((self.upper + 1e-12 - one) / (2 * np.pi)), 0.0)
-            for revolutions in product(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True))):
-                shifted.append(np.clip(one + 2 * np.pi * np.array(revolutions), self.lower, self.upper))
-        if not shifted:
-            return np.zeros((0, q.shape[1]))
-        found = np.array(shifted)
+            every = np.concatenate([found[:0], *turned])
+            found = every[(low <= every[:, k]) & (every[:, k] <= high)]
+        found = np.clip(found, self.lower, self.upper)
         ranks = np.stack([_ranks(column) for column in found.T])
         return found[np.lexsort(ranks[::-1])]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -21,6 +20,9 @@ from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import straight_time
+
+# Solutions of a group that are ranked, those soonest reached; joints that turn endlessly give thousands.
+_RANKED = 1024
 
 
 @dataclass(frozen=True)
@@ -67,17 +69,21 @@ class Candidates:
             ImpossibleError: a target has none, or all of them are too near to something.
         """
         self._found = [self.free(group) for group in self.groups]
-        layers = [q_start[None], *(np.stack([s.q for s in found]) for found in self._found)]
-        steps = [straight_time(b[None] - a[:, None], self.limits) for a, b in pairwise(layers)]
-        here = [np.zeros(1)]
-        for step in steps:
-            here.append((here[-1][:, None] + step).min(axis=0))
-        there = [np.zeros(len(layers[-1]))]
-        for step in reversed(steps):
-            there.insert(0, (step + there[0]).min(axis=1))
+        at, here, steps = q_start[None], [np.zeros(1)], list[Array]()
         for number, found in enumerate(self._found):
-            through = np.round(here[number + 1] + there[number + 1], 6)
+            q = np.stack([s.q for s in found])
+            step = straight_time(q[None] - at[:, None], self.limits)
+            come = (here[-1][:, None] + step).min(axis=0)
+            kept = np.sort(np.argsort(np.round(come, 6), kind="stable")[:_RANKED])
+            self._found[number] = [found[i] for i in kept]
+            at = q[kept]
+            here.append(come[kept])
+            steps.append(step[:, kept])
+        there = np.zeros(len(at))
+        for number in reversed(range(len(self._found))):
+            found, through = self._found[number], np.round(here[number + 1] + there, 6)
             self._found[number] = [found[i] for i in np.argsort(through, kind="stable")]
+            there = (steps[number] + there).min(axis=1)
 
     def ranked(self, number: int) -> list[Solution]:
         """Solutions of a group, those first that lie on the shortest straight ways through all groups."""

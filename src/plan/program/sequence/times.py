@@ -131,11 +131,25 @@ def way_bounds(
     """Lower bounds (k, l) s from the last stop of one chain to the first stop of the next, whatever the way."""
     across = (np.abs(q_in[None] - q_out[:, None]) / limits.velocity).max(axis=-1)
     bound = across + np.array([t.tail_s for t in out])[:, None] + np.array([t.head_s for t in into])
+    points = [[t.tail for t in out], [t.head for t in into]]
+    if all(
+        p is not None and len(p) == 1 for ends in points for p in ends
+    ):  # from stop to stop, without lines
+        tails, heads = (np.concatenate([p for p in ends if p is not None]) for ends in points)
+        return np.asarray(np.maximum(bound, _apart(heads[None] - tails[:, None], limits)))
     for i, a in enumerate(out):
         for j, b in enumerate(into):
             if a.tail is not None and b.head is not None:
                 bound[i, j] = max(bound[i, j], rest_to_rest(np.concatenate([a.tail, b.head]), limits))
     return np.asarray(bound)
+
+
+def _apart(steps: Array, limits: Limits) -> Array:
+    """Least times (...) from rest to rest over steps (..., n) rad, if each joint moves as fast as it can."""
+    way, v, a = np.abs(steps), limits.velocity, limits.acceleration
+    way = np.where(way > 1e-9, way, 0.0)
+    times = np.where(way * a >= v * v, way / v + v / a, 2.0 * np.sqrt(way / a))
+    return np.asarray(times.max(axis=-1))
 
 
 def rest_to_rest(points: Array, limits: Limits) -> float:
