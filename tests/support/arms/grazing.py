@@ -110,8 +110,8 @@ def arm(name: str) -> Robot:
             convex(tube / np.linalg.norm(tube, axis=1)[:, None] * size)
             for tube, size in zip(tubes, rng.uniform(0.03, 0.12, (len(tubes), 3)), strict=True)
         ]
-        bodies = zip(bare.bodies, skins, strict=True)
-        return replace(bare, bodies=tuple(replace(body, shape=skin) for body, skin in bodies))
+        pairs = zip(bare.bodies, skins, strict=True)
+        return replace(bare, bodies=tuple(replace(body, shape=skin) for body, skin in pairs))
     if name != "seven joints":
         return load_a465(TOOL_LENGTH, 0.04 if name == "holding" else 0.06)
     links = "".join(f'<link name="l{k}"/>' for k in range(len(_MADE_UP) + 1))

@@ -21,8 +21,8 @@ from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import straight_time
 
-# Solutions of a group that are ranked, those soonest reached; joints that turn endlessly give thousands.
-_RANKED = 1024
+# Joints that turn endlessly give thousands of solutions: of more than _MANY, the soonest reached are ranked.
+_MANY, _RANKED = 1024, 256
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ class Candidates:
             q = np.stack([s.q for s in found])
             step = straight_time(q[None] - at[:, None], self.limits)
             come = (here[-1][:, None] + step).min(axis=0)
-            kept = np.sort(np.argsort(np.round(come, 6), kind="stable")[:_RANKED])
+            most = len(found) if len(found) <= _MANY else _RANKED
+            kept = np.sort(np.argsort(np.round(come, 6), kind="stable")[:most])
             self._found[number] = [found[i] for i in kept]
             at = q[kept]
             here.append(come[kept])

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from arm.errors import ImpossibleError
+from arm.se3 import Array
 from plan.collision.certificate import ClearanceCertificate
+from plan.collision.world import World
 from plan.program.goals.target import Target
 
 
@@ -37,20 +41,44 @@ def out_of_hand(target: Target, pair: tuple[str, str], distance: float) -> Impos
     )
 
 
-def way_blocked(
-    before: str, name: str, check: ClearanceCertificate, clearance: float, tried: bool
-) -> ImpossibleError:
-    """The straight way comes too near; another was `tried` or not."""
-    more = "no path around was found" if tried else "as many paths around as allowed were tried"
-    return ImpossibleError(
-        f"on the straight way from {before} to {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of "
-        f"{check.pair[1]} ({_asked(check, clearance)}), and {more}",
-        reason=f"{check.pair[1]} in the way of {check.pair[0]}" + ("" if tried else ", way around not tried"),
-        target=name,
-        pair=list(check.pair),
-        distance_m=check.seen,
-        clearance_m=clearance,
-    )
+@dataclass(frozen=True)
+class Blocked:
+    """A straight way that is not clear.
+
+    Attributes:
+        at: fraction of it where that was seen.
+        clearance: it was searched with, m.
+        check: what a certificate found; None if a sample showed it.
+        longer: by how much longer than the straight way one around is taken to be, s.
+    """
+
+    at: float
+    clearance: float
+    check: ClearanceCertificate | None
+    longer: float = 0.0
+
+    def told(
+        self, world: World, a: Array, b: Array, names: tuple[str, str], asked: float, tried: bool
+    ) -> ImpossibleError:
+        """The straight way from a to b (n,) comes too near; another was `tried` or not.
+
+        Distances at a sample are computed only here, because hundreds of ways may be blocked.
+        """
+        check = self.check
+        if check is None:
+            seen = world.distance(a + self.at * (b - a))
+            check = ClearanceCertificate(seen.value, seen.value, seen.pair, self.at, False, 1)
+        more = "no path around was found" if tried else "as many paths around as allowed were tried"
+        near, other = check.pair
+        return ImpossibleError(
+            f"on the straight way from {names[0]} to {names[1]} {near} comes within {check.seen * 1e3:.1f} mm of "
+            f"{other} ({_asked(check, asked)}), and {more}",
+            reason=f"{other} in the way of {near}" + ("" if tried else ", way around not tried"),
+            target=names[1],
+            pair=list(check.pair),
+            distance_m=check.seen,
+            clearance_m=asked,
+        )
 
 
 def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
@@ -65,6 +93,14 @@ def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: f
         distance_m=check.seen,
         clearance_m=clearance,
     )
+
+
+def miss(error: ImpossibleError) -> float:
+    """By how much a step was refused, m."""
+    data = error.data
+    if "attach_within_m" in data:
+        return float(data["distance_m"] - data["attach_within_m"])
+    return float(data["clearance_m"] - data["distance_m"])
 
 
 def _asked(check: ClearanceCertificate, clearance: float) -> str:

@@ -5,16 +5,19 @@ layer go transits. Their costs are estimates of time. The best sequence is found
 looked at late (B. Cohen, M. Phillips, M. Likhachev, "Planning single-arm manipulations with n-arm robots",
 RSS 2014): an edge enters with the time of the straight way, and only when it is the best there is are its way
 and its chain proved, and its true cost taken. What is left to the end is estimated by the straight ways too,
-exactly, from the last layer backwards. So what is found is the best of all sequences of these chains by that
-cost, unless the budget of ways around has run out.
+exactly, from the last layer backwards.
+
+A way around costs far more than all the rest. So where the straight way turns out to be blocked, the edge goes
+back to the heap as longer by `_DETOUR`, or by half of what the best way around to its layer was longer so far, and
+other sequences come first. What is found is the best by these costs; a way around that was not made may be shorter.
 """
 
 from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,14 +27,13 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter
 from plan.collision.bezier import curve_of_path, curve_of_waypoints
-from plan.collision.certificate import ClearanceCertificate, certify_curve
+from plan.collision.certificate import certify_curve
 from plan.collision.search_margin import LINE_MARGIN, searched_clearance
-from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReached
 from plan.program.goals.target import Target
-from plan.program.sequence.rejections import end_blocked, line_blocked, out_of_hand, way_blocked
+from plan.program.sequence.rejections import Blocked, end_blocked, line_blocked, miss, out_of_hand
 from plan.program.sequence.times import ChainTime, way_bounds, way_estimates
 from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.time_estimates import path_time
@@ -39,6 +41,9 @@ from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
 
 _SAMPLES = (0.5, 0.25, 0.75)  # of a straight way before it is proved
+# A blocked way is taken to be this much longer than the straight one until one around is made, which costs much: if
+# another sequence is hardly slower, its ways are tried first.
+_DETOUR = 0.05
 _BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
 
 
@@ -94,6 +99,9 @@ class _State:
     legs: tuple[SequenceStep, ...]
 
 
+_Way = tuple[float, Array]  # cost in s, way-points (m, n) rad
+
+
 class PoseSearch:
     """The search over layers, of which the first is where the arm stands.
 
@@ -122,9 +130,12 @@ class PoseSearch:
             way_estimates(a.q_out, b.q_in, a.times, b.times, limits) for a, b in pairwise(layers)
         ]
         self.to_go = self._to_go()
-        self._ways: dict[tuple[object, ...], tuple[float, Array] | None] = {}
+        self._ways: dict[tuple[object, ...], _Way | None] = {}
+        self._blocked: dict[tuple[object, ...], Blocked] = {}
+        self._untold: list[tuple[int, Callable[[], ImpossibleError]]] = []
         self._proofs: dict[tuple[object, ...], bool] = {}
         self._made = [0] * len(layers)
+        self._excess: list[list[float]] = [[] for _ in layers]
         self._known: list[Array] = []
         self._forbidden: set[tuple[int, int, int]] = set()
         self.proved_to = 0  # the last layer that a proved sequence came to
@@ -184,10 +195,12 @@ class PoseSearch:
 
         push(float(self.to_go[0][0]), 0, 0, start, None)
         while heap:
-            _, _, _, _, state, edge = heapq.heappop(heap)
+            estimate, _, _, _, state, edge = heapq.heappop(heap)
             if edge is not None:
-                reached = self._taken(state, edge)
-                if reached is not None:
+                reached = self._taken(state, edge, postpone=not deepest)
+                if isinstance(reached, float):
+                    push(estimate + reached, state.layer + 1, edge, state, edge)
+                elif reached is not None:
                     total = reached.cost + float(self.to_go[reached.layer][edge])
                     push(total, reached.layer, edge, reached, None)
                 continue
@@ -214,8 +227,11 @@ class PoseSearch:
             to_go.insert(0, (estimate + inner + to_go[0]).min(axis=1))
         return to_go
 
-    def _taken(self, state: _State, index: int) -> _State | None:
-        """The state after the way to a chain and the chain itself, both proved; or None."""
+    def _taken(self, state: _State, index: int, postpone: bool) -> _State | float | None:
+        """The state after the way to a chain and the chain itself, both proved; or None.
+
+        With `postpone`, if the straight way is found to be blocked only now: by how much longer it is taken to be, s.
+        """
         number = state.layer + 1
         layer = self.layers[number]
         chain = layer.chains[index]
@@ -223,20 +239,28 @@ class PoseSearch:
         after = self._through(state.situation, number, index, chain)
         if after is None:
             return None
-        way = self._way(state, number, index)
-        if way is None:
-            return None
-        cost = state.cost + way[0] + layer.times[index].inner
-        return _State(number, index, after, cost, (*state.legs, SequenceStep(chain, way[1], index)))
-
-    def _way(self, state: _State, number: int, index: int) -> tuple[float, Array] | None:
-        """Cost and way-points of the way to a chain, proved; None where there is none."""
         key = (number, state.index, index, state.situation.key)
         if key not in self._ways:
-            self._ways[key] = self._made_way(state, number, index)
-        return self._ways[key]
+            way = self._blocked.get(key) or self._straight_way(state, number, index)
+            if isinstance(way, Blocked):
+                longer = self._detour(number) * float(self.estimates[state.layer][state.index, index])
+                if postpone and longer > way.longer:
+                    self._blocked[key] = replace(way, longer=longer)
+                    return longer - way.longer
+                way = self._way_around(state, number, index, way)
+            self._ways[key] = way
+        found = self._ways[key]
+        if found is None:
+            return None
+        cost = state.cost + found[0] + layer.times[index].inner
+        return _State(number, index, after, cost, (*state.legs, SequenceStep(chain, found[1], index)))
 
-    def _made_way(self, state: _State, number: int, index: int) -> tuple[float, Array] | None:
+    def _detour(self, number: int) -> float:
+        """By how much longer than straight ways those around are taken to be, as a part of them."""
+        return max(_DETOUR, 0.5 * min(self._excess[number], default=0.0))
+
+    def _straight_way(self, state: _State, number: int, index: int) -> _Way | Blocked | None:
+        """Cost and way-points of the straight way to a chain, proved; None where an end of it is blocked."""
         before, layer = self.layers[state.layer], self.layers[number]
         a, b = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
@@ -249,23 +273,36 @@ class PoseSearch:
                 self._refuse(number, end_blocked(before.name, layer.name, end, seen.pair, seen.value, asked))
                 return None
         clearance = searched_clearance(world, (a, b), asked)
-        check = _straight(world, a, b, clearance)
-        if check.proved:
-            return straight, np.stack([a, b])
+        for u in _SAMPLES:
+            if world.in_collision(a + u * (b - a), clearance):
+                return Blocked(u, clearance, None)
+        check = certify_curve(world, curve_of_waypoints([a, b]), clearance)
+        return (straight, np.stack([a, b])) if check.proved else Blocked(check.time, clearance, check)
+
+    def _way_around(self, state: _State, number: int, index: int, blocked: Blocked) -> _Way | None:
+        """Cost and way-points of a way around what blocks the straight one, proved; None where there is none."""
+        before, layer = self.layers[state.layer], self.layers[number]
+        a, b = before.chains[state.index].q_out, layer.chains[index].q_in
+        straight, names = float(self.estimates[state.layer][state.index, index]), (before.name, layer.name)
+        world, asked = self.worlds.world(state.situation), self.options.clearance
         if self._made[number] >= self.most_detours:
-            self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=False))
+            self._untold.append((number, lambda: blocked.told(world, a, b, names, asked, False)))
             return None
         self._made[number] += 1
         self.effort.detours += 1
         ends = Ends(before.times[state.index].leave, layer.times[index].enter)
         rng = np.random.default_rng(self.options.seed)
-        detours = TransitPlanner(world, self.limits, clearance, rng, self.options.transit, ends, self._known)
-        way = detours.around(a, b, check.time)
+        detours = TransitPlanner(
+            world, self.limits, blocked.clearance, rng, self.options.transit, ends, self._known
+        )
+        way = detours.around(a, b, blocked.at)
         if way is None:
-            self._refuse(number, way_blocked(before.name, layer.name, check, asked, tried=True))
+            self._untold.append((number, lambda: blocked.told(world, a, b, names, asked, True)))
             return None
-        # a way around never counts as less than the straight one, so that the search stays exact
-        return max(straight, path_time(way, self.limits, ends.enter, ends.leave)), way
+        # a way around never counts as less than the straight one
+        time = max(straight, path_time(way, self.limits, ends.enter, ends.leave))
+        self._excess[number].append(time / max(straight, 1e-9) - 1.0)
+        return time, way
 
     def _through(
         self, situation: AttachmentState, number: int, index: int, chain: LineChain
@@ -300,21 +337,25 @@ class PoseSearch:
         self.effort.refused.setdefault(number, Counter())[str(error.data["reason"])] += 1
         known = self.effort.examples.get(number)
         # the nearest miss helps most: what is too near is nearly far enough, what is out of the hand nearly in it
-        if known is None or _miss(error) < _miss(known):
+        if known is None or miss(error) < miss(known):
             self.effort.examples[number] = error
 
     def nearest_miss(self) -> ImpossibleError | None:
         """What was nearly possible in the deepest layer that was tried; None where nothing was refused."""
+        for number, told in self._untold:
+            self._refuse(number, told())
+        self._untold.clear()
         return self.effort.examples[max(self.effort.examples)] if self.effort.examples else None
 
     def _impossible(self) -> ImpossibleError:
         """Why there is no sequence: the deepest layer at which one ended."""
-        if not self.effort.examples:
+        example = self.nearest_miss()
+        if example is None:
             return ImpossibleError(
                 "every sequence was taken out because its motion could not be proved", refused={}
             )
         number = max(self.effort.examples)
-        example, refused = self.effort.examples[number], self.effort.refused[number]
+        refused = self.effort.refused[number]
         reasons = "; ".join(f"{count} x {reason}" for reason, count in sorted(refused.items()))
         tried = len(self.layers[number].chains)
         return ImpossibleError(
@@ -326,20 +367,3 @@ class PoseSearch:
                 "detours_spent": self._made[number] >= self.most_detours,
             },
         )
-
-
-def _miss(error: ImpossibleError) -> float:
-    """By how much a step was refused, m."""
-    data = error.data
-    if "attach_within_m" in data:
-        return float(data["distance_m"] - data["attach_within_m"])
-    return float(data["clearance_m"] - data["distance_m"])
-
-
-def _straight(world: World, a: Array, b: Array, clearance: float) -> ClearanceCertificate:
-    for u in _SAMPLES:
-        q = a + u * (b - a)
-        if world.in_collision(q, clearance):
-            seen = world.distance(q)
-            return ClearanceCertificate(seen.value, seen.value, seen.pair, u, False, 1)
-    return certify_curve(world, curve_of_waypoints([a, b]), clearance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ import pytest
 from arm.controller.unit import Unit
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Cylinder
+from arm.robot.tool import urdf_limits
 from arm.se3 import transform
+from arms.made_up import SEVEN, arm
 from plan.budget import Meter, SearchBudget
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.program.goals.target import Target
+from plan.program.planned import Planned
+from plan.program.pose_lists import plan_poses
 from plan.program.sequence.planner import SearchEffort, SequencePlanner
 from plan.program.sequence.search import PoseSearch
 from plan.program.setting import Setting
@@ -49,10 +54,10 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
 
     times = {}
     for indices in itertools.product(*(range(len(layer.chains)) for layer in search.layers[1:])):
-        state: _State | None = _State(0, 0, search.worlds.start, 0.0, ())
+        state: _State | float | None = _State(0, 0, search.worlds.start, 0.0, ())
         for index in indices:
-            state = search._taken(state, index) if state is not None else None
-        if state is not None:
+            state = search._taken(state, index, postpone=False) if isinstance(state, _State) else None
+        if isinstance(state, _State):
             times[indices] = state.cost
     assert len(times) > 8
     assert plan.detours > 0
@@ -60,3 +65,22 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
     assert max(times.values()) > best.time + 0.1
     assert search.bound() <= min(times.values())
     assert plan.lower_bound_s <= plan.duration_s < 1.5 * plan.lower_bound_s
+
+
+def test_few_ways_around_are_made_and_none_better_is_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A redundant arm has many sequences that are hardly slower than a blocked one."""
+    robot = arm(tmp_path, SEVEN, [("l0", "l2"), ("l2", "l4"), ("l4", "l6")])
+    bodies = [TABLE, Body("post", Cylinder(0.03, 0.5), transform(t=(0.35, 0.0, 0.25)), "post")]
+    targets = [Target("a", down(0.45, -0.3, 0.2)), Target("b", down(0.45, 0.3, 0.2))]
+    q = [-0.9, 0.3, 0.0, 1.5, 0.0, 1.2, 0.0]
+
+    def planned() -> Planned:
+        return plan_poses(robot, bodies, targets, q, urdf_limits(robot, 4.0), options=FAST)
+
+    late = planned()
+    monkeypatch.setattr(PoseSearch, "_detour", lambda self, number: 0.0)
+    at_once = planned()
+    assert 0 < late.detours < at_once.detours
+    assert late.duration_s < 1.02 * at_once.duration_s
