@@ -24,8 +24,7 @@ def with_any_jaws(robot: Robot) -> Robot:
     Raises:
         InputError: the arm has no such fingers.
     """
-    end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
-    T_joint_end = frozen(end.placement.homogeneous)
+    T_joint_end = robot.T_joint_end
     found = {body.name for body in robot.bodies if isinstance(body.shape, Box)}
     missing = [name for name in FINGERS if name not in found]
     if missing:

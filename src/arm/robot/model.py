@@ -22,7 +22,7 @@ from arm.errors import FileInputError, InputError
 from arm.io.storage import LARGEST, data_file, read_text, sha256
 from arm.numerics.products import mul
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
-from arm.robot.urdf import read_disabled_collisions, read_urdf
+from arm.robot.urdf import SAME_NAME, read_disabled_collisions, read_urdf, with_followers
 from arm.se3 import Array, frozen, transform
 
 
@@ -84,6 +84,16 @@ class Robot:
     def _end(self) -> int:
         return int(self.model.getFrameId(self.end_frame))
 
+    @property
+    def end_joint(self) -> int:
+        """Index of the joint that moves the end frame, 1 to n; 0 for a fixed one."""
+        return int(self.model.frames[self._end].parentJoint)
+
+    @property
+    def T_joint_end(self) -> Array:
+        """Pose (4x4) of the end frame in the frame of `end_joint`."""
+        return frozen(self.model.frames[self._end].placement.homogeneous)
+
     def T_base_tool(self, q: npt.ArrayLike) -> Array:
         """Return the pose (4x4) of the tool at configuration q (n,) in rad."""
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
@@ -127,7 +137,8 @@ def load_robot(
 ) -> Robot:
     """Read an arm from a URDF, and its disabled collisions from an SRDF.
 
-    A continuous joint gets a range of one revolution in each direction, which limits may narrow. A collision mesh is
+    A continuous joint gets a range of one revolution in each direction, which limits may narrow. A locked joint locks
+    those that follow it (``<mimic>``), at the positions that its own gives them. A collision mesh is
     replaced by its convex hull, which contains it, so certificates for the hull hold for the mesh. `arm.robot.urdf`
     describes the search for mesh files. A cylinder named by ``<collision_checking><capsule name=.../>`` becomes a
     capsule, as in Pinocchio.
@@ -137,7 +148,7 @@ def load_robot(
         end_frame: the frame that carries the tool, such as ``flange``.
         T_end_tool: the tool frame in it, 4x4, m.
         locked: positions of the joints to lock, m or rad.
-        srdf: the file; default: `urdf` with suffix ``.srdf`` if it exists.
+        srdf: the file; default: that of the name of `urdf` beside it, in ``../srdf`` or in ``../config``, if any.
         package_dirs: folders that contain (or are) the packages of ``package://``.
         text: text to use instead of the content of `urdf`, which then only appears in messages.
 
@@ -152,7 +163,8 @@ def load_robot(
         raise InputError(f"urdf = {shown(urdf)}: must be the path of a URDF file", name="urdf")
     urdf = Path(urdf)
     text, ready = read_urdf(urdf, package_dirs, text)
-    locked = dict(locked or {})
+    at = {k: number(f"locked: {k}", value, -LARGEST, LARGEST) for k, value in dict(locked or {}).items()}
+    locked = with_followers(urdf, text, at)
     try:
         full = pin.buildModelFromXML(ready)
         geometry = pin.buildGeomFromUrdfString(full, ready, pin.GeometryType.COLLISION)
@@ -162,36 +174,34 @@ def load_robot(
     if wanted != geometry.ngeoms:
         rule = f"only {geometry.ngeoms} were read; use cylinders, spheres, boxes and meshes"
         raise FileInputError(urdf, "collision", f"{wanted} bodies", rule)
-    unknown = [name for name in locked if not full.existJointName(name)]
+    # names of joints in `full`, by those of the URDF
+    names = {str(name).removesuffix(SAME_NAME): name for name in list(full.names)[1:]}
+    unknown = [name for name in locked if name not in names]
     if unknown or not isinstance(end_frame, str) or not full.existFrame(end_frame):
         raise InputError(
             f"{urdf}: no joint or frame named {', '.join(unknown) or end_frame!r}; "
-            f"it has joints {', '.join(list(full.names)[1:])}",
+            f"it has joints {', '.join(names)}",
             names=unknown or [end_frame],
         )
     reference = pin.neutral(full)
     for name, value in locked.items():
-        reference[full.joints[full.getJointId(name)].idx_q] = number(
-            f"locked: {name}", value, -LARGEST, LARGEST
-        )
+        reference[full.joints[full.getJointId(names[name])].idx_q] = value
     links = [str(full.frames[g.parentFrame].name) for g in geometry.geometryObjects]
-    try:
-        full.getFrameId(end_frame)
-        model, geometry = pin.buildReducedModel(
-            full, geometry, [full.getJointId(n) for n in locked], reference
-        )
-    except ValueError as error:
-        raise FileInputError(urdf, "", None, f"a joint and a link have the same name: {error}") from error
+    ids = [full.getJointId(names[name]) for name in locked]
+    model, geometry = pin.buildReducedModel(full, geometry, ids, reference)
+    for k in range(1, model.njoints):
+        model.names[k] = str(model.names[k]).removesuffix(SAME_NAME)
     if model.nq != model.njoints - 1:
         raise FileInputError(urdf, "joint", None, "every moving joint must have one degree of freedom")
-    branching = [model.names[k] for k in range(1, model.njoints) if model.parents[k] != k - 1]
-    if branching:
-        rule = "branches off; lock all moving joints that do not move the tool"
-        raise FileInputError(urdf, f"joint {branching[0]}", None, rule)
+    aside = set(range(1, model.njoints)) - _moving(model, end_frame)
+    if aside:
+        still = [model.names[k] for k in sorted(aside)]
+        listed = ", ".join(f"{name!r}: 0.0" for name in still)
+        rule = f"does not move {end_frame}: lock all such joints where they are, such as locked={{{listed}}}"
+        raise FileInputError(urdf, f"joint {still[0]}", None, rule)
 
-    given = srdf is not None
-    srdf = Path(srdf or urdf.with_suffix(".srdf"))
-    srdf_text = read_text(srdf) if given or srdf.is_file() else ""
+    srdf = _srdf(urdf) if srdf is None else Path(srdf)
+    srdf_text = "" if srdf is None else read_text(srdf)
     bodies = tuple(
         _link_body(urdf, g, link, name)
         for g, link, name in zip(geometry.geometryObjects, links, _names(links), strict=True)
@@ -205,10 +215,26 @@ def load_robot(
         end_frame=end_frame,
         T_end_tool=tool,
         bodies=bodies,
-        disabled_collisions=read_disabled_collisions(srdf, srdf_text, by_link(bodies)),
+        disabled_collisions=read_disabled_collisions(srdf or urdf, srdf_text, by_link(bodies)),
         digest=sha256(identity),
         urdf=text,
     )
+
+
+def _moving(model: Any, frame: str) -> set[int]:
+    """Return the indices of the joints that move a frame."""
+    joint, found = int(model.frames[model.getFrameId(frame)].parentJoint), set[int]()
+    while joint > 0:
+        found.add(joint)
+        joint = int(model.parents[joint])
+    return found
+
+
+def _srdf(urdf: Path) -> Path | None:
+    """Return the SRDF that comes with a URDF: beside it, or where the packages of ROS and MoveIt have it; or None."""
+    name, above = f"{urdf.stem}.srdf", urdf.absolute().parent.parent
+    places = (urdf.with_name(name), above / "srdf" / name, above / "config" / name)
+    return next((place for place in places if place.is_file()), None)
 
 
 def by_link(bodies: Iterable[LinkBody]) -> dict[str, list[str]]:

@@ -34,8 +34,7 @@ def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = 
         InputError: a body has the name of one of the arm's, or the frame is not a pose.
     """
     frame = rigid("T_end_tool", T_end_tool)
-    end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
-    joint, placement = int(end.parentJoint), end.placement.homogeneous
+    joint, placement = robot.end_joint, robot.T_joint_end
     tool = tuple(
         LinkBody(b.name, joint, b.shape, frozen(mul(placement, b.T_base_body)), b.padding) for b in bodies
     )

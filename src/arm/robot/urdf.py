@@ -22,6 +22,8 @@ from arm.io.storage import read_text
 
 Pairs = frozenset[frozenset[str]]
 
+SAME_NAME = " (joint)"
+
 _TURNS = 2.0 * np.pi  # rad, range of a continuous joint in each direction
 _SCHEMES = ("package://", "model://")
 # and the folder of packages in each entry
@@ -32,14 +34,15 @@ def read_urdf(urdf: Path, package_dirs: Iterable[str | Path], text: str | None =
     """Return the text of the file (or `text` instead), and the same prepared for Pinocchio.
 
     The prepared text has a range of one revolution in each direction for continuous joints, so that Pinocchio
-    represents them by one number instead of a cosine and sine, and absolute paths of collision meshes.
+    represents them by one number instead of a cosine and sine; absolute paths of collision meshes; and `SAME_NAME`
+    after the name of a joint that is also that of a link, because Pinocchio cannot tell these apart.
 
     Raises:
         FileInputError: not XML, a xacro file, or a mesh is missing.
     """
     text = read_text(urdf) if text is None else text
     root = _parsed(urdf, text)
-    changed = _bounded(root)
+    changed = _bounded(root) | _renamed(root)
     folders = _folders(package_dirs)
     for link in root.findall("link"):
         for mesh in link.findall("collision/geometry/mesh"):
@@ -91,6 +94,14 @@ def _bounded(root: ElementTree.Element) -> bool:
     return bool(endless)
 
 
+def _renamed(root: ElementTree.Element) -> bool:
+    links = {link.get("name") for link in root.findall("link")}
+    same = [joint for joint in root.findall("joint") if joint.get("name") in links]
+    for joint in same:
+        joint.set("name", f"{joint.get('name')}{SAME_NAME}")
+    return bool(same)
+
+
 def _mesh(urdf: Path, link: str, name: str, package_dirs: Sequence[Path]) -> Path:
     """Return the path of a mesh."""
     here = urdf.resolve().parent
@@ -135,6 +146,42 @@ def _ros_folders() -> Iterator[Path]:
         for folder in os.environ.get(variable, "").split(os.pathsep):
             if folder:
                 yield Path(folder) / inside
+
+
+def with_followers(urdf: Path, text: str, locked: Mapping[str, float]) -> dict[str, float]:
+    """Return positions of locked joints, with those of the joints that follow them (``<mimic>``).
+
+    Raises:
+        FileInputError: a joint follows one that is not locked, or none.
+    """
+    every = dict(locked)
+    followers = {
+        joint.get("name", ""): mimic
+        for joint in ElementTree.fromstring(text).findall("joint")
+        if (mimic := joint.find("mimic")) is not None and joint.get("name") not in locked
+    }
+    for name in followers:
+        chain = [name]
+        while chain[-1] in followers and len(chain) <= len(followers):
+            chain.append(followers[chain[-1]].get("joint", ""))
+        if chain[-1] not in locked:
+            rule = f"follows {chain[-1]!r} (mimic), which moves: lock that joint, or both"
+            raise FileInputError(urdf, f"joint {name}", None, rule)
+        position = locked[chain[-1]]
+        for follower in reversed(chain[:-1]):
+            mimic = followers[follower]
+            position *= _mimic_number(urdf, follower, mimic, "multiplier", "1")
+            position += _mimic_number(urdf, follower, mimic, "offset", "0")
+        every[name] = position
+    return every
+
+
+def _mimic_number(urdf: Path, joint: str, mimic: ElementTree.Element, key: str, default: str) -> float:
+    value = mimic.get(key, default)
+    try:
+        return float(value)
+    except ValueError as error:
+        raise FileInputError(urdf, f"joint {joint}: {key}", value, "must be a number") from error
 
 
 def read_disabled_collisions(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) -> Pairs:

@@ -130,11 +130,9 @@ class World:
         self._shape = (n,)
         parts = [Part(b.name, b.joint, b.shape, b.T_joint_body, b.padding) for b in robot.bodies]
         if held is not None:
-            end = robot.model.frames[robot.model.getFrameId(robot.end_frame)]
-            pose = mul(
-                mul(end.placement.homogeneous, robot.T_end_tool), given.rigid("T_tool_held", T_tool_held)
-            )
-            parts.append(Part(held.name, int(end.parentJoint), held.shape, frozen(pose), held.padding))
+            T_joint_tool = mul(robot.T_joint_end, robot.T_end_tool)
+            pose = mul(T_joint_tool, given.rigid("T_tool_held", T_tool_held))
+            parts.append(Part(held.name, robot.end_joint, held.shape, frozen(pose), held.padding))
         parts += [Part(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
         self.names = tuple(p.name for p in parts)
         if len(set(self.names)) != len(parts):

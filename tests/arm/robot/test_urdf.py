@@ -12,6 +12,7 @@ from arm.errors import FileInputError, InputError
 from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Convex
 from arm.robot.tool import with_disabled_collisions, with_tool
+from arm.se3 import rotation
 from arms.made_up import BOX_OBJ, MESH_ARM, SEVEN, several_bodies, urdf
 from plan.collision.world import World
 
@@ -217,8 +218,58 @@ def test_xacro_output_is_read(tmp_path: Path) -> None:
     assert len(load_robot(path, LAST, np.eye(4)).bodies) == 8
 
 
-def test_a_joint_named_like_a_link_is_refused(tmp_path: Path) -> None:
+def test_a_joint_may_have_the_name_of_a_link(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
+    path.write_text(urdf(SEVEN))
+    plain = load_robot(path, LAST, np.eye(4))
     path.write_text(urdf(SEVEN).replace('"q3"', '"l4"'))
-    with pytest.raises(FileInputError, match=r"a joint and a link have the same name: .*l4"):
-        load_robot(path, LAST, np.eye(4))
+    same = load_robot(path, LAST, np.eye(4))
+    assert same.joint_names == ("q1", "q2", "l4", "q4", "q5", "q6", "q7")
+    q = np.array([0.3, -0.4, 0.5, 0.6, 0.1, 0.2, -0.3])
+    np.testing.assert_allclose(same.T_base_tool(q), plain.T_base_tool(q), atol=1e-12)
+    path.write_text(urdf(SEVEN).replace('"q3"', f'"{LAST}"'))
+    same = load_robot(path, LAST, np.eye(4), {LAST: 0.5})
+    np.testing.assert_allclose(same.T_base_tool(q[[0, 1, 3, 4, 5, 6]]), plain.T_base_tool(q), atol=1e-12)
+
+
+GRIPPER = """<link name="a"/><link name="b"/><link name="c"/>
+<joint name="finger" type="revolute"><parent link="l7"/><child link="a"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="1" velocity="1" effort="1"/></joint>
+<joint name="other" type="revolute"><parent link="l7"/><child link="b"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/><mimic joint="finger" multiplier="-1" offset="0.1"/></joint>
+<joint name="tip" type="revolute"><parent link="b"/><child link="c"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/><mimic joint="other" multiplier="{factor}"/></joint></robot>"""
+
+
+def with_gripper(folder: Path, factor: str = "2") -> Path:
+    path = folder / "arm.urdf"
+    path.write_text(urdf(SEVEN).replace("</robot>", GRIPPER.replace("{factor}", factor)))
+    return path
+
+
+def test_joints_that_follow_a_locked_one_are_locked_where_it_puts_them(tmp_path: Path) -> None:
+    path = with_gripper(tmp_path)
+    followed = load_robot(path, LAST, np.eye(4), {"finger": 0.3})
+    stated = load_robot(path, LAST, np.eye(4), {"finger": 0.3, "other": -0.2, "tip": -0.4})
+    assert followed.joint_names == stated.joint_names == tuple(f"q{k}" for k in range(1, 8))
+    other = load_robot(path, "c", np.eye(4), {"finger": 0.3}).T_base_tool(np.zeros(7))
+    turned = followed.T_base_tool(np.zeros(7))[:3, :3].T @ other[:3, :3]
+    np.testing.assert_allclose(turned, rotation(np.array([-0.6, 0.0, 0.0])), atol=1e-12)
+
+
+def test_a_joint_that_follows_a_moving_one_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileInputError, match=r"joint other: follows 'finger' \(mimic\), which moves"):
+        load_robot(with_gripper(tmp_path), LAST, np.eye(4))
+    with pytest.raises(FileInputError, match="joint tip: multiplier = 'two': must be a number"):
+        load_robot(with_gripper(tmp_path, "two"), LAST, np.eye(4), {"finger": 0.0})
+
+
+@pytest.mark.parametrize("folder", ["urdf", "srdf", "config"])
+def test_an_srdf_is_found_where_packages_have_it(tmp_path: Path, folder: str) -> None:
+    for name in ("urdf", folder):
+        (tmp_path / name).mkdir(exist_ok=True)
+    path = tmp_path / "urdf" / "arm.urdf"
+    path.write_text(urdf(SEVEN))
+    pair = '<disable_collisions link1="l0" link2="l2" reason="Never"/>'
+    (tmp_path / folder / "arm.srdf").write_text(f"<robot>{pair}</robot>")
+    assert load_robot(path, LAST, np.eye(4)).disabled_collisions == {frozenset(("l0", "l2"))}

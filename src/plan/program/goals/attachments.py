@@ -124,6 +124,8 @@ class AttachmentWorlds:
 
     def at_least(self, allowed_collisions: Pairs = frozenset()) -> World:
         """The world without anything that is ever moved: what hits something here does so in every situation."""
+        if not self.movable:
+            return self.world(self.start, allowed_collisions)
         key = ("least", allowed_collisions)
         if key not in self._worlds:
             still = [b for b in self.bodies.values() if b.name not in self.movable]
@@ -138,12 +140,11 @@ class AttachmentWorlds:
         """
         body = self.bodies[target.attach or ""]
         body = body.at(dict(situation.moved).get(body.name, body.T_base_body))
-        end = self.robot.model.frames[self.robot.model.getFrameId(self.robot.end_frame)]
-        T_base_joint = mul(T_base_tool, inverse(mul(end.placement.homogeneous, self.robot.T_end_tool)))
+        T_base_joint = mul(T_base_tool, inverse(mul(self.robot.T_joint_end, self.robot.T_end_tool)))
         hand = [
             Body(b.name, b.shape, frozen(mul(T_base_joint, b.T_joint_body)), "robot")
             for b in self.robot.bodies
-            if b.joint == int(end.parentJoint)
+            if b.joint == self.robot.end_joint
         ]
         tool = Body("the tool frame", Sphere(_POINT), T_base_tool, "robot")
         return min((distance_of(part, body) for part in (*hand, tool)), key=lambda d: d.value)
