@@ -161,8 +161,9 @@ def numeric_ik(
         starts = np.concatenate([task.nearest(pool, one, options.starts) for one in some])
         q, met = task.search(starts, some[pose], options.iterations)
         for index in range(len(some)):
-            distinct = task.distinct(q[met & (pose == index)])
-            singular = task.singular(distinct, some[index])
+            apart = task.apart(q[met & (pose == index)])
+            distinct, of = task.turned(apart)
+            singular = task.singular(apart, some[index])[of]
             parts.append(
                 Solutions(
                     frozen(distinct),
@@ -328,15 +329,19 @@ class _Task:
             damping[live] = np.where(better, np.maximum(damping[live] / 5.0, 1e-6), damping[live] * 4.0)
         return q, size <= POSE_TOLERANCE
 
-    def distinct(self, q: Array) -> Array:
-        """Return solutions (k, n) without duplicates, in every revolution within limits, sorted."""
-        # keep the first of each cluster, modulo whole revolutions
-        chosen, left = np.zeros((0, q.shape[1])), q
+    def apart(self, q: Array) -> Array:
+        """Return the first of each cluster of solutions (k, n), modulo whole revolutions."""
+        chosen, left = [q[:0]], q
         while len(left):
-            chosen, apart = np.concatenate([chosen, left[:1]]), left - left[0]
-            apart = np.where(self.revolute, nearest_turns(apart, np.zeros(q.shape[1])), apart)
-            left = left[np.abs(apart).max(axis=1) >= _SAME]
-        found = chosen
+            chosen.append(left[:1])
+            step = left - left[0]
+            step = np.where(self.revolute, nearest_turns(step, np.zeros(q.shape[1])), step)
+            left = left[np.abs(step).max(axis=1) >= _SAME]
+        return np.concatenate(chosen)
+
+    def turned(self, q: Array) -> tuple[Array, Indices]:
+        """Return solutions (k, n) in every revolution within limits, sorted; and which of them each was (m,)."""
+        found, of = q, np.arange(len(q))
         for k in np.flatnonzero(self.revolute).tolist() if len(found) else ():
             low, high = self.lower[k] - 1e-12, self.upper[k] + 1e-12
             first = int(np.ceil((low - found[:, k].max()) / (2 * np.pi)))
@@ -345,10 +350,11 @@ class _Task:
                 found + 2 * np.pi * turn * (np.arange(q.shape[1]) == k) for turn in range(first, last + 1)
             ]
             every = np.concatenate([found[:0], *turned])
-            found = every[(low <= every[:, k]) & (every[:, k] <= high)]
+            inside = (low <= every[:, k]) & (every[:, k] <= high)
+            found, of = every[inside], np.tile(of, len(turned))[inside]
         found = np.clip(found, self.lower, self.upper)
-        ranks = np.stack([_ranks(column) for column in found.T])
-        return found[np.lexsort(ranks[::-1])]
+        order = np.lexsort(np.stack([_ranks(column) for column in found.T])[::-1])
+        return found[order], of[order]
 
     def singular(self, q: Array, T: Array) -> Bools:
         """Return whether the task's Jacobian loses rank at solutions (k, n) of one pose."""

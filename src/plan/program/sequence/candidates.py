@@ -16,13 +16,15 @@ from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import straight_time
 
-# Joints that turn endlessly give thousands of solutions: of more than _MANY, the soonest reached are ranked.
-_MANY, _RANKED = 1024, 256
+# Joints that turn endlessly give thousands of solutions: of more than _MANY, those _NEAR the soonest reached of the
+# group before are looked at, and the _RANKED soonest reached of them are ranked.
+_MANY, _NEAR, _RANKED = 1024, 512, 256
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,13 @@ class Candidates:
         at, here, steps = q_start[None], [np.zeros(1)], list[Array]()
         for number, found in enumerate(self._found):
             q = np.stack([s.q for s in found])
+            if len(found) > _MANY:
+                soon = straight_time(q - at[np.argmin(np.round(here[-1], 6))], self.limits)
+                near = np.sort(np.argsort(np.round(soon, 6), kind="stable")[:_NEAR])
+                q, found = q[near], [found[i] for i in near]
             step = straight_time(q[None] - at[:, None], self.limits)
             come = (here[-1][:, None] + step).min(axis=0)
-            most = len(found) if len(found) <= _MANY else _RANKED
+            most = len(q) if len(self._found[number]) <= _MANY else _RANKED
             kept = np.sort(np.argsort(np.round(come, 6), kind="stable")[:most])
             self._found[number] = [found[i] for i in kept]
             at = q[kept]
@@ -147,7 +153,16 @@ class Candidates:
             world, clearance = self.worlds.at_least(), self.options.clearance
         else:
             world, clearance = self.worlds.at_least(target.pairs), target.clearance_on_lines(self.options)
-        free = [s for s in solutions if not world.in_collision(s.q, clearance)]
+        # solutions that differ by whole revolutions are checked once
+        turns = 2.0 * np.pi * np.array([not axis.slides for axis in product_of_exponentials(self.robot).axes])
+        q = np.stack([s.q for s in solutions])
+        places = np.round(q - turns * np.floor(q / (2.0 * np.pi)), 6)
+        clear: dict[bytes, bool] = {}
+        for place, solution in zip(places, solutions, strict=True):
+            key = place.tobytes()
+            if key not in clear:
+                clear[key] = not world.in_collision(solution.q, clearance)
+        free = [s for s, place in zip(solutions, places, strict=True) if clear[place.tobytes()]]
         if free:
             return free
         misses = [world.distance(s.q) for s in solutions]
