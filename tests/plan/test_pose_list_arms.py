@@ -14,7 +14,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Cylinder, Sphere, convex
 from arm.robot.tool import urdf_limits
 from arm.se3 import inverse, transform
-from arms.made_up import RAIL, SEVEN, UR_LIKE, MujocoArm, arm
+from arms.made_up import PANDA, RAIL, SEVEN, UR5, UR_LIKE, XARM7, Joint, MujocoArm, arm
 from cell.preview.page import preview_page
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import solve_ik
@@ -24,6 +24,8 @@ from plan.program.pose_lists import plan_poses
 from plan.scene import scene_from_json
 from plan.verify import replay
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down, off
+
+SHORT_LINKS = [("l0", "l2"), ("l2", "l4"), ("l3", "l5"), ("l4", "l6"), ("l5", "l7")]
 
 
 def rock() -> Body:
@@ -141,3 +143,36 @@ def test_five_joints_and_a_rail(tmp_path: Path) -> None:
     assert off(plan, targets).max() < 1e-5
     check_plan(plan, targets, limits)
     _judged(plan, MujocoArm(tmp_path / "arm.urdf", robot, bodies), FAST.clearance)
+
+
+@pytest.mark.parametrize(
+    ("joints", "q", "overlapping"),
+    [
+        (UR5, [-0.9, -0.6, 1.2, 0.4, 1.57, 0.0], [("l0", "l2")]),
+        (
+            PANDA,
+            [-0.8, 0.0, 0.0, -1.9, 0.0, 1.9, 0.8],
+            [*SHORT_LINKS, ("l4", "l7")],
+        ),
+        (
+            XARM7,
+            [-0.8, 0.0, 0.0, 1.2, 0.0, 1.2, 0.0],
+            SHORT_LINKS,
+        ),
+    ],
+    ids=["UR5", "Panda", "xArm7"],
+)
+def test_arms_that_are_sold_go_around_a_post(
+    tmp_path: Path, joints: list[Joint], q: list[float], overlapping: list[tuple[str, str]]
+) -> None:
+    robot = arm(tmp_path, joints, overlapping)
+    limits = urdf_limits(robot, 4.0)
+    bodies = [TABLE, Body("post", Cylinder(0.04, 0.6), transform(t=(0.45, 0.0, 0.26)), "post")]
+    targets = [
+        Target("fetch", down(0.4, -0.25, 0.15), free="rz", approach=0.06, retract=0.06),
+        Target("bring", down(0.4, 0.25, 0.15)),
+    ]
+    plan = plan_poses(robot, bodies, targets, q, limits, options=FAST, effort=EFFORT)
+    check_plan(plan, targets, limits)
+    _judged(plan, MujocoArm(tmp_path / "arm.urdf", robot, bodies), FAST.line_clearance)
+    assert plan.duration_s < 2.0 * plan.lower_bound_s

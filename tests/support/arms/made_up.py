@@ -1,4 +1,4 @@
-"""Arms that nobody sells, each link a box, written as URDF; and MuJoCo as the judge of any of them."""
+"""Arms whose links are boxes, some with the kinematics of real ones; and MuJoCo as the judge of any of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from arm.robot.tool import with_disabled_collisions
 from arm.se3 import transform
 from arms.mujoco_cell import _pose, _shape
 
-# joint: origin xyz, origin rpy, axis, kind, lower, upper
+# origin xyz, origin rpy, axis, kind, lower, upper
+Joint = tuple[str, str, str, str, float, float]
 X, Y, Z = "1 0 0", "0 1 0", "0 0 1"
 HALF_TURN = "1.5707963267948966"
 UR_LIKE = [  # three parallel axes, and a wrist whose axes do not meet
@@ -41,6 +42,33 @@ RAIL = [  # a carriage, then five turns: the tool can do all but turn about its 
     ("0 0 0.08", "0 0 0", Y, "revolute", -2.0, 2.0),
     ("0 0 0.33", "0 0 0", Y, "revolute", -2.5, 2.5),
     ("0 0 0.3", "0 0 0", Y, "revolute", -2.1, 2.1),
+]
+# Data sheets: joints of arms that many have. The packages with their meshes weigh 130 and 90 MB.
+UR5 = [
+    ("0 0 0.089159", "0 0 0", Z, "revolute", -6.28, 6.28),
+    ("0 0.13585 0", f"0 {HALF_TURN} 0", Y, "revolute", -6.28, 6.28),
+    ("0 -0.1197 0.425", "0 0 0", Y, "revolute", -3.14, 3.14),
+    ("0 0 0.39225", f"0 {HALF_TURN} 0", Y, "revolute", -6.28, 6.28),
+    ("0 0.093 0", "0 0 0", Z, "revolute", -6.28, 6.28),
+    ("0 0 0.09465", "0 0 0", Y, "revolute", -6.28, 6.28),
+]
+PANDA = [
+    ("0 0 0.333", "0 0 0", Z, "revolute", -2.8973, 2.8973),
+    ("0 0 0", f"-{HALF_TURN} 0 0", Z, "revolute", -1.7628, 1.7628),
+    ("0 -0.316 0", f"{HALF_TURN} 0 0", Z, "revolute", -2.8973, 2.8973),
+    ("0.0825 0 0", f"{HALF_TURN} 0 0", Z, "revolute", -3.0718, -0.0698),
+    ("-0.0825 0.384 0", f"-{HALF_TURN} 0 0", Z, "revolute", -2.8973, 2.8973),
+    ("0 0 0", f"{HALF_TURN} 0 0", Z, "revolute", -0.0175, 3.7525),
+    ("0.088 0 0", f"{HALF_TURN} 0 0", Z, "revolute", -2.8973, 2.8973),
+]
+XARM7 = [  # every other joint turns endlessly
+    ("0 0 0.267", "0 0 0", Z, "continuous", 0, 0),
+    ("0 0 0", f"-{HALF_TURN} 0 0", Z, "revolute", -2.059, 2.0944),
+    ("0 -0.293 0", f"{HALF_TURN} 0 0", Z, "continuous", 0, 0),
+    ("0.0525 0 0", f"{HALF_TURN} 0 0", Z, "revolute", -0.19198, 3.927),
+    ("0.0775 -0.3425 0", f"{HALF_TURN} 0 0", Z, "continuous", 0, 0),
+    ("0 0 0", f"{HALF_TURN} 0 0", Z, "revolute", -1.69297, 3.1416),
+    ("0.076 0.097 0", f"-{HALF_TURN} 0 0", Z, "continuous", 0, 0),
 ]
 THICK = 0.06
 
@@ -83,7 +111,7 @@ def several_bodies(text: str, count: int) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def urdf(joints: Sequence[tuple[str, str, str, str, float, float]], tip: str = "0 0 0.06") -> str:
+def urdf(joints: Sequence[Joint], tip: str = "0 0 0.06") -> str:
     """Text of the URDF: links l0, l1, .. as boxes from each joint to the next, joints q1, q2, .."""
     offsets = [*(xyz for xyz, *_ in joints), tip]
     links = ""
@@ -106,7 +134,7 @@ def urdf(joints: Sequence[tuple[str, str, str, str, float, float]], tip: str = "
 
 def arm(
     folder: Path,
-    joints: Sequence[tuple[str, str, str, str, float, float]],
+    joints: Sequence[Joint],
     overlapping: Sequence[tuple[str, str]] = (),
 ) -> Robot:
     """The arm, its tool frame at the tip; links that always overlap are not checked."""
