@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class AttachmentState:
     T_tool_held: Array | None
     moved: tuple[tuple[str, Array], ...]
 
-    @property
+    @cached_property
     def key(self) -> tuple[object, ...]:
         return (
             self.held,
