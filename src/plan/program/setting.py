@@ -22,7 +22,8 @@ def planned_limits(limits: Limits, options: PlanOptions, unit: Unit) -> Limits:
     Rounding to counts moves a joint by up to half a count, so positions end half a count before the limits.
     """
     sent = limits.scaled(options.speed)
-    half = np.minimum(0.5 / np.abs(unit.counts_per_rad), (limits.upper - limits.lower) / 4.0)
+    # and a little more, as a joint at such an end would be half way between two counts, which may round to either
+    half = np.minimum(0.501 / np.abs(unit.counts_per_rad), (limits.upper - limits.lower) / 4.0)
     return Limits(
         frozen(limits.lower + half),
         frozen(limits.upper - half),
