@@ -140,7 +140,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "plan/collision/test_bezier.py",
         "plan/collision/test_certificate_attacked.py",
         "plan/collision/test_subdivision.py",
-        "plan/collision/test_few_parts.py",
+        "plan/transit/test_few_parts.py",
     ),
     "plan/collision/subdivision.py": (
         "plan/collision/test_certificate.py",
@@ -163,7 +163,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "plan/collision/test_bounds.py",
     ),
     "plan/trajectory/integer_segments.py": ("plan/trajectory/test_jerk_limited.py",),
-    "plan/transit/planner.py": ("plan/collision/test_few_parts.py",),
+    "plan/transit/planner.py": ("plan/transit/test_few_parts.py",),
     "cell/task/plan_matches.py": (
         "cell/runs/test_refused_plans.py",
         "cell/config/test_bodies.py",

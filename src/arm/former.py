@@ -54,7 +54,6 @@ PLACES = {
     "plan.legs": "plan.program.assignment.leg_times",
     "plan.order": "plan.program.assignment.sequencing",
     "plan.paths": "plan.trajectory.joint_path",
-    "plan.pick_place": "plan.program",
     "plan.pick_place.cause": "plan.program.assignment.cause",
     "plan.pick_place.edge_checks": "plan.program.assignment.edge_checks",
     "plan.pick_place.go_to": "plan.program.go_to",
@@ -79,7 +78,6 @@ PLACES = {
     "plan.topp": "plan.trajectory.topp_ra",
     "plan.volumes": "plan.collision.bounds",
     "plan.way": "plan.program.go_to",
-    "plan.waypoints": "plan.program",
     "plan.waypoints.attachments": "plan.program.goals.attachments",
     "plan.waypoints.blending": "plan.program.goals.blending",
     "plan.waypoints.candidates": "plan.program.sequence.candidates",
@@ -174,11 +172,16 @@ class _Former(MetaPathFinder, Loader):
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        package = any(other.startswith(f"{name}.") for other in PLACES)
-        return ModuleSpec(name, self, is_package=package) if name in PLACES else None
+        if name in PLACES:
+            return ModuleSpec(name, self)
+        # a former package of which all modules have moved
+        moved = name.count(".") == 1 and any(other.startswith(f"{name}.") for other in PLACES)
+        return ModuleSpec(name, self, is_package=True) if moved else None
 
     def exec_module(self, module: ModuleType) -> None:
-        """Copy every name of the renamed module."""
+        """Copy every name of the renamed module; a former package is empty."""
+        if module.__name__ not in PLACES:
+            return
         place = PLACES[module.__name__]
         warnings.warn(f"{module.__name__} is {place} now", DeprecationWarning, stacklevel=2)
         now = import_module(place)

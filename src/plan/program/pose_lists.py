@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import numpy.typing as npt
 
-from arm.arguments import shown
+from arm.arguments import joints, shown
 from arm.controller.unit import Limits, Unit
 from arm.errors import InputError
 from arm.robot.model import Robot
@@ -61,7 +60,10 @@ def plan_poses(
     wrong = [thing for thing in bodies if not isinstance(thing, Body)]
     if wrong:
         raise InputError(f"bodies: {shown(wrong[0])}: must be a Body", value=shown(wrong[0]))
-    goals = [*targets, *([] if q_end is None else [Target(Q_END, q=np.asarray(q_end))])]
+    goals = [
+        *targets,
+        *([] if q_end is None else [Target(Q_END, q=joints("q_end", q_end, robot.joint_names))]),
+    ]
     if not targets:
         raise InputError("a list of poses needs at least one target", targets=0)
     carried = {target.attach for target in targets if isinstance(target, Target)}
