@@ -41,7 +41,7 @@ class TransitBudget:
     Attributes:
         corners: detours over a single random corner, in addition to those that lift the tool.
         corner_edges: collision-free corners whose two edges are checked, the fastest first.
-        rrt: samples of RRT-Connect.
+        rrt: nodes of each tree of RRT-Connect; a node costs about 10 collision checks.
         shortcuts: shortcut attempts on the path from RRT-Connect.
         starts: paths with few corners that are optimised; the fastest result is used.
         more_starts: further ones if the fastest is still much slower than the direct motion.

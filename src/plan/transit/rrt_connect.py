@@ -1,16 +1,27 @@
-"""RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) in joint space scaled by the velocity limits."""
+"""RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) with edges that are checked at samples.
+
+Three things differ from the paper:
+
+- Both trees grow as far as they can, not by one step, and keep the free part of a blocked line.
+- The smaller tree grows, so that the one in the narrower place gets more attempts.
+- Every other target keeps about half of the joints where they are at the nearest node. Out of a narrow place often only
+  a few joints lead, and a random direction turns all of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from arm.controller.unit import Limits
 from arm.se3 import Array
+from plan.transit.edges import SampledEdges
 
-_STEP = 2.0  # s of travel at full velocity, longest edge of a tree
+_SPACING = 7  # samples of an edge between two nodes on it
+_FEW_JOINTS = 0.5  # share of the targets that keep some joints
+_KEPT = 0.5  # share of the joints that they keep
+_TARGETS = 10  # random targets for each node that is allowed; in a narrow place most are blocked at once
 
 
 @dataclass(eq=False)
@@ -18,55 +29,57 @@ class RrtConnect:
     """Two trees that grow towards random configurations and towards each other.
 
     Attributes:
-        limits: joint limits; distances are the largest travel time of a joint.
-        free: returns whether a configuration has the clearance.
-        clear: returns whether the straight joint line between two configurations is certified.
+        limits: joint limits; distances are of travel times, so that slow joints count more.
+        edges: checks of their edges.
         rng: source of all random choices.
     """
 
     limits: Limits
-    free: Callable[[Array], bool]
-    clear: Callable[[Array, Array], bool]
+    edges: SampledEdges
     rng: np.random.Generator
 
-    def search(self, start: Array, goal: Array, samples: int) -> Array | None:
-        """Return way-points (m, n) from start to goal, or None after `samples` samples."""
-        trees = (_Tree(start, self.limits.velocity), _Tree(goal, self.limits.velocity))
-        for _ in range(samples):
-            target = self.rng.uniform(self.limits.lower, self.limits.upper)
-            grown = self.extend(trees[0], target)
-            if grown is not None:
-                reached = trees[0].nodes[grown]
-                met = self.connect(trees[1], reached)
-                if met is not None:
-                    first, second = trees[0].back_to_root(grown), trees[1].back_to_root(met)
-                    path = [*reversed(first), *second[1:]]
-                    if not np.array_equal(path[0], start):
-                        path.reverse()
-                    return np.stack(path)
-            trees = (trees[1], trees[0])
+    def search(self, start: Array, goal: Array, nodes: int) -> Array | None:
+        """Return way-points (m, n) from start to goal, or None if each tree has `nodes` nodes or they hardly grow."""
+        ours, other = (_Tree(root, self.limits.velocity) for root in (start, goal))
+        first = ours
+        for _ in range(_TARGETS * nodes):
+            if len(ours) > len(other):
+                ours, other = other, ours
+            if len(ours) > nodes:
+                break
+            grown = self._grow(ours)
+            if grown is None:
+                continue
+            near = other.nearest(ours.nodes[grown])
+            met, reached = self._follow(other, near, ours.nodes[grown])
+            if met is not None and reached:
+                path = [*reversed(ours.back_to_root(grown)), *other.back_to_root(met)[1:]]
+                return np.stack(path if ours is first else path[::-1])
         return None
 
-    def extend(self, tree: _Tree, target: Array) -> int | None:
-        """Extend the nearest node by one step towards `target`; return the new node, or None if it is blocked."""
+    def _grow(self, tree: _Tree) -> int | None:
+        """Grow towards a random target; return the last new node, or None if already the first sample is blocked."""
+        limits, rng = self.limits, self.rng
+        target = rng.uniform(limits.lower, limits.upper)
         near = tree.nearest(target)
-        step = target - tree.nodes[near]
-        reach = float((np.abs(step) / self.limits.velocity).max())
-        q = target if reach <= _STEP else tree.nodes[near] + step * (_STEP / reach)
-        if not self.free(q) or not self.clear(tree.nodes[near], q):
-            return None
-        return tree.add(q, near)
+        if rng.random() < _FEW_JOINTS:
+            target = np.where(rng.random(len(target)) < _KEPT, tree.nodes[near], target)
+        return self._follow(tree, near, target)[0]
 
-    def connect(self, tree: _Tree, target: Array) -> int | None:
-        """Extend towards `target` until it is reached (return its node) or blocked (return None)."""
-        while True:
-            grown = self.extend(tree, target)
-            if grown is None or np.array_equal(tree.nodes[grown], target):
-                return grown
+    def _follow(self, tree: _Tree, node: int, target: Array) -> tuple[int | None, bool]:
+        """Grow from a node towards `target`; return the last node (None if nothing is free) and whether it is there."""
+        if np.array_equal(tree.nodes[node], target):
+            return node, True
+        passed, reached = self.edges.advance(tree.nodes[node], target)
+        if not passed:
+            return None, False
+        for q in (*passed[_SPACING - 1 : -1 : _SPACING], passed[-1]):
+            node = tree.add(q, node)
+        return node, reached
 
 
 class _Tree:
-    """Configurations with their parents; distances are the largest travel time of a joint."""
+    """Configurations with their parents; distances are of travel times."""
 
     def __init__(self, root: Array, velocity: Array) -> None:
         self.nodes = [root]
@@ -74,6 +87,9 @@ class _Tree:
         self._velocity = velocity
         self._scaled = np.empty((64, len(root)))
         self._scaled[0] = root / velocity
+
+    def __len__(self) -> int:
+        return len(self.nodes)
 
     def add(self, q: Array, parent: int) -> int:
         if len(self.nodes) == len(self._scaled):
@@ -84,8 +100,8 @@ class _Tree:
         return len(self.nodes) - 1
 
     def nearest(self, q: Array) -> int:
-        away = np.abs(self._scaled[: len(self.nodes)] - q / self._velocity).max(axis=1)
-        return int(np.argmin(away))
+        away = self._scaled[: len(self.nodes)] - q / self._velocity
+        return int(np.argmin(np.einsum("ij,ij->i", away, away)))
 
     def back_to_root(self, index: int) -> list[Array]:
         nodes = []

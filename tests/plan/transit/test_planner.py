@@ -7,7 +7,6 @@ import itertools
 import numpy as np
 import pytest
 
-from arm.controller.unit import Limits, load_unit
 from arm.errors import ImpossibleError
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
@@ -16,20 +15,8 @@ from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, straight_time
-from plan.transit.planner import TransitPlanner, plan_transit
-from plans.transits import ROBOT, world_with
-from tasks.task2 import Q_START
-
-UNIT = load_unit("crs93")
-
-LIMITS = UNIT.limits().scaled(0.5)
-
-RIGHT = np.array(Q_START)
-
-LEFT = RIGHT * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-
-# across the straight way, lower than the arm can go over
-LOW_WALL = Body("wall", Box((0.3, 0.02, 0.3)), transform(t=(0.45, 0.0, 0.15)), "wall")
+from plan.transit.planner import plan_transit
+from plans.transits import LEFT, LIMITS, LOW_WALL, RIGHT, ROBOT, inside, near_limits, world_with
 
 # higher than it can go over without folding up
 PILLAR = Body("pillar", Box((0.08, 0.08, 1.2)), transform(t=(0.45, 0.0, 0.6)), "post")
@@ -106,41 +93,6 @@ def test_a_failed_transit_names_the_obstructing_pair() -> None:
         plan_transit(world_with(*walls), RIGHT, LEFT, LIMITS, 0.011, 0, budget)
     assert caught.value.data["pair"][1] == "partition"
     assert caught.value.exit_code == 3
-
-
-def near_limits(rng: np.random.Generator) -> Limits:
-    """Limits that leave the straight way from `RIGHT` to `LEFT`, and hardly more on some sides."""
-    low, high = np.minimum(RIGHT, LEFT), np.maximum(RIGHT, LEFT)
-    room = np.where(rng.random((2, 6)) < 0.3, 0.05, 1.2)
-    lower, upper = np.maximum(low - room[0], UNIT.lower), np.minimum(high + room[1], UNIT.upper)
-    return Limits(lower, upper, LIMITS.velocity, LIMITS.acceleration)
-
-
-def inside(corners: Array, limits: Limits) -> Array:
-    """Which of corners (m, c, n) are within limits, all of them."""
-    return np.asarray(((corners >= limits.lower) & (corners <= limits.upper)).all(axis=(1, 2)))
-
-
-def test_corners_are_within_limits_that_are_near() -> None:
-    """Of the corners that are tried, none takes a joint beyond its limits; none that does not is left out."""
-    world, kept, left_out = world_with(LOW_WALL), 0, 0
-    every = TransitPlanner(world, LIMITS, 0.011, np.random.default_rng(0), TransitBudget()).lifted(
-        RIGHT, LEFT, 0.5
-    )
-    for seed in range(12):
-        limits = near_limits(np.random.default_rng(seed))
-        detours = TransitPlanner(world, limits, 0.011, np.random.default_rng(seed), TransitBudget())
-        single, double = detours.lifted(RIGHT, LEFT, 0.5)
-        drawn = detours.drawn(RIGHT, LEFT)
-        assert inside(single, limits).all()
-        assert inside(double, limits).all()
-        assert inside(drawn[:, None], limits).all()
-        assert len(np.unique(drawn, axis=0)) > 0.9 * TransitBudget().corners  # clipped, not all to one corner
-        allowed = inside(every[0], limits)
-        assert len(single) == allowed.sum()
-        kept, left_out = kept + allowed.sum(), left_out + (~allowed).sum()
-    assert kept > 50
-    assert left_out > 50
 
 
 def test_ways_stay_within_limits_that_are_near() -> None:

@@ -1,0 +1,62 @@
+"""Straight joint lines that are checked at samples, by coal's yes/no."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+
+from arm.se3 import Array
+
+# Fractions of a line that are looked at first: most lines are blocked, and a few samples find that out.
+FIRST_SAMPLES = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
+
+
+class SampledEdges:
+    """Checks of configurations and of straight joint lines between them; samples prove nothing.
+
+    Args:
+        too_near: returns whether a configuration lacks the clearance (`World.too_near`).
+        resolution: largest distance of two samples, rad summed over the joints.
+    """
+
+    def __init__(self, too_near: Callable[[Array], bool], resolution: float) -> None:
+        self.too_near, self.resolution = too_near, resolution
+
+    def clear(self, a: Array, b: Array) -> bool:
+        """Return whether all samples between a and b are free, from coarse to fine: blocked lines end soon."""
+        step, too_near = b - a, self.too_near
+        return not any(too_near(a + u * step) for u in coarse_to_fine(self._count(a, b)))
+
+    def path_clear(self, path: Array) -> bool:
+        """Return whether all inner way-points of a path (m, n), and the lines between them, are free."""
+        return not any(map(self.too_near, path[1:-1])) and all(self.clear(a, b) for a, b in pairwise(path))
+
+    def advance(self, a: Array, b: Array) -> tuple[list[Array], bool]:
+        """Return the free samples from a (excluded) to b before the first blocked one, and whether b is reached."""
+        count, passed = self._count(a, b), list[Array]()
+        step = (b - a) / count
+        for i in range(1, count + 1):
+            q = b if i == count else a + i * step
+            if self.too_near(q):
+                return passed, False
+            passed.append(q)
+        return passed, True
+
+    def _count(self, a: Array, b: Array) -> int:
+        return max(ceil(float(np.abs(b - a).sum()) / self.resolution), 1)
+
+
+@lru_cache(maxsize=4096)
+def coarse_to_fine(count: int) -> tuple[float, ...]:
+    """Return i / count for 0 < i < count: the middle first, then the middles between those before."""
+    order: dict[int, None] = {}
+    parts = 2
+    while len(order) < count - 1:
+        order.update(dict.fromkeys(i * count // parts for i in range(1, parts, 2)))
+        order.pop(0, None)
+        parts *= 2
+    return tuple(i / count for i in order)
