@@ -30,7 +30,7 @@ from plan.program.program import Program, plan_program
 from plan.program.sequence.planner import SearchEffort
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
-from plan.transit.planner import plan_transit
+from plan.transit.planner import Transit, find_transit, plan_transit
 
 __all__ = [
     "A465Error",
@@ -61,6 +61,7 @@ __all__ = [
     "Target",
     "Transfer",
     "Transfers",
+    "Transit",
     "TransitBudget",
     "Unit",
     "World",
@@ -70,6 +71,7 @@ __all__ = [
     "convex",
     "curve_of_waypoints",
     "explain_pose",
+    "find_transit",
     "follow_line",
     "inverse",
     "inverse_kinematics",

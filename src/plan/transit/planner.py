@@ -15,6 +15,7 @@ What is found is checked at samples, with coal's yes/no. What is returned is pro
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import chain, islice, pairwise
 
 import numpy as np
@@ -32,6 +33,7 @@ from plan.collision.world import World
 from plan.kinematics.configuration import check_configuration
 from plan.transit.corners import FewCorners
 from plan.transit.edges import SampledEdges
+from plan.transit.near_ends import NearEnd, leave_near_end
 from plan.transit.optimise import Ends, TransitOptimiser
 from plan.transit.proofs import PathProof
 from plan.transit.rrt_connect import RrtConnect
@@ -49,6 +51,21 @@ _FINER = 3.0  # times, the samples of a way-point that is put into an edge
 _MARGINS = 1e-3, 2.5e-4  # m, added to the clearance of samples if both ends have it
 
 
+@dataclass(frozen=True)
+class Transit:
+    """Way-points whose straight joint lines are certified.
+
+    Attributes:
+        waypoints: (m, n) rad.
+        clearances: certified of each line, (m - 1,) m: the asked one, or less at a near end.
+        near_ends: the ends that have less than the asked clearance.
+    """
+
+    waypoints: Array
+    clearances: tuple[float, ...]
+    near_ends: tuple[NearEnd, ...] = ()
+
+
 def plan_transit(
     world: World,
     q_from: npt.ArrayLike,
@@ -60,6 +77,8 @@ def plan_transit(
     ends: Ends | None = None,
 ) -> Array:
     """Return way-points (m, n) rad from `q_from` to `q_to` such that the straight lines between them are certified.
+
+    An end that has less than the asked clearance is refused here; `find_transit` leaves it with what it has.
 
     Args:
         world: bodies to avoid.
@@ -75,17 +94,77 @@ def plan_transit(
         ImpossibleError: an end itself is too near to a body, or no path was found; data: pair, distance_m (of the
             straight move), end ("from", "to" or None).
     """
-    start = check_configuration("q_from", q_from, world.robot, limits)
-    goal = check_configuration("q_to", q_to, world.robot, limits)
-    integer("seed", seed, 0)
+    start, goal = _checked_ends(world, q_from, q_to, limits)
     for end, q in (("from", start), ("to", goal)):
         if world.in_collision(q, clearance):
             raise _end_blocked(world, end, q, clearance)
+    return find_transit(world, start, goal, limits, clearance, seed, budget, ends).waypoints
+
+
+def find_transit(
+    world: World,
+    q_from: npt.ArrayLike,
+    q_to: npt.ArrayLike,
+    limits: Limits,
+    clearance: float,
+    seed: int,
+    budget: TransitBudget | None = None,
+    ends: Ends | None = None,
+) -> Transit:
+    """Plan as `plan_transit` does, but leave, or come to, an end with less than the asked clearance with what it has.
+
+    The first or last line then leads to a way-point that has the asked clearance. `Transit` says what is certified.
+
+    Raises:
+        InputError: as `plan_transit`.
+        ImpossibleError: as `plan_transit`; an end is refused if it touches a body, or if nothing leads away from it.
+    """
+    start, goal = _checked_ends(world, q_from, q_to, limits)
+    rng = np.random.default_rng(integer("seed", seed, 0))
+    near = []
+    for end, q in (("from", start), ("to", goal)):
+        if world.in_collision(q, clearance):
+            left = leave_near_end(world, limits, end, q, clearance, rng)
+            if left is None:
+                raise _end_blocked(world, end, q, clearance)
+            near.append(left)
+    by_end = {left.end: left for left in near}
+    inner = [by_end[end].waypoint if end in by_end else q for end, q in (("from", start), ("to", goal))]
+    waypoints = _between(world, inner[0], inner[1], limits, clearance, rng, budget, ends)
+    clearances = [clearance] * (len(waypoints) - 1)
+    if "from" in by_end:
+        waypoints, clearances = [start, *waypoints], [by_end["from"].clearance, *clearances]
+    if "to" in by_end:
+        waypoints, clearances = [*waypoints, goal], [*clearances, by_end["to"].clearance]
+    return Transit(frozen(waypoints), tuple(clearances), tuple(near))
+
+
+def _checked_ends(
+    world: World, q_from: npt.ArrayLike, q_to: npt.ArrayLike, limits: Limits
+) -> tuple[Array, Array]:
+    start = check_configuration("q_from", q_from, world.robot, limits)
+    return start, check_configuration("q_to", q_to, world.robot, limits)
+
+
+def _between(
+    world: World,
+    start: Array,
+    goal: Array,
+    limits: Limits,
+    clearance: float,
+    rng: np.random.Generator,
+    budget: TransitBudget | None,
+    ends: Ends | None,
+) -> list[Array]:
+    """Return certified way-points between two ends that have the clearance.
+
+    Raises:
+        ImpossibleError: no path was found.
+    """
     straight = certify_curve(world, curve_of_waypoints([start, goal]), clearance)
     if straight.proved:
-        return frozen([start, goal])
-    budget = budget or TransitBudget()
-    search = TransitPlanner(world, limits, clearance, np.random.default_rng(seed), budget, ends)
+        return [start, goal]
+    search = TransitPlanner(world, limits, clearance, rng, budget or TransitBudget(), ends)
     found = search.around(start, goal, straight.time)
     if found is None:
         raise ImpossibleError(
@@ -97,7 +176,7 @@ def plan_transit(
             clearance_m=clearance,
             end=None,
         )
-    return frozen(found)
+    return list(found)
 
 
 def _end_blocked(world: World, end: str, q: Array, clearance: float) -> ImpossibleError:
