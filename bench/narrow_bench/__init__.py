@@ -1,0 +1,1 @@
+"""Parts of bench/window.py and bench/motion_bench_maker.py."""
