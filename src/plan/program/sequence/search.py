@@ -43,7 +43,7 @@ from plan.transit.planner import TransitPlanner
 _SAMPLES = (0.5, 0.25, 0.75)  # of a straight way before it is proved
 # A blocked way is taken to be this much longer than the straight one until one around is made, which costs much: if
 # another sequence is hardly slower, its ways are tried first.
-_DETOUR = 0.05
+_DETOUR = 0.15
 _BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
 
 
