@@ -25,7 +25,7 @@ BEGIN, CARRY, GO_ON, END = "begin", "carry", "go on", "end"
 # Time of a leg that is not tried for want of budget, s.
 NOT_NOW = 1e9
 # What a way around is taken to cost at least before one was made, in parts of the straight way and s.
-_OVERHEAD, _OVERHEAD_S, _ALIKE = 0.02, 0.05, 1.0
+_OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 # A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
 _NEAR = 0.03
 # A way that saves more than this, s, leaves its corners to others.
@@ -358,7 +358,7 @@ class TransitCosts:
             block.seen = len(known)
         alike = self._of(leg).made
         if alike < np.inf:
-            return max(least, min(block.over, straight + _ALIKE * alike))
+            return max(least, min(block.over, straight + alike))
         return max(least, min(block.over, straight + self.detours.median(block.body, leg.kind == CARRY)))
 
     def _straight(self, kind: str, numbers: tuple[int, ...]) -> Array:

@@ -6,10 +6,9 @@ more from then on - for ever where a body that stands still is in the way, or as
 stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
 around is made, and its own time counts.
 
-One wall blocks many legs alike. So legs that were not looked at are first taken to be blocked where those between the
-same two stations were, and to take as long as the corners of known ways around the body let them (`leg_costs`). The
-search ends when nothing promises more than it allows. Where all orders are covered, it then goes on without that
-assumption, until all that could be better is proved or blocked.
+One wall blocks many legs alike. So a way around is taken to take as long as the corners of known ways around the same
+body let it. Beyond what is ordered exactly, legs that were not looked at are also taken to be blocked where those
+between the same two stations were (`leg_costs`); the search ends when no sequence promises more than it allows.
 
 The obstacle-free bounds of the legs give, by the same search over orders, a time that no plan can undercut.
 """
@@ -45,11 +44,9 @@ from plan.transit.optimise import Ends
 # Ways around that are made between one pick and one place (and more where there is none yet).
 _DETOURS, _DETOURS_AT_MOST = 3, 12
 _ROUNDS = 400
-# A sequence that could at best be this much faster, in parts, is not looked for.
-_GOOD_ENOUGH = 0.003
-# Nor one that could be this much faster, if legs that were not looked at are blocked like those that were: beyond what
-# is ordered exactly, that ends the search.
-_ALLOWED = 0.03
+# A sequence that could at best be this much faster, in parts, is not looked for; and where legs that were not looked at
+# are taken to be blocked like those that were, as beyond what is ordered exactly.
+_GOOD_ENOUGH, _ALLOWED = 0.003, 0.03
 
 
 @dataclass(frozen=True)
@@ -138,11 +135,13 @@ class TaskSearch:
             for side in (self.picks, self.places)
         ]
         self.costs = TransitCosts(ends[0], ends[1], standing(q_home), limits, options)
+        self.costs.presume = not self.freedom.exact
         self.detours: dict[tuple[str, tuple[int, ...], CubePlacement | None], int] = {}
         self.most_detours = _DETOURS
         self.proofs = EdgeChecks(stages, limits, options)
         self.rejected: dict[str, ImpossibleError] = {}
         self.stopped: BudgetSpent | KeyboardInterrupt | None = None
+        self.complete: Found | None = None
 
     def best(self) -> Found:
         """The fastest sequence that was found; where the budget is spent or Ctrl-C is pressed, by then (`stopped`).
@@ -151,7 +150,7 @@ class TaskSearch:
             BudgetSpent, KeyboardInterrupt: before one was.
             ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
         """
-        self.complete: Found | None = None
+        self.complete = None
         try:
             return self._best()
         except (BudgetSpent, KeyboardInterrupt) as stop:
@@ -159,21 +158,17 @@ class TaskSearch:
             if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):
                 raise
             self.stopped = stop
-            return self.complete
+            return self._explained(self.complete, self.complete.time - self.complete.bound)
 
     def _best(self) -> Found:
         bound = best_order(self.freedom, self.costs.bounds())
-        costs, exact = self.costs.now(), self.freedom.exact
+        costs, promised = self.costs.now(), np.inf
+        gain = _ALLOWED if self.costs.presume else _GOOD_ENOUGH
         best: Found | None = None
-        promised = np.inf
         for _ in range(_ROUNDS):
             ordered = best_order(self.freedom, costs)
-            gain = _GOOD_ENOUGH if exact and not self.costs.presume else _ALLOWED
             enough = np.inf if best is None else best.time * (1.0 - gain)
             if ordered is None or bound is None or ordered.time >= min(enough, NOT_NOW):
-                if best is not None and exact and self.costs.presume:
-                    self.costs.presume = False
-                    continue
                 if best is not None:
                     promised = best.time if ordered is None else ordered.bound
                     break
@@ -184,7 +179,7 @@ class TaskSearch:
                 self.costs.ask_again()
                 continue
             best = self.complete = self._proved(ordered, costs, best, bound.bound)
-            if not exact and self.costs.detours.made:
+            if self.costs.presume and self.costs.detours.made:
                 self._probe()
         if best is None:
             raise self._impossible()
@@ -200,10 +195,10 @@ class TaskSearch:
             legs += [(came, pick), (pick, place), *([] if stop.home is None else [(place, costs.home)])]
             came = place if stop.home is None else costs.home
         bounds, straight = (
-            float(sum(times(*ends, self.limits)[0, 0] for ends in legs)) for times in (leg_bounds, leg_times)
+            sum(f(*ends, self.limits)[0, 0] for ends in legs) for f in (leg_bounds, leg_times)
         )
-        around = found.time - straight
-        return replace(found, gap=Gap(bounds - found.bound, straight - bounds, around, max(unexplored, 0.0)))
+        parts = bounds - found.bound, straight - bounds, found.time - straight, max(unexplored, 0.0)
+        return replace(found, gap=Gap(*map(float, parts)))
 
     def _polished(self, found: Found) -> Found:
         """The same sequence with its ways around made faster."""
@@ -211,9 +206,9 @@ class TaskSearch:
 
         def polished(way: Array) -> Array:
             nonlocal saved
-            better, seconds = self.proofs.polish(way, self._query) if len(way) > 2 else (way, 0.0)
+            way, seconds = self.proofs.polish(way, self._query) if len(way) > 2 else (way, 0.0)
             saved += seconds
-            return better
+            return way
 
         for stop in found.stops:
             home = None if stop.home is None else polished(stop.home)
@@ -221,10 +216,7 @@ class TaskSearch:
         return replace(found, stops=tuple(stops), time=found.time - saved)
 
     def _probe(self) -> None:
-        """Look at the fastest straight leg between any two stations of which nothing is known yet.
-
-        Where one of them is blocked for good, so are most others, and all of them are taken to be.
-        """
+        """Look at the fastest leg between any two stations of which nothing is known: most others are like it."""
         there = self.costs.there(Progress(frozenset(), frozenset()))
         for leg in self.costs.fastest_unknown():
             found = self.proofs.straight(leg, self._query(leg), there)
