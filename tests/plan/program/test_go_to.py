@@ -33,10 +33,14 @@ def under_the_tool(gap: float) -> Body:
 
 def test_the_searchs_margin_does_not_show() -> None:
     options = PlanOptions(clearance=0.010, transit=FEW)
-    wall = Body("wall", Box((2.0, 0.02, 3.0)), transform(t=(1.3, 0.0, 1.0)), "wall")
+    walls = [
+        Body(f"wall {side:+d}", Box((2.0, 0.02, 3.0)), transform(t=(side * 1.16, 0.0, 1.0)), "wall")
+        for side in (-1, 1)
+    ]
+    walls.append(Body("wall above", Box((0.6, 0.02, 2.0)), transform(t=(0.0, 0.0, 1.5)), "wall"))
     for bodies, words in (
         ((under_the_tool(0.0095),), "the start of the way is itself too near"),
-        ((wall,), r"no path around wall was found; on the straight one \w+ "),
+        (walls, r"no path around wall \+1 was found; on the straight one \w+ "),
     ):
         with pytest.raises(ImpossibleError, match=words) as caught:
             plan_joint_motion(scene(*bodies), Q_START, Q_END, UNIT, options=options)
