@@ -11,10 +11,12 @@ from arm.se3 import Array, frozen
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
+from plan.transit.edges import SampledEdges
 
 _ATTEMPTS = 400
 _OFFSET = 2e-3  # rad, by which the standard deviation of a way-point from the end grows with each attempt
 _FEW_JOINTS = 0.5  # share of the way-points that keep a joint where it is at the end
+_RESOLUTION = 0.05  # rad summed over the joints, of samples before a proof
 _ROUNDING = 1e-4  # m, of the end's distance that the proof of its line may lack
 
 
@@ -51,13 +53,15 @@ def leave_near_end(
         rng: source of all random choices.
     """
     closest, too_near = world.distance(q), world.too_near(clearance)
+    through = SampledEdges(world.too_near(0.0), _RESOLUTION)  # cheaper than a proof that fails
     kept = closest.value - _ROUNDING
     if kept < 0.0:
         return None
     for attempt in range(1, _ATTEMPTS + 1):
         offset = attempt * _OFFSET * rng.normal(size=len(q)) * (rng.random(len(q)) >= _FEW_JOINTS)
         away = np.clip(q + offset, limits.lower, limits.upper)
-        if too_near(away) or not certify_curve(world, curve_of_waypoints([q, away]), kept).proved:
+        if too_near(away) or not through.clear(q, away):
             continue
-        return NearEnd(end, closest.pair, closest.value, kept, frozen(away))
+        if certify_curve(world, curve_of_waypoints([q, away]), kept).proved:
+            return NearEnd(end, closest.pair, closest.value, kept, frozen(away))
     return None

@@ -10,6 +10,7 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
+from plan.transit.near_ends import leave_near_end
 from plan.transit.planner import find_transit, plan_transit
 from plans.transits import LEFT, LIMITS, LOW_WALL, RIGHT, ROBOT, world_with
 
@@ -47,6 +48,29 @@ def test_a_near_end_is_left_with_what_it_has(walls: tuple[Body, ...], seed: int)
             np.stack([found.waypoints[:-1], found.waypoints[1:]], axis=1), found.clearances, strict=True
         ):
             assert certify_curve(world, curve_of_waypoints(line), kept).proved
+
+
+def test_no_end_is_left_through_a_body() -> None:
+    """Rods about the hand: beyond each there is room, and only a little of it on this side."""
+    x, y, z = ROBOT.T_base_tool(RIGHT)[:3, 3]
+    rods = [
+        Body(
+            f"rod {i}",
+            Box((0.004, 0.004, 0.06)),
+            transform(t=(x + 0.053 * np.cos(a), y + 0.053 * np.sin(a), z)),
+            "post",
+        )
+        for i, a in enumerate(np.arange(0.0, 2.0 * np.pi, np.pi / 4))
+    ]
+    world, left = world_with(*rods), 0
+    assert 0.0 < world.distance(RIGHT).value < ASKED
+    for seed in range(20):
+        near = leave_near_end(world, LIMITS, "from", RIGHT, ASKED, np.random.default_rng(seed))
+        if near is not None:
+            left += 1
+            assert certify_curve(world, curve_of_waypoints([RIGHT, near.waypoint]), near.clearance).proved
+            assert not world.in_collision(near.waypoint, ASKED)
+    assert left >= 10
 
 
 def test_ends_with_the_clearance_are_as_ever() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm.controller.unit import Limits
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.collision.bezier import curve_of_waypoints
@@ -22,15 +23,29 @@ ROD = Body("rod", Box((0.004, 0.004, 0.2)), transform(t=HALF - (0.0, 0.0, 0.099)
 @pytest.mark.parametrize("seed", range(3))
 def test_what_samples_miss_gets_another_way_point(seed: int) -> None:
     world, path = world_with(ROD), np.stack([RIGHT, AWAY])
-    coarse, fine = (SampledEdges(world.too_near(0.005), step) for step in (0.5, 0.02))
-    assert coarse.clear(RIGHT, AWAY) is False or not fine.clear(RIGHT, AWAY)
-    proof = PathProof(world, LIMITS, 0.005, fine, np.random.default_rng(seed))
-    mended = proof.mended(path)
+    fine = SampledEdges(world.too_near(0.005), 0.02)
+    assert not fine.clear(RIGHT, AWAY)
+    mended = PathProof(world, LIMITS, 0.005, fine, np.random.default_rng(seed)).mended(path)
     assert mended is not None
     assert len(mended) > 2
     assert np.array_equal(mended[[0, -1]], path)
     assert certify_curve(world, curve_of_waypoints(mended), 0.005).proved
-    assert ((mended >= LIMITS.lower) & (mended <= LIMITS.upper)).all()
+
+
+def test_every_new_edge_is_proved_and_within_limits() -> None:
+    """Coarse samples miss the rod again and again; joints 1, 4, 5 and 6 have hardly any room."""
+    world, path = world_with(ROD), np.stack([RIGHT, AWAY])
+    room = np.array([0.001, 1.0, 1.0, 0.001, 0.001, 0.001])
+    lower, upper = np.minimum(RIGHT, AWAY) - room, np.maximum(RIGHT, AWAY) + room
+    limits, found = Limits(lower, upper, LIMITS.velocity, LIMITS.acceleration), 0
+    for seed in range(30):
+        coarse = SampledEdges(world.too_near(0.005), 2.0)
+        mended = PathProof(world, limits, 0.005, coarse, np.random.default_rng(seed)).mended(path)
+        if mended is not None:
+            found += 1
+            assert certify_curve(world, curve_of_waypoints(mended), 0.005).proved
+            assert ((mended >= limits.lower) & (mended <= limits.upper)).all()
+    assert found >= 5
 
 
 def test_a_proved_path_stays_as_it_is() -> None:

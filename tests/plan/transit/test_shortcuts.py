@@ -29,6 +29,9 @@ def test_paths_get_shorter_and_stay_free(seed: int) -> None:
         assert np.array_equal(short[[0, -1]], path[[0, -1]])
         assert SampledEdges(edges.too_near, 0.1).path_clear(short)
     assert time(some) < time(none) <= time(path) + 1e-9
+    # a shortcut that saves nothing is not taken
+    same = shortened(path, edges, LIMITS, lambda path: 1.0, np.random.default_rng(seed), 60)
+    assert np.array_equal(same, none)
 
 
 def test_only_needed_corners_stay() -> None:
