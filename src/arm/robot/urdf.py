@@ -155,19 +155,22 @@ def with_followers(urdf: Path, text: str, locked: Mapping[str, float]) -> dict[s
         FileInputError: a joint follows one that is not locked, or none.
     """
     every = dict(locked)
+    joints = ElementTree.fromstring(text).findall("joint")
+    # a fixed joint stays where it is, whatever it is said to follow
+    still = {**dict.fromkeys([j.get("name", "") for j in joints if j.get("type") == "fixed"], 0.0), **locked}
     followers = {
         joint.get("name", ""): mimic
-        for joint in ElementTree.fromstring(text).findall("joint")
-        if (mimic := joint.find("mimic")) is not None and joint.get("name") not in locked
+        for joint in joints
+        if (mimic := joint.find("mimic")) is not None and joint.get("name") not in still
     }
     for name in followers:
         chain = [name]
         while chain[-1] in followers and len(chain) <= len(followers):
             chain.append(followers[chain[-1]].get("joint", ""))
-        if chain[-1] not in locked:
+        if chain[-1] not in still:
             rule = f"follows {chain[-1]!r} (mimic), which moves: lock that joint, or both"
             raise FileInputError(urdf, f"joint {name}", None, rule)
-        position = locked[chain[-1]]
+        position = still[chain[-1]]
         for follower in reversed(chain[:-1]):
             mimic = followers[follower]
             position *= _mimic_number(urdf, follower, mimic, "multiplier", "1")

@@ -264,6 +264,20 @@ def test_a_joint_that_follows_a_moving_one_is_refused(tmp_path: Path) -> None:
         load_robot(with_gripper(tmp_path, "two"), LAST, np.eye(4), {"finger": 0.0})
 
 
+def test_fixed_joints_follow_nothing(tmp_path: Path) -> None:
+    """Fingers that an author fixed, with what they followed left in: the file loads, and they are where they are."""
+    path = with_gripper(tmp_path)
+    moving = load_robot(path, "b", np.eye(4), {"finger": 0.0, "other": 0.0, "tip": 0.0})
+    text = path.read_text()
+    for name in ("finger", "other"):
+        text = text.replace(f'name="{name}" type="revolute"', f'name="{name}" type="fixed"')
+    path.write_text(text)
+    fixed = load_robot(path, "b", np.eye(4))  # the tip follows a fixed joint
+    assert fixed.joint_names == moving.joint_names
+    q = np.linspace(-0.5, 0.5, 7)
+    np.testing.assert_allclose(fixed.T_base_tool(q), moving.T_base_tool(q), atol=1e-12)
+
+
 @pytest.mark.parametrize("folder", ["urdf", "srdf", "config"])
 def test_an_srdf_is_found_where_packages_have_it(tmp_path: Path, folder: str) -> None:
     for name in ("urdf", folder):
