@@ -43,7 +43,7 @@ def test_a_slab_above_a_hole_is_named_with_every_way_that_it_blocks(seed: int) -
     asked = request(task2([slab_above(rng(seed))], cubes=1))
     error, failure = refused(asked)
     assert (failure.kind, failure.stations, failure.body) == (LINE_BLOCKED, ("03-04/1",), "slab")
-    hole = asked.planner().reach([asked.transfers[0].place])["03-04/1"]
+    hole = asked.reach([asked.transfers[0].place])["03-04/1"]
     blocked = {(w.yaw, w.branch): w for w in failure.ways if w.pair}
     assert set(blocked) == {(c.yaw, c.branch) for c in hole.feasible()}
     assert len(failure.ways) == len(hole.choices)
