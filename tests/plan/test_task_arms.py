@@ -13,6 +13,7 @@ from arm.robot.tool import urdf_limits
 from arm.se3 import rot_z, transform
 from arms.made_up import SEVEN, arm
 from plan.cartesian.reachability import reach
+from plan.failure import of_choice
 from plan.options import PlanOptions
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer, scene_from_json
@@ -65,3 +66,5 @@ def test_what_is_out_of_reach_is_said(tmp_path: Path) -> None:
     assert not table.ok
     with pytest.raises(ImpossibleError, match=r"hole far: .* no solution of the pose was found"):
         table.require()
+    missed = of_choice(table["far"].best)
+    assert (missed.reason, missed.excess_deg) == ("no solution of the pose was found", None)
