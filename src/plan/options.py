@@ -46,6 +46,9 @@ class PlanOptions:
             calibration. So less than the usual 5 mm must be allowed here, and every display of the plan reports it.
         line_clearance: required on approach and retract, where the jaws pass the cube and the plate, m; contacts that
             the station allows are excepted.
+        near_ends: whether a start or goal that itself has less than `clearance` is left, or come to, with what it has,
+            on one straight joint line; only where no other configuration will do. The plan says so. Else it is refused.
+            Goals of transfers are refused in any case.
         offset: length of approach and retract, m.
         approach_speed: tool speed on approach and retract at speed 1, m/s.
         fraction_closed: target of the jaws when gripping, 0 open to 1 shut.
@@ -77,6 +80,7 @@ class PlanOptions:
     clearance: float = 0.010
     least_clearance: float = LEAST_CLEARANCE
     line_clearance: float = 0.005
+    near_ends: bool = False
     offset: float = 0.1
     approach_speed: float = 0.1
     fraction_closed: float = 0.9

@@ -63,6 +63,7 @@ def clearest(plan_with: PlanWith, options: PlanOptions) -> Planned:
     def both(clearance: float) -> PlanOptions:
         return replace(
             options,
+            near_ends=False,
             clearance=max(clearance, options.clearance),
             line_clearance=max(clearance, options.line_clearance),
         )
@@ -70,6 +71,7 @@ def clearest(plan_with: PlanWith, options: PlanOptions) -> Planned:
     common = bisect(both, min(options.clearance, options.line_clearance))
     lines = both(common).line_clearance
     bisect(
-        lambda clearance: replace(options, clearance=clearance, line_clearance=lines), both(common).clearance
+        lambda clearance: replace(options, near_ends=False, clearance=clearance, line_clearance=lines),
+        both(common).clearance,
     )
     return max(tried, key=lambda one: one.worth(options.clearance_worth)).planned

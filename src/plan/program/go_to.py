@@ -46,7 +46,7 @@ def plan_joint_motion(
     world = World(scene.robot_open, (*scene.bodies, *scene.cubes))
     for end, q in (("from", start), ("to", goal)):
         closest = world.distance(q)
-        if closest.value < options.clearance:
+        if closest.value < (0.0 if options.near_ends else options.clearance):
             raise _refused(closest.pair, closest.value, options.clearance, end)
     goals = (Target("the start", q=goal, role="home", subject="arm"),)
     program = Program(

@@ -60,6 +60,8 @@ class Planned:
         touching: pairs that the lines may let touch.
         candidates: solutions looked at, per place: the start, and each group of goals.
         detours: paths around obstacles that were made.
+        near_ends: where the arm leaves or arrives with less than the required clearance (`PlanOptions.near_ends`):
+            ``at``, ``pair`` and ``distance_mm`` of each.
         stopped: why the search ended before the fastest way was known, for people; "" if it is known.
         interrupted: whether Ctrl-C ended it.
         provenance, task: see `plan.program.program.Program`.
@@ -78,6 +80,7 @@ class Planned:
     touching: frozenset[frozenset[str]] = frozenset()
     candidates: tuple[int, ...] = ()
     detours: int = 0
+    near_ends: tuple[dict[str, Any], ...] = ()
     stopped: str = ""
     interrupted: bool = False
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -107,6 +110,8 @@ class Planned:
         notes = stated.pop("notes", {})
         if self.stopped:
             notes = {**notes, "search": self.stopped}
+        if self.near_ends:
+            notes = {**notes, "near_ends": [dict(near) for near in self.near_ends]}
         scene = setting.scene.allowing(setting.scene.allowed | self.touching)
         registers = _registers(setting.unit, setting.limits)
         return Plan(
@@ -228,6 +233,7 @@ class Planned:
                 for r in self.reached
             ],
             "steps": steps,
+            **({"near_ends": list(self.near_ends)} if self.near_ends else {}),
             **({"stopped": self.stopped} if self.stopped else {}),
         }
 
@@ -250,6 +256,7 @@ def joined(before: Planned, after: Planned) -> Planned:
         touching=before.touching | after.touching,
         candidates=(*before.candidates, *after.candidates),
         detours=before.detours + after.detours,
+        near_ends=(*before.near_ends, *after.near_ends),
         stopped="; ".join(filter(None, (before.stopped, after.stopped))),
     )
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 from arm.errors import ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Move, Pause, Step
-from arm.se3 import Array
 from plan.motion.builder import MotionBuilder
 from plan.motion.phase import Join, MotionPhase
 from plan.options import PlanOptions
@@ -14,6 +13,8 @@ from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.blending import join_of
 from plan.program.goals.line_chains import LinearMove, SequenceStep
 from plan.program.goals.target import Target
+
+_SENT = 3e-4  # m, of the clearance at a near end that rounding to counts may take
 
 
 class ClearanceLost(ImpossibleError):
@@ -63,7 +64,8 @@ class MotionWriter:
             first = self.targets[step.chain.items[0].target]
             counts = self.builder.unit.counts(step.waypoints)
             if (counts != counts[0]).any():  # else the arm stands there already
-                motion.add(number, self._transit(first, step.waypoints, state), None, self.targets)
+                for phase in self._transit(first, step, state):
+                    motion.add(number, phase, None, self.targets)
             for item in step.chain.items:
                 target = self.targets[item.target]
                 if isinstance(item, LinearMove):
@@ -78,16 +80,24 @@ class MotionWriter:
         self.state = state
         return [*steps, *motion.written(self.builder)]
 
-    def _transit(self, target: Target, waypoints: Array, state: AttachmentState) -> MotionPhase:
-        return MotionPhase(
-            f"{target.prefix}home" if target.name == "home" else f"{target.prefix}to {target.name}",
-            target.role,
-            self.worlds.world(state),
-            self.options.clearance,
-            waypoints,
-            target.cube,
-            state.held,
-        )
+    def _transit(self, target: Target, step: SequenceStep, state: AttachmentState) -> Iterator[MotionPhase]:
+        """Yield the way to a target; what leaves or comes to a near end is a motion by itself."""
+        name = f"{target.prefix}home" if target.name == "home" else f"{target.prefix}to {target.name}"
+        ends, waypoints = {near.end: near for near in step.near}, step.waypoints
+        inner = waypoints["from" in ends : len(waypoints) - ("to" in ends)]
+        for near, path in (
+            (ends.get("from"), waypoints[:2]),
+            (None, inner),
+            (ends.get("to"), waypoints[-2:]),
+        ):
+            clearance, which = self.options.clearance, name
+            if near is not None:
+                clearance = max(near.clearance - _SENT, 0.0)
+                which = f"{name}, {'leaving' if near.end == 'from' else 'up to'} {near.pair[1]}"
+            elif path is not inner:
+                continue
+            world = self.worlds.world(state)
+            yield MotionPhase(which, target.role, world, clearance, path, target.cube, state.held)
 
     def _line(self, item: LinearMove, target: Target, state: AttachmentState) -> MotionPhase:
         arm = {body.name for body in self.worlds.robot.bodies}

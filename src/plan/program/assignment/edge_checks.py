@@ -18,8 +18,7 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array, Indices, frozen
 from plan.budget import TransitBudget
 from plan.cartesian.reachability import GraspCandidate
-from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import ClearanceCertificate, certify_curve
+from plan.collision.certificate import ClearanceCertificate
 from plan.collision.search_margin import MARGIN, searched_clearance
 from plan.collision.world import World
 from plan.failure import nearness, short_of
@@ -28,11 +27,10 @@ from plan.program.assignment.leg_costs import TransitEdge
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
+from plan.transit.straight import check_straight, sampled
 
 # Part of the margin that the proof of a way may lack: it is searched by samples.
 _SLACK = 0.5
-# Places on a straight way that are looked at before it is proved.
-_FIRST_SAMPLES = (0.5, 0.25, 0.75, 0.375, 0.625, 0.125, 0.875)
 # Samples of RRT-Connect as long as other ways may do.
 _FEW_SAMPLES = 150
 # Steps in which a way that will be used is made faster, and what that must save, s.
@@ -222,22 +220,13 @@ class EdgeChecks:
 
     def _straight_check(self, crossing: TransitQuery, moment: Moment) -> ClearanceCertificate | Blocked:
         world = self._world(crossing, moment)
-        q_from, q_to = crossing.q_from, crossing.q_to
-        others = moment - crossing.own
-        for u, q in ((0.0, q_from), (1.0, q_to)):
-            if world.in_collision(q, self.options.clearance):
-                seen = _seen(world, q, u)
-                return Blocked(self._by(seen, others), seen, end=True)
-        clearance = self.clearance(crossing, world)
-        check: ClearanceCertificate | None = None
-        for u in _FIRST_SAMPLES:
-            q = q_from + u * (q_to - q_from)
-            if check is None and world.in_collision(q, clearance):
-                check = _seen(world, q, u)
-        check = check or certify_curve(world, curve_of_waypoints([q_from, q_to]), clearance)
-        if check.proved:
+        line = check_straight(world, crossing.q_from, crossing.q_to, self.options.clearance, self.margin)
+        check = line.seen(world)
+        if line.proved:
             return check
-        by = self._by(check, others)
+        by = self._by(check, moment - crossing.own)
+        if line.end is not None:
+            return Blocked(by, check, end=True)
         passed = None if by is not None else self._passed(crossing, world, check)
         return Blocked(by, check) if passed is None else Blocked(None, passed, end=True)
 
@@ -314,13 +303,8 @@ class EdgeChecks:
 def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertificate | None:
     """What is too near at samples (m, n) rad of a line, where that begins or ends; None where nothing is."""
     hits = [i for i, q in enumerate(q_line) if world.in_collision(q, clearance)]
-    found = [_seen(world, q_line[i], float(i)) for i in sorted({*hits[:1], *hits[-1:]})]
+    found = [sampled(world, q_line[i], float(i)) for i in sorted({*hits[:1], *hits[-1:]})]
     return min(found, key=lambda check: check.seen, default=None)
-
-
-def _seen(world: World, q: Array, at: float) -> ClearanceCertificate:
-    closest = world.distance(q)
-    return ClearanceCertificate(closest.value, closest.value, closest.pair, at, False, 1)
 
 
 def line_error(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:

@@ -25,6 +25,7 @@ from plan.motion.phase import LinearPath
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
+from plan.transit.near_ends import NearEnd
 
 _TOLERANCE = 5e-6  # of the tool on lines, m
 _NOWHERE = 1e-9  # m or rad: a line of this length is none
@@ -98,11 +99,14 @@ class SequenceStep:
         chain: what is done there.
         waypoints: (m, n) rad of the transit to it.
         index: of the chain among the candidates for its goal.
+        near: ends of the transit that have less than the asked clearance; its first or last line leaves them, or comes
+            to them.
     """
 
     chain: LineChain
     waypoints: Array
     index: int = 0
+    near: tuple[NearEnd, ...] = ()
 
 
 def groups(targets: Sequence[Target]) -> list[range]:

@@ -147,9 +147,8 @@ class Candidates:
         """The solutions of the first target of a group that are clear of what never moves."""
         target = self.targets[group.start]
         solutions = self.reachable(target)
-        if (
-            len(group) == 1 and target.approach == target.retract == 0.0
-        ):  # a transit ends there and another begins
+        alone = len(group) == 1 and target.approach == target.retract == 0.0
+        if alone:  # a transit ends there and another begins
             world, clearance = self.worlds.at_least(), self.options.clearance
         else:
             world, clearance = self.worlds.at_least(target.pairs), target.clearance_on_lines(self.options)
@@ -166,6 +165,9 @@ class Candidates:
         if free:
             return free
         misses = [world.distance(s.q) for s in solutions]
+        near = [s for s, miss in zip(solutions, misses, strict=True) if miss.value > 0.0]
+        if near and alone and self.options.near_ends:
+            return near
         pairs = Counter(miss.pair for miss in misses)
         best = max(misses, key=lambda miss: round(miss.value, 9))
         listed = ", ".join(f"{a} / {b} ({count} x)" for (a, b), count in sorted(pairs.items()))

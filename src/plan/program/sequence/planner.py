@@ -7,8 +7,9 @@ every move is certified as it is sent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
-from plan.program.goals.line_chains import LineChain, LineChains, TargetReached, groups
+from plan.program.goals.line_chains import LineChain, LineChains, SequenceStep, TargetReached, groups
 from plan.program.goals.target import Target
 from plan.program.planned import Planned, Reached
 from plan.program.sequence.candidates import Candidates
@@ -164,11 +165,13 @@ class SequencePlanner:
             return
         world = self.worlds.world(self.worlds.start)
         seen = world.distance(q)
-        if seen.value < self.options.clearance:
+        least = 0.0 if self.options.near_ends else self.options.clearance
+        if seen.value < least:
             own = self_collision_help(world, q, self.options.clearance)
+            own = own or "; start elsewhere, ask for less clearance, or set the option near_ends"
             raise ImpossibleError(
                 f"q_start: {seen.pair[0]} is {seen.value * 1e3:.1f} mm from {seen.pair[1]} (required: "
-                f"{self.options.clearance * 1e3:g} mm){own or '; start elsewhere, or ask for less clearance'}",
+                f"{self.options.clearance * 1e3:g} mm){own}",
                 pair=list(seen.pair),
                 distance_m=seen.value,
                 clearance_m=self.options.clearance,
@@ -259,12 +262,22 @@ class SequencePlanner:
             lower_bound_s=float(np.floor(found.bound * 1e3)) / 1e3,
             candidates=tuple(len(layer.chains) for layer in search.layers),
             detours=search.effort.detours,
+            near_ends=tuple(_near_ends(search, found.legs)),
             state=state,
             touching=frozenset(
                 pair for step in steps if isinstance(step, Move) for pair in touching_pairs(step)
             ),
         )
         return plan if search.stopped is None else replace(plan, stopped=_stopped_text(search.stopped, plan))
+
+
+def _near_ends(search: PoseSearch, legs: Sequence[SequenceStep]) -> Iterator[dict[str, Any]]:
+    """Yield what `Planned.near_ends` says of a sequence."""
+    places = [layer.name for layer in search.layers]
+    for number, leg in enumerate(legs):
+        for near in leg.near:
+            at = places[number + (near.end == "to")]
+            yield {"at": at, "pair": list(near.pair), "distance_mm": round(1e3 * near.distance, 2)}
 
 
 def _require_distinct(targets: Sequence[Target]) -> None:

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from arm.errors import ImpossibleError
-from arm.se3 import Array
 from plan.collision.certificate import ClearanceCertificate
 from plan.collision.world import World
 from plan.program.goals.target import Target
+from plan.transit.straight import StraightLine
 
 
 def end_blocked(
-    before: str, name: str, end: str, pair: tuple[str, str], distance: float, clearance: float
+    before: str, name: str, end: str, seen: ClearanceCertificate, clearance: float
 ) -> ImpossibleError:
-    """A way leaves or arrives with a pair of bodies too near; all in m."""
-    where = before if end == "leaves" else name
+    """The way from one goal to another begins (``from``) or ends (``to``) too near; `clearance` is required, m."""
+    where, verb = (before, "leaves") if end == "from" else (name, "arrives")
+    pair, distance = seen.pair, seen.seen
     return ImpossibleError(
-        f"the way from {before} to {name} {end} too near: at {where}, {pair[0]} is {distance * 1e3:.1f} mm from "
-        f"{pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, or less clearance, may help",
-        reason=f"{end} with {pair[0]} too near to {pair[1]}",
+        f"the way from {before} to {name} {verb} too near: at {where}, {pair[0]} is {distance * 1e3:.1f} mm from "
+        f"{pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, less clearance, or the option "
+        "near_ends may help",
+        reason=f"{verb} with {pair[0]} too near to {pair[1]}",
         target=where,
         pair=list(pair),
         distance_m=distance,
@@ -41,44 +41,22 @@ def out_of_hand(target: Target, pair: tuple[str, str], distance: float) -> Impos
     )
 
 
-@dataclass(frozen=True)
-class Blocked:
-    """A straight way that is not clear.
-
-    Attributes:
-        at: fraction of it where that was seen.
-        clearance: it was searched with, m.
-        check: what a certificate found; None if a sample showed it.
-        longer: by how much longer than the straight way one around is taken to be, s.
-    """
-
-    at: float
-    clearance: float
-    check: ClearanceCertificate | None
-    longer: float = 0.0
-
-    def told(
-        self, world: World, a: Array, b: Array, names: tuple[str, str], asked: float, tried: bool
-    ) -> ImpossibleError:
-        """The straight way from a to b (n,) comes too near; another was `tried` or not.
-
-        Distances at a sample are computed only here, because hundreds of ways may be blocked.
-        """
-        check = self.check
-        if check is None:
-            seen = world.distance(a + self.at * (b - a))
-            check = ClearanceCertificate(seen.value, seen.value, seen.pair, self.at, False, 1)
-        more = "no path around was found" if tried else "as many paths around as allowed were tried"
-        near, other = check.pair
-        return ImpossibleError(
-            f"on the straight way from {names[0]} to {names[1]} {near} comes within {check.seen * 1e3:.1f} mm of "
-            f"{other} ({_asked(check, asked)}), and {more}",
-            reason=f"{other} in the way of {near}" + ("" if tried else ", way around not tried"),
-            target=names[1],
-            pair=list(check.pair),
-            distance_m=check.seen,
-            clearance_m=asked,
-        )
+def straight_blocked(
+    line: StraightLine, world: World, names: tuple[str, str], asked: float, tried: bool
+) -> ImpossibleError:
+    """A straight way comes too near, from the first to the second of `names`; another was `tried` or not."""
+    check = line.seen(world)
+    more = "no path around was found" if tried else "as many paths around as allowed were tried"
+    near, other = check.pair
+    return ImpossibleError(
+        f"on the straight way from {names[0]} to {names[1]} {near} comes within {check.seen * 1e3:.1f} mm of "
+        f"{other} ({_asked(check, asked)}), and {more}",
+        reason=f"{other} in the way of {near}" + ("" if tried else ", way around not tried"),
+        target=names[1],
+        pair=list(check.pair),
+        distance_m=check.seen,
+        clearance_m=asked,
+    )
 
 
 def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: float) -> ImpossibleError:

@@ -26,24 +26,26 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter
-from plan.collision.bezier import curve_of_path, curve_of_waypoints
+from plan.collision.bezier import curve_of_path
 from plan.collision.certificate import certify_curve
 from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReached
 from plan.program.goals.target import Target
-from plan.program.sequence.rejections import Blocked, end_blocked, line_blocked, miss, out_of_hand
+from plan.program.sequence.rejections import end_blocked, line_blocked, miss, out_of_hand, straight_blocked
 from plan.program.sequence.times import ChainTime, way_bounds, way_estimates
 from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.time_estimates import path_time
+from plan.transit.near_ends import NearEnd, leave_near_end
 from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
+from plan.transit.straight import StraightLine, check_straight
 
-_SAMPLES = (0.5, 0.25, 0.75)  # of a straight way before it is proved
 # A blocked way is taken to be this much longer than the straight one until one around is made, which costs much: if
 # another sequence is hardly slower, its ways are tried first.
 _DETOUR = 0.15
+_NEAR_END_S = 60.0  # added for each end that has less than the asked clearance, so that others come first
 _BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
 
 
@@ -99,7 +101,35 @@ class _State:
     legs: tuple[SequenceStep, ...]
 
 
-_Way = tuple[float, Array]  # cost in s, way-points (m, n) rad
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """A proved way across.
+
+    Attributes:
+        cost: s.
+        waypoints: (m, n) rad, the ends included.
+        near: ends that have less than the asked clearance.
+    """
+
+    cost: float
+    waypoints: Array
+    near: tuple[NearEnd, ...] = ()
+
+    @classmethod
+    def between(cls, cost: float, inner: Array, near: tuple[NearEnd, ...], ends: tuple[Array, Array]) -> _Way:
+        """Return the way from end to end whose middle is `inner` (m, n) rad, where near ends are left and come to."""
+        left = {end.end for end in near}
+        before, after = ends[0][None][: "from" in left], ends[1][None][: "to" in left]
+        return cls(cost + _NEAR_END_S * len(near), np.concatenate([before, inner, after]), near)
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocked:
+    """A straight way that is blocked, and by how much longer one around it is taken to be, s."""
+
+    line: StraightLine
+    near: tuple[NearEnd, ...]
+    longer: float = 0.0
 
 
 class PoseSearch:
@@ -131,7 +161,8 @@ class PoseSearch:
         ]
         self.to_go = self._to_go()
         self._ways: dict[tuple[object, ...], _Way | None] = {}
-        self._blocked: dict[tuple[object, ...], Blocked] = {}
+        self._blocked: dict[tuple[object, ...], _Blocked] = {}
+        self._near: dict[tuple[object, ...], NearEnd | None] = {}
         self._untold: list[tuple[int, Callable[[], ImpossibleError]]] = []
         self._proofs: dict[tuple[object, ...], bool] = {}
         self._made = [0] * len(layers)
@@ -242,7 +273,7 @@ class PoseSearch:
         key = (number, state.index, index, state.situation.key)
         if key not in self._ways:
             way = self._blocked.get(key) or self._straight_way(state, number, index)
-            if isinstance(way, Blocked):
+            if isinstance(way, _Blocked):
                 longer = self._detour(number) * float(self.estimates[state.layer][state.index, index])
                 if postpone and longer > way.longer:
                     self._blocked[key] = replace(way, longer=longer)
@@ -252,57 +283,68 @@ class PoseSearch:
         found = self._ways[key]
         if found is None:
             return None
-        cost = state.cost + found[0] + layer.times[index].inner
-        return _State(number, index, after, cost, (*state.legs, SequenceStep(chain, found[1], index)))
+        cost = state.cost + found.cost + layer.times[index].inner
+        step = SequenceStep(chain, found.waypoints, index, found.near)
+        return _State(number, index, after, cost, (*state.legs, step))
 
     def _detour(self, number: int) -> float:
         """By how much longer than straight ways those around are taken to be, as a part of them."""
         return max(_DETOUR, 0.5 * min(self._excess[number], default=0.0))
 
-    def _straight_way(self, state: _State, number: int, index: int) -> _Way | Blocked | None:
-        """Cost and way-points of the straight way to a chain, proved; None where an end of it is blocked."""
+    def _straight_way(self, state: _State, number: int, index: int) -> _Way | _Blocked | None:
+        """The straight way to a chain, proved or blocked; None where an end of it is itself too near."""
         before, layer = self.layers[state.layer], self.layers[number]
-        a, b = before.chains[state.index].q_out, layer.chains[index].q_in
+        a, b = ends = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
         if np.array_equal(a, b):  # nothing moves
-            return straight, np.stack([a, b])
-        world, asked = self.worlds.world(state.situation), self.options.clearance
-        for end, q in (("leaves", a), ("arrives", b)):
-            if world.in_collision(q, asked):
-                seen = world.distance(q)
-                self._refuse(number, end_blocked(before.name, layer.name, end, seen.pair, seen.value, asked))
+            return _Way(straight, np.stack([a, b]))
+        world, asked, near = self.worlds.world(state.situation), self.options.clearance, list[NearEnd]()
+        line = check_straight(world, a, b, asked)
+        while line.end is not None:
+            left = self._left(state, line) if self.options.near_ends else None
+            if left is None:
+                self._refuse(number, end_blocked(before.name, layer.name, line.end, line.seen(world), asked))
                 return None
-        clearance = searched_clearance(world, (a, b), asked)
-        for u in _SAMPLES:
-            if world.in_collision(a + u * (b - a), clearance):
-                return Blocked(u, clearance, None)
-        check = certify_curve(world, curve_of_waypoints([a, b]), clearance)
-        return (straight, np.stack([a, b])) if check.proved else Blocked(check.time, clearance, check)
+            near.append(left)
+            a, b = (left.waypoint, b) if line.end == "from" else (a, left.waypoint)
+            line = check_straight(world, a, b, asked)
+        if line.proved:
+            return _Way.between(straight, np.stack([a, b]), tuple(near), ends)
+        return _Blocked(line, tuple(near))
 
-    def _way_around(self, state: _State, number: int, index: int, blocked: Blocked) -> _Way | None:
-        """Cost and way-points of a way around what blocks the straight one, proved; None where there is none."""
-        before, layer = self.layers[state.layer], self.layers[number]
-        a, b = before.chains[state.index].q_out, layer.chains[index].q_in
+    def _left(self, state: _State, line: StraightLine) -> NearEnd | None:
+        """How an end of a straight line that is too near is left, or come to."""
+        end, q = (line.end or ""), line.a if line.end == "from" else line.b
+        key = (state.situation.key, end, q.tobytes())
+        if key not in self._near:
+            world, rng = self.worlds.world(state.situation), np.random.default_rng(self.options.seed)
+            self._near[key] = leave_near_end(world, self.limits, end, q, self.options.clearance, rng)
+        return self._near[key]
+
+    def _way_around(self, state: _State, number: int, index: int, blocked: _Blocked) -> _Way | None:
+        """A way around what blocks the straight one, proved; None where there is none."""
+        before, layer, line = self.layers[state.layer], self.layers[number], blocked.line
         straight, names = float(self.estimates[state.layer][state.index, index]), (before.name, layer.name)
         world, asked = self.worlds.world(state.situation), self.options.clearance
         if self._made[number] >= self.most_detours:
-            self._untold.append((number, lambda: blocked.told(world, a, b, names, asked, False)))
+            self._untold.append((number, lambda: straight_blocked(line, world, names, asked, False)))
             return None
         self._made[number] += 1
         self.effort.detours += 1
         ends = Ends(before.times[state.index].leave, layer.times[index].enter)
         rng = np.random.default_rng(self.options.seed)
         detours = TransitPlanner(
-            world, self.limits, blocked.clearance, rng, self.options.transit, ends, self._known
+            world, self.limits, line.clearance, rng, self.options.transit, ends, self._known
         )
-        way = detours.around(a, b, blocked.at)
+        way = detours.around(line.a, line.b, line.at)
         if way is None:
-            self._untold.append((number, lambda: blocked.told(world, a, b, names, asked, True)))
+            self._untold.append((number, lambda: straight_blocked(line, world, names, asked, True)))
             return None
         # a way around never counts as less than the straight one
         time = max(straight, path_time(way, self.limits, ends.enter, ends.leave))
         self._excess[number].append(time / max(straight, 1e-9) - 1.0)
-        return time, way
+        reached = before.chains[state.index].q_out, layer.chains[index].q_in
+        return _Way.between(time, way, blocked.near, reached)
 
     def _through(
         self, situation: AttachmentState, number: int, index: int, chain: LineChain

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from arm.controller.unit import Unit
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, transform
+from plan.collision.world import World
 from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
-from tasks.pose_lists import TABLE, down
+from plans.waypoints import Q_START, planned
+from tasks.pose_lists import FAST, TABLE, down
 
 
 @pytest.mark.parametrize(
@@ -31,3 +37,66 @@ def test_wrong_lists(robot: Robot, crs97: Unit, targets: list[Target], says: str
 def test_a_start_outside_limits_is_refused(robot: Robot, crs97: Unit) -> None:
     with pytest.raises(InputError, match=r"q_start: joint J2 = 171\.89 deg: must be from"):
         plan_poses(robot, [], [Target("a", down(0.4, 0.0, 0.3))], [0, 3, 0, 0, 0, 0], crs97.limits())
+
+
+AWAY = np.radians([60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+ASKED = FAST.clearance
+
+
+def crate_under(robot: Robot, q: Array, gap: float) -> Body:
+    """A crate below the tool at `q`, so high that the arm is `gap` m from it."""
+    place, low, high = robot.T_base_tool(q)[:3, 3], 0.0, 0.3
+    crate = Body("crate", Box((0.05, 0.05, 0.05)), transform(t=place), "wall")
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        crate = crate.at(transform(t=place - [0.0, 0.0, middle]))
+        low, high = (low, middle) if World(robot, [crate]).distance(q).value > gap else (middle, high)
+    return crate
+
+
+@pytest.mark.parametrize("at_goal", [False, True], ids=["start", "goal"])
+@pytest.mark.parametrize("gap", [0.001, 0.004])
+def test_a_near_end_is_left_or_come_to_where_that_is_allowed(
+    robot: Robot, crs97: Unit, gap: float, at_goal: bool
+) -> None:
+    near, far = crs97.positions(crs97.counts(Q_START)), crs97.positions(crs97.counts(AWAY))
+    world_bodies = [TABLE, crate_under(robot, near, gap)]
+    start, end = (far, near) if at_goal else (near, far)
+    goal = Target("there", q=end)
+    with pytest.raises(ImpossibleError, match="near_ends" if not at_goal else "too near"):
+        planned(robot, crs97, world_bodies, goal, q_start=start)
+    plan = planned(robot, crs97, world_bodies, goal, q_start=start, options=replace(FAST, near_ends=True))
+    (told,) = plan.near_ends
+    assert told["at"] == ("there" if at_goal else "q_start")
+    assert "crate" in told["pair"]
+    assert told["distance_mm"] == pytest.approx(1e3 * gap, abs=1.0)
+    assert plan.plan().notes["near_ends"] == [told]
+    *others, close = plan.moves if at_goal else plan.moves[::-1]
+    assert gap - 1.5e-3 < close.clearance <= gap + 1e-3
+    assert others
+    assert all(move.clearance >= ASKED for move in others)
+    # judged apart from the planner
+    world = World(robot, world_bodies)
+    distances = np.array([world.distance(q).value for q in plan.sample(0.02)[1]])
+    assert distances.min() >= close.clearance - 1e-9
+    _, q = plan.sample(0.02)
+    short = np.abs(q - near).max(axis=1) < 0.3
+    assert (distances[~short] >= ASKED - 1e-9).all()
+
+
+def test_a_clear_solution_comes_before_a_near_one(robot: Robot, crs97: Unit) -> None:
+    """Of two poses that will do, the one that is reached sooner is too near to something."""
+    q = crs97.positions(crs97.counts(AWAY))
+    poses = np.stack([robot.T_base_tool(q), down(0.3, 0.35, 0.25)])
+    bodies, there = [TABLE, crate_under(robot, q, 0.004)], Target("there", poses)
+    plan = planned(robot, crs97, bodies, there, options=replace(FAST, near_ends=True))
+    assert plan.near_ends == ()
+    assert plan.clearance >= ASKED
+
+
+def test_what_touches_is_no_near_end(robot: Robot, crs97: Unit) -> None:
+    q = crs97.positions(crs97.counts(Q_START))
+    crate = crate_under(robot, q, 0.001)
+    inside = crate.at(transform(t=crate.T_base_body[:3, 3] + [0.0, 0.0, 0.01]))
+    with pytest.raises(ImpossibleError, match=r"q_start: .* crate"):
+        planned(robot, crs97, [TABLE, inside], Target("there", q=AWAY), options=replace(FAST, near_ends=True))

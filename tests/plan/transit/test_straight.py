@@ -1,0 +1,46 @@
+"""Straight joint lines: proved, or where they are blocked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from plan.transit.straight import check_straight
+from plans.transits import LEFT, LOW_WALL, RIGHT, world_with
+
+ASKED = 0.01
+
+
+def test_a_clear_line_is_proved_with_a_margin() -> None:
+    found = check_straight(world_with(), RIGHT, LEFT, ASKED)
+    assert found.proved
+    assert found.end is None
+    assert ASKED < found.clearance <= found.seen(world_with()).clearance
+
+
+def test_a_blocked_line_says_where_and_by_what() -> None:
+    world = world_with(LOW_WALL)
+    found = check_straight(world, RIGHT, LEFT, ASKED)
+    seen = found.seen(world)
+    assert not found.proved
+    assert found.end is None
+    assert "wall" in seen.pair
+    assert seen.seen == world.distance(RIGHT + found.at * (LEFT - RIGHT)).value < found.clearance
+
+
+@pytest.mark.parametrize("end", ["from", "to"])
+def test_an_end_needs_only_the_asked_clearance(end: str) -> None:
+    world = world_with()
+    has = world.distance(RIGHT).value
+    a, b = (RIGHT, LEFT) if end == "from" else (LEFT, RIGHT)
+    too_much = check_straight(world, a, b, has + 1e-6)
+    assert too_much.end == end
+    assert too_much.at == (0.0 if end == "from" else 1.0)
+    assert not too_much.proved
+    enough = check_straight(world, a, b, has - 1e-6)
+    assert enough.end is None
+    assert has - 1e-6 <= enough.clearance < has
+
+
+def test_a_line_that_goes_nowhere_is_proved() -> None:
+    assert check_straight(world_with(), RIGHT, np.array(RIGHT), ASKED).proved
