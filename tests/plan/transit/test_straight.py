@@ -31,8 +31,10 @@ def test_a_blocked_line_says_where_and_by_what() -> None:
 @pytest.mark.parametrize("end", ["from", "to"])
 def test_an_end_needs_only_the_asked_clearance(end: str) -> None:
     world = world_with()
-    has = world.distance(RIGHT).value
-    a, b = (RIGHT, LEFT) if end == "from" else (LEFT, RIGHT)
+    low = LEFT - np.radians([0.0, 15.0, 0.0, 0.0, 0.0, 0.0])
+    has = world.distance(low).value
+    assert world.distance(RIGHT).value > has + 0.01
+    a, b = (low, RIGHT) if end == "from" else (RIGHT, low)
     too_much = check_straight(world, a, b, has + 1e-6)
     assert too_much.end == end
     assert too_much.at == (0.0 if end == "from" else 1.0)
