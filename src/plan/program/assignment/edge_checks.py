@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -95,7 +94,8 @@ class EdgeChecks:
         ) | frozenset(places)
         self._clear_lines: set[tuple[object, ...]] = set()
         self._straight: dict[tuple[object, ...], ClearanceCertificate | Blocked] = {}
-        self._ways: dict[tuple[object, Moment], Array] = {}
+        self._ways: dict[tuple[TransitEdge, Moment], Array] = {}
+        self._polished: set[tuple[TransitEdge, Moment]] = set()
         self.margin = MARGIN
 
     def least_margin(self) -> None:
@@ -146,11 +146,11 @@ class EdgeChecks:
         if widest != now:
             yield now
 
-    def straight(self, key: object, crossing: TransitQuery, now: Moment) -> Array | Blocked:
+    def straight(self, leg: TransitEdge, crossing: TransitQuery, now: Moment) -> Array | Blocked:
         """The straight way (2, n), or what is in it; for every moment if it is blocked by what always stands."""
         found: ClearanceCertificate | Blocked | None = None
         for moment in self._moments(now, self._absent(crossing)):
-            known = (key, moment)
+            known = (leg, moment)
             if known in self._ways:
                 return self._ways[known]
             found = self._straight.get(known)
@@ -162,21 +162,21 @@ class EdgeChecks:
             if found.by is None:
                 return found
         if not isinstance(found, Blocked):
-            raise ImpossibleError("a way across was asked for at no moment", key=str(key))
+            raise ImpossibleError("a way across was asked for at no moment", leg=str(leg))
         return found
 
     def around(
-        self, key: object, crossing: TransitQuery, now: Moment, known: Sequence[Array], thorough: bool
+        self, leg: TransitEdge, crossing: TransitQuery, now: Moment, known: Sequence[Array], thorough: bool
     ) -> Array | None:
         """A way around what is in the straight one, or None.
 
         Args:
-            key, crossing, now: as `straight`.
+            leg, crossing, now: as `straight`.
             known: corners (c, n) of ways around the same body, the most promising last.
             thorough: whether to spend more where none is found soon.
         """
         for moment in self._moments(now, self._absent(crossing)):
-            asked = (key, moment)
+            asked = (leg, moment)
             if asked in self._ways:
                 return self._ways[asked]
             blocked = self._straight.get(asked)
@@ -188,22 +188,27 @@ class EdgeChecks:
                 return self._ways[asked]
         return None
 
-    def polish(self, way: Array, crossing_of: Callable[[Any], TransitQuery]) -> tuple[Array, float]:
-        """A way around that was returned, made faster with more effort, and the s that this saves.
+    def polish(
+        self, way: Array, crossing_of: Callable[[TransitEdge], TransitQuery]
+    ) -> tuple[TransitEdge, Array, float]:
+        """The leg of a way around that was returned, the way made faster with more effort, and the s that this saves.
 
         Args:
             way: as `around` returned it.
-            crossing_of: what was asked for, by its key.
+            crossing_of: what was asked for, by its leg.
         """
-        key, moment = next(asked for asked, known in self._ways.items() if known is way)
-        crossing = crossing_of(key)
+        leg, moment = next(asked for asked, known in self._ways.items() if known is way)
+        if (leg, moment) in self._polished:
+            return leg, way, 0.0
+        self._polished.add((leg, moment))
+        crossing = crossing_of(leg)
         planner = self._planner(crossing, self._world(crossing, moment), self.options.transit, [])
         better = planner.optimiser.shorten(way, _POLISH)
         saved = planner.time(way) - planner.time(better)
         if saved < _WORTH_S or not planner.proved(better):
-            return way, 0.0
-        self._ways[key, moment] = frozen(better)
-        return self._ways[key, moment], saved
+            return leg, way, 0.0
+        self._ways[leg, moment] = frozen(better)
+        return leg, self._ways[leg, moment], saved
 
     def clearance(self, crossing: TransitQuery, world: World) -> float:
         """What a way is searched with, m: the asked clearance and a margin, or half of what the ends leave of it."""

@@ -254,6 +254,18 @@ class TransitCosts:
             group.made = min(group.made, excess)
         return time <= assumed * (1.0 + _NEAR)
 
+    def faster(self, leg: TransitEdge, way: Array, saved: float) -> None:
+        """A way around that is known was made faster, by `saved` s."""
+        group = self._of(leg)
+        group.always = None
+        for (a, b, by), block in group.blocks.items():
+            if (a, b) == leg.ways and block.time is not None and block.time < NOT_NOW:
+                block.time -= saved
+                excess = max(block.time - float(self._straight(leg.kind, leg.numbers)[leg.ways]), 0.0)
+                self.detours.learn(block.body, leg.kind == CARRY, way, excess, -saved)
+                if by is None:
+                    group.made = min(group.made, excess)
+
     def ask_again(self) -> None:
         """Forget that there was no way, or no budget, for legs; what is forbidden stays so."""
         for group in self._groups.values():

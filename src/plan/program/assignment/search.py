@@ -37,6 +37,7 @@ from plan.program.assignment.sequencing import (
     Visit,
     best_grasps,
     best_order,
+    lower_bound,
 )
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
@@ -46,7 +47,7 @@ _DETOURS, _DETOURS_AT_MOST = 3, 12
 _ROUNDS = 400
 # A sequence that could at best be this much faster, in parts, is not looked for; and where legs that were not looked at
 # are taken to be blocked like those that were, as beyond what is ordered exactly.
-_GOOD_ENOUGH, _ALLOWED = 0.003, 0.03
+_GOOD_ENOUGH, _ALLOWED = 0.003, 0.025
 
 
 @dataclass(frozen=True)
@@ -161,16 +162,23 @@ class TaskSearch:
             return self._explained(self.complete, self.complete.time - self.complete.bound)
 
     def _best(self) -> Found:
-        bound = best_order(self.freedom, self.costs.bounds())
-        costs, promised = self.costs.now(), np.inf
+        costs, bounds, promised = self.costs.now(), self.costs.bounds(), np.inf
+        bound = lower_bound(self.freedom, bounds, best_order(self.freedom, bounds))
         gain = _ALLOWED if self.costs.presume else _GOOD_ENOUGH
         best: Found | None = None
         for _ in range(_ROUNDS):
             ordered = best_order(self.freedom, costs)
             enough = np.inf if best is None else best.time * (1.0 - gain)
-            if ordered is None or bound is None or ordered.time >= min(enough, NOT_NOW):
+            if ordered is None or ordered.time >= min(enough, NOT_NOW):
                 if best is not None:
-                    promised = best.time if ordered is None else ordered.bound
+                    faster = self._polished(best)
+                    if (
+                        faster.time < best.time and self.costs.presume
+                    ):  # ways alike are taken to be faster too
+                        best = self.complete = faster
+                        continue
+                    promised = min(lower_bound(self.freedom, costs, ordered), best.time)
+                    best = faster
                     break
                 if self.most_detours >= _DETOURS_AT_MOST:
                     break
@@ -178,12 +186,12 @@ class TaskSearch:
                 self.proofs.least_margin()
                 self.costs.ask_again()
                 continue
-            best = self.complete = self._proved(ordered, costs, best, bound.bound)
+            best = self.complete = self._proved(ordered, costs, best, bound)
             if self.costs.presume and self.costs.detours.made:
                 self._probe()
         if best is None:
             raise self._impossible()
-        return self._explained(self._polished(best), best.time - promised)
+        return self._explained(best, best.time - promised)
 
     def _explained(self, found: Found, unexplored: float) -> Found:
         """The same sequence with what its time consists of."""
@@ -206,8 +214,12 @@ class TaskSearch:
 
         def polished(way: Array) -> Array:
             nonlocal saved
-            way, seconds = self.proofs.polish(way, self._query) if len(way) > 2 else (way, 0.0)
-            saved += seconds
+            if len(way) == 2:
+                return way
+            leg, way, seconds = self.proofs.polish(way, self._query)
+            if seconds > 0.0:
+                self.costs.faster(leg, way, seconds)
+                saved += seconds
             return way
 
         for stop in found.stops:

@@ -3,8 +3,8 @@
 A task alternates between picks and places: start, pick, place, pick, place, .., end. Each pick and place can be served
 in several ways (yaw and branch). With few cubes all orders and assignments are covered by dynamic programming over
 which picks are done and which places are filled (M. Held, R. Karp, "A dynamic programming approach to sequencing
-problems", 1962). With many, one order is improved by exchanges, and what no order can undercut is bounded by two
-assignment problems, one over the carries and one over the ways back.
+problems", 1962). With many, one order is improved by exchanges, and `order_bound` says what no order can
+undercut.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from arm.se3 import Array
+from plan.program.assignment.order_bound import LegTimes, order_bound
 
 # Dynamic programming is used up to about this many sets of picks and places, times the pairs to go on with.
 _MOST_STATES = 1500
 _TIE = 1e-9
 # What an infinite time counts in sums that are compared, s: an order with fewer legs that cannot be is still better.
 _BLOCKED = 1e10
+
+Pairs = list[tuple[int, int]]  # pick and place, in order
 
 
 @dataclass(frozen=True)
@@ -102,14 +105,10 @@ class Choices:
 
 @dataclass(frozen=True)
 class Ordered:
-    """Visits in order, their time, and a bound that no other choice undercuts, s.
-
-    Where exchanges were used, the bound holds if a leg's time depends on no more than how many cubes were moved before.
-    """
+    """Visits in order, and their time, s."""
 
     visits: tuple[Visit, ...]
     time: float
-    bound: float
 
 
 def best_order(freedom: Choices, costs: Costs) -> Ordered | None:
@@ -162,7 +161,7 @@ def _exactly(freedom: Choices, costs: Costs) -> Ordered | None:
         return None
     best = min(finite, key=lambda node: round(float(node.time[0]), 9))
     time = float(best.time[0])
-    return Ordered(_traced(best), time, time)
+    return Ordered(_traced(best), time)
 
 
 def _to_pick(pick: int, done: Progress, places: dict[int, _Node], costs: Costs, first: bool) -> _Node | None:
@@ -224,32 +223,42 @@ def best_grasps(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | Non
         return None
     end = _reached(-1, [(node, (node.time + costs.end(node.at, done))[:, None])])
     time = float(end.time[0])
-    return Ordered(_traced(end), time, time) if np.isfinite(time) else None
+    return Ordered(_traced(end), time) if np.isfinite(time) else None
+
+
+def lower_bound(freedom: Choices, costs: Costs, ordered: Ordered | None) -> float:
+    """Return what no choice undercuts, s, given what `best_order` found for the same times.
+
+    Where exchanges were used, it holds if a leg's time depends on no more than how many cubes were moved before.
+    """
+    if ordered is None or freedom.exact:
+        return np.inf if ordered is None else ordered.time
+    return order_bound(_least_times(freedom, _finite(costs)), ordered.time)
 
 
 def _improved(freedom: Choices, costs: Costs) -> Ordered | None:
     """Exchanges of order and places, from the assignment with the shortest carries."""
     costs = _finite(costs)
-    table = _Least(freedom, costs)
+    legs = _least_times(freedom, costs)
     best: Ordered | None = None
-    for first in table.firsts():
-        found = _exchanged(table.chained(first), freedom, costs, table)
+    for first in _firsts(freedom, legs):
+        found = _exchanged(_chained(first, freedom, legs), freedom, costs, legs)
         if found is not None and (best is None or found.time < best.time - 1e-6):
             best = found
         if best is not None and best.time < _BLOCKED:
-            return Ordered(best.visits, best.time, min(table.bound(), best.time))
+            return best
     return None
 
 
-def _exchanged(pairs: list[tuple[int, int]], freedom: Choices, costs: Costs, table: _Least) -> Ordered | None:
+def _exchanged(pairs: Pairs, freedom: Choices, costs: Costs, legs: LegTimes) -> Ordered | None:
     """Order and places after every exchange that helps."""
     best = best_grasps(pairs, costs)
     improving = best is not None
     while improving:
         improving = False
         for trial in _exchanges(pairs, freedom):
-            # the table has every leg at its best: what it finds too slow is
-            if best is None or table.time(trial) >= best.time - 1e-6:
+            # with every leg at its best: what is too slow then, is
+            if best is None or _least_time(trial, legs) >= best.time - 1e-6:
                 continue
             found = best_grasps(trial, costs)
             if found is not None and found.time < best.time - 1e-6:
@@ -272,72 +281,55 @@ def _finite(costs: Costs) -> Costs:
     )
 
 
-class _Least:
-    """Least times of each leg over all ways, with no other cube in the way: what ranks orders, and bounds them."""
+def _least_times(freedom: Choices, costs: Costs) -> LegTimes:
+    """Return least times of each leg over all ways, with no other cube in the way: what ranks orders, and bounds them.
 
-    def __init__(self, freedom: Choices, costs: Costs) -> None:
-        self.freedom = freedom
-        picks, places = range(freedom.picks), range(freedom.places)
-        nothing: frozenset[int] = frozenset()
-        every = frozenset(picks)
-        self.begin = np.array([costs.begin(i, Progress(nothing, nothing)).min() for i in picks])
-        self.carry = np.array(
-            [
-                [
-                    costs.carry(i, j, Progress(every - {i}, nothing)).min()
-                    if freedom.assignment or i == j
-                    else _BLOCKED
-                    for j in places
-                ]
-                for i in picks
-            ]
-        )
-        # whether the arm goes home between two cubes depends on how many were moved
-        self.go_on = np.array(
-            [[min(costs.go_on(j, i, d).min() for d in self._before(i, j)) for i in picks] for j in places]
-        )
-        self.end = np.array([costs.end(j, Progress(every, frozenset((j,)))).min() for j in places])
+    Whether the arm goes home between two cubes depends on how many were moved.
+    """
+    n, m = freedom.picks, freedom.places
+    nothing: frozenset[int] = frozenset()
+    every = frozenset(range(n))
+    carry, go_on = np.full((n, m), _BLOCKED), np.full((n, m, n), _BLOCKED)
+    for i in range(n):
+        for j in freedom.places_of(i, nothing):
+            carry[i, j] = costs.carry(i, j, Progress(every - {i}, nothing)).min()
+        others = [k for k in range(n) if k != i]
+        for count in range(1, n):
+            if freedom.order or count == i:
+                done = [Progress(frozenset(others[:count]), frozenset((j,))) for j in range(m)]
+                go_on[count, :, i] = [costs.go_on(j, i, d).min() for j, d in enumerate(done)]
+    begin = [costs.begin(i, Progress(nothing, nothing)).min() for i in range(n)]
+    if not freedom.order:
+        begin[1:] = [_BLOCKED] * (n - 1)
+    end = [costs.end(j, Progress(every, frozenset((j,)))).min() for j in range(m)]
+    return LegTimes(np.array(begin), carry, go_on, np.array(end))
 
-    def _before(self, pick: int, place: int) -> Iterator[Progress]:
-        """One case for each number of cubes that may have been moved when `place` is left for `pick`."""
-        others = [i for i in range(self.freedom.picks) if i != pick]
-        for count in range(1, len(others) + 1):
-            yield Progress(frozenset(others[:count]), frozenset((place,)))
 
-    def time(self, pairs: Sequence[tuple[int, int]]) -> float:
-        total = self.begin[pairs[0][0]] + self.end[pairs[-1][1]]
-        total += sum(self.carry[i, j] for i, j in pairs)
-        return float(total + sum(self.go_on[a[1], b[0]] for a, b in pairwise(pairs)))
+def _least_time(pairs: Sequence[tuple[int, int]], legs: LegTimes) -> float:
+    """Return the time of an order and assignment with every leg at its best, s."""
+    times = [legs.begin[pairs[0][0]], *(legs.carry[pair] for pair in pairs), legs.end[pairs[-1][1]]]
+    times += [legs.go_on[k, a[1], b[0]] for k, (a, b) in enumerate(pairwise(pairs), start=1)]
+    return float(sum(times))
 
-    def firsts(self) -> list[int]:
-        """Picks to begin with, the nearest first."""
-        if not self.freedom.order:
-            return [0]
-        return sorted(range(self.freedom.picks), key=lambda i: (round(float(self.begin[i]), 6), i))
 
-    def chained(self, first: int) -> list[tuple[int, int]]:
-        """The assignment with the shortest carries, each time on to the nearest pick."""
-        _, place_of = linear_sum_assignment(np.round(self.carry, 6))
-        left = set(range(self.freedom.picks)) - {first}
-        pairs = [(first, int(place_of[first]))]
-        while left:
-            if not self.freedom.order:
-                pick = min(left)
-            else:
-                pick = min(left, key=lambda i: (round(float(self.go_on[pairs[-1][1], i]), 6), i))
-            left.remove(pick)
-            pairs.append((pick, int(place_of[pick])))
-        return pairs
+def _firsts(freedom: Choices, legs: LegTimes) -> list[int]:
+    """Return picks to begin with, the nearest first."""
+    if not freedom.order:
+        return [0]
+    return sorted(range(freedom.picks), key=lambda i: (round(float(legs.begin[i]), 6), i))
 
-    def bound(self) -> float:
-        """No order and assignment take less: shortest carries, and shortest ways to all picks and to the end."""
-        n, m = self.freedom.picks, self.freedom.places
-        rows, columns = linear_sum_assignment(self.carry)
-        # every pick is come to from the start or from a place, and the end from a place, each left once
-        ways = np.full((m + 1, n + 1), _BLOCKED)
-        ways[0, :n], ways[1:, :n], ways[1:, n] = self.begin, self.go_on, self.end
-        back_rows, back_columns = linear_sum_assignment(ways)
-        return float(self.carry[rows, columns].sum() + ways[back_rows, back_columns].sum())
+
+def _chained(first: int, freedom: Choices, legs: LegTimes) -> Pairs:
+    """Return the assignment with the shortest carries, each time on to the nearest pick."""
+    _, place_of = linear_sum_assignment(np.round(legs.carry, 6))
+    left = set(range(freedom.picks)) - {first}
+    pairs = [(first, int(place_of[first]))]
+    while left:
+        onward = legs.go_on[len(pairs), pairs[-1][1]]
+        pick = min(left, key=lambda i: (round(float(onward[i]), 6), i))
+        left.remove(pick)
+        pairs.append((pick, int(place_of[pick])))
+    return pairs
 
 
 def _exchanges(pairs: Sequence[tuple[int, int]], freedom: Choices) -> Iterator[list[tuple[int, int]]]:

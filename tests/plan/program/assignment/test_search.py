@@ -19,11 +19,12 @@ from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.options import PlanOptions
-from plan.program.assignment.edge_checks import MARGIN
-from plan.program.assignment.search import Found, Stop, TaskSearch
-from plan.program.assignment.sequencing import best_order
+from plan.program.assignment.edge_checks import _POLISH, MARGIN
+from plan.program.assignment.search import _ALLOWED, Found, Stop, TaskSearch
+from plan.program.assignment.sequencing import best_grasps, best_order
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
+from plan.transit.optimise import TransitOptimiser
 from plans.small_search import CASES, OPTIONS, UNIT, search_of
 from tasks.task2 import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, Task2, task2
 
@@ -151,6 +152,28 @@ def test_no_straight_sequence_is_faster(name: str) -> None:
     if all(len(way) == 2 for stop in found.stops for way in ways_of(stop)):
         assert found.time == pytest.approx(least, abs=1e-6)
     assert found.bound <= found.time
+
+
+@pytest.mark.parametrize("presume", [False, True])
+def test_what_is_known_of_the_legs_is_what_the_sequence_takes(
+    presume: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also of ways around that were made faster at the end; here only then."""
+    shorten, made = TransitOptimiser.shorten, list[int]()
+
+    def late(optimiser: TransitOptimiser, path: Array, steps: int) -> Array:
+        made.append(steps)
+        return shorten(optimiser, path, steps) if steps == _POLISH else path
+
+    monkeypatch.setattr(TransitOptimiser, "shorten", late)
+    search = search_of(*CASES["wall"])
+    search.costs.presume = presume
+    found = search.best()
+    assert _POLISH in made
+    pairs = [(stop.visit.pick, stop.visit.place) for stop in found.stops]
+    known = best_grasps(pairs, search.costs.now())
+    assert known is not None
+    assert found.time * (1.0 - _ALLOWED) <= known.time <= found.time + 1e-6
 
 
 def ways_of(stop: Stop) -> list[Array]:
