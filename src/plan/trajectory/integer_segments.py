@@ -25,7 +25,7 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import Line
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.extremes import cubic_acceleration, cubic_speed
-from plan.trajectory.rounding import round_chain
+from plan.trajectory.rounding import VERTEX_S, round_chain
 from plan.trajectory.timing import Trajectory
 
 SHORTEST_MS = 40  # the line sends about 25 cubics a second (docs/sources.md, "Capacity of the line")
@@ -207,6 +207,7 @@ class _Fit:
         knots_ms: (k + 1,) int.
         coefficients: (3, k, n) int.
         velocity, acceleration: (k, n) largest values, relative to their limits.
+        jump: (k - 1, n) jumps of velocity at joins, relative to what the vertex rule allows.
         off: (k,) deviation relative to its tolerance.
         first: for each mark, the index of the segment after it.
     """
@@ -215,6 +216,7 @@ class _Fit:
     coefficients: Counts
     velocity: Array
     acceleration: Array
+    jump: Array
     off: Array
     first: tuple[int, ...]
 
@@ -222,7 +224,7 @@ class _Fit:
         return np.maximum(self.velocity, self.acceleration)
 
     def excess(self) -> float:
-        return float(self.load().max())
+        return float(max(self.load().max(), self.jump.max(initial=0.0)))
 
     def marked(self, start: Counts) -> Marked:
         rows = np.moveaxis(self.coefficients, 1, 0).tolist()
@@ -300,6 +302,9 @@ class _Fitter:
         velocity = cubic_speed(a.astype(float)) / duration / scale / self.limits.velocity
         acceleration = cubic_acceleration(a.astype(float)) / duration**2 / scale / self.limits.acceleration
 
+        left = (a[0] + 2 * a[1] + 3 * a[2])[:-1] / duration[:-1]
+        jump = np.abs(left - a[0, 1:] / duration[1:]) / scale / (VERTEX_S * self.limits.acceleration)
+
         u = _SAMPLES[:, None, None]
         executed = starts + u * (a[0] + u * (a[1] + u * a[2]))
         times = knots[:-1] / 1e3 + _SAMPLES[:, None] * duration[:, 0]
@@ -317,7 +322,7 @@ class _Fitter:
                 away = line.line.deviation(poses)
                 worst = np.maximum(away.distance / line.distance, away.angle / line.angle)
                 off[part] = np.maximum(off[part], worst.reshape(len(_SAMPLES), -1).max(axis=0))
-        return _Fit(knots, a, velocity, acceleration, off, first)
+        return _Fit(knots, a, velocity, acceleration, jump, off, first)
 
 
 def _first_knots(timed: Trajectory, fixed: Sequence[int], segment_ms: int, apart_ms: float) -> Counts:

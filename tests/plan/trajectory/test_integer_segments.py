@@ -29,6 +29,7 @@ from plan.trajectory.integer_segments import (
     to_segments,
 )
 from plan.trajectory.joint_path import Chained
+from plan.trajectory.rounding import VERTEX_S
 from plan.trajectory.timing import time_curve, time_line
 from plans.joined_lines import joined
 
@@ -50,6 +51,18 @@ def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, 
         assert path.duration_s < trajectory.duration + 1.1e-3
 
 
+@pytest.mark.parametrize("speed", [0.3, 0.2, 0.1])
+def test_velocities_jump_at_joins_by_no_more_than_the_vertex_rule_allows(unit: Unit, speed: float) -> None:
+    """At low speeds rounding alone would make them jump by more, since accelerations fall with the square."""
+    limits, rng = unit.limits().scaled(speed), np.random.default_rng(3)
+    for _ in range(6):
+        first = rng.uniform(0.5 * limits.lower, 0.5 * limits.upper)
+        trajectory = time_blended(first + rng.uniform(-0.3, 0.3, (4, 6)), time_limits(limits), blend=0.2)
+        path = to_segments(trajectory, unit, limits=limits)
+        assert (segment_extremes(path, unit).jumps <= VERTEX_S * limits.acceleration).all()
+        assert path.duration_s < 1.005 * trajectory.duration
+
+
 @pytest.mark.parametrize("joint", range(6))
 def test_only_limits_that_are_exceeded_are_lowered_for_the_next_timing(unit: Unit, joint: int) -> None:
     limits = unit.limits()
@@ -58,7 +71,13 @@ def test_only_limits_that_are_exceeded_are_lowered_for_the_next_timing(unit: Uni
         load = {"velocity": np.full((3, 6), 0.9), "acceleration": np.full((3, 6), 1.0)}
         load[kind][1, joint] = over
         fit = _Fit(
-            np.arange(4), np.zeros((3, 3, 6), int), load["velocity"], load["acceleration"], np.zeros(3), ()
+            np.arange(4),
+            np.zeros((3, 3, 6), int),
+            load["velocity"],
+            load["acceleration"],
+            np.zeros((2, 6)),
+            np.zeros(3),
+            (),
         )
         slower = _slower(trajectory, fit)
         for name in ("velocity", "acceleration"):
