@@ -29,6 +29,7 @@ from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.motion.phase import Join, LinearPath, MotionPhase
 from plan.options import PlanOptions
+from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import time_smooth
 from plan.trajectory.joint_path import Stretch, chained, polyline, smooth_path
@@ -41,6 +42,7 @@ _OFF_LINE = 1e-4  # m, largest distance of the tool as it is sent from its line
 # Largest deviation of a joint from the planned motion, rad. Lines at the ends of a motion have a tolerance at the tool
 # besides; other lines need the smaller deviation. The counts of a virtual unit are so fine that they never limit.
 _DEVIATION, _ON_LINES, _VIRTUAL = 2e-4, 5e-5, 1e-6
+_BEYOND = 1e-9  # rad or m, past a limit of position, for the last bits of arithmetic
 _NOWHERE = 1e-6  # rad, a transit that is shorter is not blended
 
 
@@ -103,6 +105,9 @@ class MotionBuilder:
             check = self._check(phase, path)
             if not check.proved:
                 raise _unproved(phase, check)
+            beyond = self._beyond_limits(path)
+            if beyond.max() > _BEYOND:
+                raise _past_limit(phase, self.robot.joint_names[int(np.argmax(beyond))], float(beyond.max()))
             moves.append(_move([phase], path, check))
         return moves
 
@@ -158,6 +163,8 @@ class MotionBuilder:
             start = path.end
             check = self._check(group[0], path)
             if not check.proved or (careful and self._off_lines(group, joins, path)):
+                return None
+            if self._beyond_limits(path).max() > _BEYOND:  # a blend out of a line may swing past its end
                 return None
             moves.append(_move(group, path, check))
         return moves
@@ -275,6 +282,12 @@ class MotionBuilder:
         tight = self.options.certificate == "tight"
         return certify_move(phase.world, path, self.unit, phase.clearance, tight)
 
+    def _beyond_limits(self, path: CountPath) -> Array:
+        """Return by how much joints leave their limits of position, (n,) rad; negative within them."""
+        extremes = segment_extremes(path, self.unit)
+        beyond = np.maximum(self.sent.lower - extremes.lower, extremes.upper - self.sent.upper)
+        return np.asarray(beyond.max(axis=0))
+
     @property
     def jerk(self) -> Array | None:
         """Jerk limits (n,) rad/s^3, or None."""
@@ -342,6 +355,16 @@ def _unproved(phase: MotionPhase, check: ClearanceCertificate) -> ImpossibleErro
         proved_m=check.clearance,
         clearance_m=phase.clearance,
         time_s=check.time,
+    )
+
+
+def _past_limit(phase: MotionPhase, joint: str, beyond: float) -> ImpossibleError:
+    return ImpossibleError(
+        f"step {phase.name!r}: {joint} would leave its limits by {beyond:.2g} rad (m); keep goals away from them",
+        step=phase.name,
+        role=phase.role,
+        joint=joint,
+        beyond=beyond,
     )
 
 

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
-from arm.controller.unit import load_unit
+from arm.controller.unit import Limits, load_unit
 from arm.plan_file import Plan
+from arm.robot.model import Robot
+from plan.program.goals.target import Target
+from plan.program.planned import Planned
+from plan.program.pose_lists import plan_poses
+from plan.trajectory.extremes import segment_extremes
 from plan.verify import VERTEX_S
+from tasks.pose_lists import FAST, down
 from tasks.task2 import Q_START
 
 UNIT = load_unit("crs93")
@@ -56,3 +63,19 @@ def test_no_motion_comes_to_a_stop_on_its_way(plan: Plan, direct: Plan) -> None:
         fastest = np.abs(np.diff(q, axis=0)).max(axis=1) / 1e-3
         over_20_ms = np.convolve(fastest, np.full(20, 1 / 20), mode="valid")
         assert over_20_ms[200:-200].min() > 0.01, [m.name for m in motion.moves]
+
+
+def test_no_blend_swings_past_a_limit_of_position(robot: Robot) -> None:
+    """J5 turns back where the approach begins; at speed it turns 1 deg further out, unless that is past its limit."""
+
+    def made(limits: Limits) -> tuple[Planned, float]:
+        target = Target("a", down(0.5, 0.25, 0.1), approach=0.08)
+        plan = plan_poses(robot, [], [target], np.radians([-35, -35, -85, 0, -30, 0]), limits, options=FAST)
+        return plan, min(float(segment_extremes(m.path, plan.unit).lower[:, 4].min()) for m in plan.moves)
+
+    plan, lowest = made(LIMITS)
+    begin = float(plan.unit.positions(plan.moves[1].path.start)[4])
+    assert lowest < begin - 0.005
+    lower = np.array(LIMITS.lower)
+    lower[4] = begin - 0.002
+    assert made(replace(LIMITS, lower=lower))[1] >= lower[4] - 1e-9
