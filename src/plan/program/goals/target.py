@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral, Real
+from types import NoneType
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +21,26 @@ from plan.program.goals.freedom import Freedom
 
 WAYS = ("transit", "line")
 ATTACH_WITHIN = 0.010  # m
+ROLES = ("transit", "home")
+_KINDS: tuple[tuple[str, Any, str], ...] = (
+    ("name", str, "must be a name"),
+    ("free", (str, Sequence), f"must be names out of {', '.join(FREE)}"),
+    ("ranges", Mapping, 'must be like {"rz": (-0.5, 1.0)}'),
+    ("attach", (str, NoneType), "must be the name of a body, or None"),
+    ("detach", bool, "must be True or False"),
+    ("look", bool, "must be True or False"),
+    ("cube", (Integral, NoneType), "must be a whole number, or None"),
+    ("subject", str, "must be a name"),
+)
 _LENGTHS = ("approach", "retract", "blend_radius", "dwell_s", "attach_within", "settle_s")
+_NUMBERS = (
+    *((key, 0.0, 100.0, "must not be negative, and at most 100") for key in _LENGTHS),
+    ("speed", 1e-6, 100.0, "must be above 0, and at most 100 m/s"),
+    ("jaws", 0.0, 1.0, "must be from 0 (open) to 1 (shut)"),
+    ("tilt", 0.0, np.pi / 2.0, "must be from 0 to pi / 2 rad"),
+    ("line_clearance", 0.0, 0.1, "must be from 0 to 0.1 m"),
+)
+_OPTIONAL = ("speed", "jaws", "line_clearance")
 
 
 @renamed_arguments(within="blend_radius", touching="allowed_collisions")
@@ -33,7 +55,8 @@ class Target:
         T_base_tool: pose (4, 4), or poses (k, 4, 4) of which any will do, m; corrected to the nearest rotation, by at
             most 1e-6. None for a configuration.
         free: what of the pose may be anything: names out of `plan.kinematics.numeric_ik.FREE`, in the pose's
-            own axes; several in one text are parted by spaces or commas.
+            own axes; several in one text are parted by spaces or commas. Beside a tilt or ranges of turns only rz, and
+            x, y and z together; on a line any of x, y and z.
         ranges: what of the pose is free within limits: name out of `FREE` to lowest and highest value, m or rad, in the
             pose's own axes (`plan.program.goals.freedom`).
         tilt: largest angle between the tool's z axis and the pose's, rad; instead of ranges of rx and ry.
@@ -86,6 +109,7 @@ class Target:
     subject: str = ""
 
     def __post_init__(self) -> None:
+        self._require_types()
         names = tuple(self.free.replace(",", " ").split()) if isinstance(self.free, str) else tuple(self.free)
         wrong = [name for name in names if name not in FREE]
         if wrong:
@@ -93,13 +117,6 @@ class Target:
         self._require_freedom(names)
         if self.by not in WAYS:
             raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
-        for key in _LENGTHS:
-            if not 0.0 <= getattr(self, key) < 100.0:
-                raise self.error(key, getattr(self, key), "must not be negative, and below 100")
-        if self.speed is not None and not 0.0 < self.speed < 100.0:
-            raise self.error("speed", self.speed, "must be above 0 and below 100 m/s")
-        if self.jaws is not None and not 0.0 <= self.jaws <= 1.0:
-            raise self.error("jaws", self.jaws, "must be from 0 (open) to 1 (shut)")
         if self.attach is not None and self.detach:
             raise self.error("attach", self.attach, "a target attaches or detaches, not both")
         if (self.T_base_tool is None) == (self.q is None):
@@ -117,6 +134,19 @@ class Target:
         ):
             object.__setattr__(self, key, value)
 
+    def _require_types(self) -> None:
+        for key, kinds, rule in _KINDS:
+            value = getattr(self, key)
+            if not isinstance(value, kinds) or (key == "name" and not value):
+                raise self.error(key, value, rule)
+        for key, low, high, rule in _NUMBERS:
+            value = getattr(self, key)
+            real = isinstance(value, Real) and not isinstance(value, bool)
+            if not (value is None and key in _OPTIONAL) and not (real and low <= value <= high):
+                raise self.error(key, value, rule)
+        if self.role not in ROLES:
+            raise self.error("role", self.role, f"must be one of {', '.join(ROLES)}")
+
     def _require_freedom(self, free: tuple[str, ...]) -> None:
         for name, limits in self.ranges.items():
             if name not in FREE or name in free:
@@ -126,11 +156,16 @@ class Target:
             most = 100.0 if name in FREE[:3] else np.pi
             if pair is None or pair.shape != (2,) or not -most <= pair[0] <= pair[1] <= most:
                 rule = f"must be a lowest and a highest value from {-most:.5g} to {most:.5g} m or rad"
-                raise self.error(f"ranges[{name!r}]", shown(limits), rule)
-        if not 0.0 <= self.tilt <= np.pi / 2.0:
-            raise self.error("tilt", self.tilt, "must be from 0 to pi / 2 rad")
+                raise self.error(f"ranges[{name!r}]", limits, rule)
         if self.tilt > 0.0 and {"rx", "ry"} & {*free, *self.ranges}:
             raise self.error("tilt", self.tilt, "cannot be combined with rx or ry")
+        # what turns within limits would turn the axes of what is free along with it
+        turns = self.tilt > 0.0 or bool({"rx", "ry", "rz"} & set(self.ranges))
+        every = {"x", "y", "z"}.issubset(free)
+        turned = [name for name in free if name in ("rx", "ry") or (name in FREE[:3] and not every)]
+        if turns and turned and not (self.by == "line" and {*turned} <= {"x", "y", "z"}):
+            rule = "cannot be free beside a tilt or ranges of turns; give it a range instead"
+            raise self.error("free", turned[0], rule)
 
     @property
     def freedom(self) -> Freedom:
@@ -141,16 +176,16 @@ class Target:
         """Return the pose or poses, corrected to the nearest rotations."""
         if self.T_base_tool is None:
             return None
-        shape = np.shape(self.T_base_tool)
-        several = len(shape) == 3
+        given = numbers(self.T_base_tool)
+        if given is None or given.shape[-2:] != (4, 4) or given.ndim > 3:
+            shape_of = self.T_base_tool if given is None else given
+            raise self.error("T_base_tool", shape_of, "must be a pose (4, 4), or poses (k, 4, 4)")
+        shape, several = given.shape, given.ndim == 3
         if several and (self.by == "line" or not shape[0]):
             rule = "must be one pose, since a line leads to it" if shape[0] else "must be at least one pose"
             raise self.error("T_base_tool", shape, rule)
         try:
-            poses = [
-                orthonormalised(T, tolerance=1e-6)
-                for T in (self.T_base_tool if several else [self.T_base_tool])
-            ]
+            poses = [orthonormalised(T, tolerance=1e-6) for T in given.reshape(-1, 4, 4)]
         except (A465Error, ValueError) as error:
             raise self.error("T_base_tool", shape, str(error)) from error
         return frozen(np.stack(poses)) if several else poses[0]
@@ -158,7 +193,7 @@ class Target:
     def _configuration(self) -> Array | None:
         q = None if self.q is None else numbers(self.q)
         if self.q is not None and (q is None or q.ndim != 1 or not np.isfinite(q).all()):
-            raise self.error("q", shown(self.q), "must be one finite number per joint, rad")
+            raise self.error("q", self.q, "must be one finite number per joint, rad")
         return None if q is None else frozen(q)
 
     @property
@@ -190,4 +225,4 @@ class Target:
 
     def error(self, key: str, value: object, rule: str) -> InputError:
         """That a value of this target breaks a rule."""
-        return InputError(f"target {self.name!r}: {key} = {value!r}: {rule}", target=self.name, key=key)
+        return InputError(f"target {self.name!r}: {key} = {shown(value)}: {rule}", target=self.name, key=key)

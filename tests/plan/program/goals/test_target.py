@@ -17,8 +17,50 @@ from plan.program.goals.target import Target
         ({"approach": -0.1}, "approach = -0.1"),
         ({"T_base_tool": 2 * np.eye(4)}, "target 'a': T_base_tool"),
         ({"allowed_collisions": [("a",)]}, "pairs of two names"),
+        ({"free": 5}, "free = 5: must be names out of x, y"),
+        ({"ranges": [1]}, "ranges = .1.: must be like"),
+        ({"tilt": "x"}, "tilt = 'x': must be from 0 to pi / 2"),
+        ({"speed": "fast"}, "speed = 'fast': must be above 0"),
+        ({"dwell_s": None}, "dwell_s = None: must not be negative"),
+        ({"approach": np.ones(2)}, "approach = array of shape"),
+        ({"jaws": "open"}, "jaws = 'open': must be from 0"),
+        ({"line_clearance": -1.0}, "line_clearance = -1: must be from 0 to 0.1 m"),
+        ({"line_clearance": np.nan}, "line_clearance = nan: must be from 0 to 0.1 m"),
+        ({"T_base_tool": [[1, 2], [3]]}, "T_base_tool = .* must be a pose"),
+        ({"attach": 5}, "attach = 5: must be the name of a body"),
+        ({"look": "yes"}, "look = 'yes': must be True or False"),
+        ({"role": "approach"}, "role = 'approach': must be one of transit, home"),
+        ({"name": 5}, "name = 5: must be a name"),
     ],
 )
 def test_wrong_targets(change: dict[str, object], says: str) -> None:
     with pytest.raises(InputError, match=says):
         Target(**{"name": "a", "T_base_tool": np.eye(4), **change})
+
+
+@pytest.mark.parametrize(
+    "freedom",
+    [
+        {"free": "x", "ranges": {"rz": (0.5, 1.0)}},
+        {"free": "y z", "tilt": 0.2},
+        {"free": "rx", "ranges": {"ry": (0.2, 0.4)}},
+        {"free": "rx rz", "ranges": {"ry": (0.2, 0.4)}, "by": "line"},
+    ],
+)
+def test_no_axis_is_free_that_would_turn_with_what_is_free_within_limits(freedom: dict[str, object]) -> None:
+    """Solutions for such a pose were up to 0.3 m away from what was asked."""
+    with pytest.raises(InputError, match="cannot be free beside a tilt or ranges of turns"):
+        Target("a", np.eye(4), **freedom)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "freedom",
+    [
+        {"free": "rz", "tilt": 0.2},
+        {"free": "x y z", "ranges": {"rz": (0.5, 1.0)}},
+        {"free": "rx", "ranges": {"y": (-0.1, 0.1)}},
+        {"free": "x", "ranges": {"rz": (0.5, 1.0)}, "by": "line"},
+    ],
+)
+def test_what_is_free_and_what_is_limited_go_together_where_no_axis_turns(freedom: dict[str, object]) -> None:
+    assert Target("a", np.eye(4), **freedom).freedom  # type: ignore[arg-type]
