@@ -39,10 +39,13 @@ class Program:
         limits: at speed 1; default: those of the unit's default registers.
         options: speeds, clearances, what may be chosen.
         state: what moves with the tool at the start; default: nothing.
-        padding: subtracted from every distance, m.
+        padding: subtracted from every distance, m; 0 with transfers, where bodies have their own.
         provenance: what else the plan rests on (calibration, files); JSON types. Its key `notes` becomes the plan's
             notes.
         task: name and kind of the task, for the plan file; JSON types.
+
+    Raises:
+        InputError: a value of another type, or a padding with transfers.
     """
 
     scene: Scene
@@ -55,6 +58,22 @@ class Program:
     padding: float = 0.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
     task: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, kind in (
+            ("scene", Scene),
+            ("goals", tuple | list),
+            ("unit", Unit),
+            ("limits", Limits | None),
+            ("options", PlanOptions),
+            ("state", AttachmentState | None),
+        ):
+            if not isinstance(getattr(self, name), kind):
+                of = getattr(kind, "__name__", str(kind))
+                raise InputError(f"{name} = {shown(getattr(self, name))}: must be a {of}", name=name)
+        if self.padding and any(isinstance(goal, Transfers) for goal in self.goals):
+            why = f"padding = {shown(self.padding)} m: must be 0 with transfers; give bodies and arm their own padding"
+            raise InputError(why, name="padding")
 
 
 def plan_program(

@@ -159,7 +159,9 @@ def _actions(target: Target, state: AttachmentState) -> Iterator[Step]:
         at = f"{verb} at {target.name}"
         text = "close on it" if target.attach is not None else "let go" if target.detach else at
         yield GripperStep(f"{target.prefix}{text}", verb, target.cube, target.jaws, target.settle_s)
-    if target.dwell_s > 0.0 or (target.jaws is None and (target.attach is not None or target.detach)):
+    # jaws that serve a cube say with it what is held; all others know of no body
+    told = target.jaws is not None and target.cube is not None
+    if target.dwell_s > 0.0 or (not told and (target.attach is not None or target.detach)):
         yield Pause(target.name, target.dwell_s, target.attach, let_go)
     if target.look:
         yield LookStep(f"look after {target.subject}" if target.subject else f"look at {target.name}")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, Move
-from arm.se3 import transform
+from arm.robot.shapes import Body, Box, Sphere
+from arm.se3 import rot_x, transform
 from plan.program.assignment.planner import Transfers
 from plan.program.goals.attachments import AttachmentState
 from plan.program.goals.target import Target
@@ -68,3 +70,66 @@ def test_nothing_may_be_held_where_transfers_begin(program: Program) -> None:
     held = AttachmentState("cube 1", transform(t=(0.0, 0.0, 0.02)), ())
     with pytest.raises(InputError, match="cube 1 moves with the tool where transfers begin"):
         plan_program(replace(program, state=held))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"scene": None}, "scene = None: must be a Scene"),
+        ({"unit": None}, "unit = None: must be a Unit"),
+        ({"options": {}}, "options = .*: must be a PlanOptions"),
+        ({"goals": None}, "goals = None: must be a tuple"),
+        ({"padding": 0.003}, "padding = 0.003 m: must be 0 with transfers"),
+        ({"state": AttachmentState("x", transform(), ()), "goals": (Target("a", q=ASIDE),)}, "held = 'x'"),
+    ],
+)
+def test_what_a_program_cannot_be_made_of_is_refused(
+    program: Program, change: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        plan_program(replace(program, **change))
+
+
+def test_only_what_can_be_moved_is_attached(program: Program) -> None:
+    """A plan file moves the scene's cubes; one that carried a wall could not be verified."""
+    plate = program.scene.bodies[-1]
+    goal = Target("it", plate.T_base_body @ transform(rot_x(np.pi)), attach=plate.name)
+    with pytest.raises(InputError, match="must be one of the scene's cubes"):
+        plan_program(replace(program, goals=(goal,)))
+
+
+def test_jaws_that_close_count_as_closed_from_then_on(program: Program) -> None:
+    """A rod between the open fingers is clear of them until they close; the plan and its file agree on that."""
+    scene, free = program.scene, Target("free", q=ASIDE, jaws=0.0)
+    tips = scene.robot_open.T_base_tool(ASIDE) @ transform(t=(0.0, 0.0, -0.01))
+    rod = Body("rod", Sphere(0.005), tips, "post")
+    scene = replace(scene, bodies=(*scene.bodies, rod))
+    goals = free, Target("home", q=Q_START)
+    planned = plan_program(replace(program, scene=scene, goals=goals))
+    made = scene_from_json(planned.plan().scene, scene.robot_open, scene.robot_holding)
+    replay(planned.plan(), made, UNIT, UNIT.limits())
+    with pytest.raises(ImpossibleError, match="rod"):
+        plan_program(replace(program, scene=scene, goals=(replace(free, jaws=1.0), goals[1])))
+
+
+@pytest.mark.parametrize("jaws", [None, 0.9])
+def test_the_file_says_what_is_attached_whether_jaws_close_or_not(
+    program: Program, jaws: float | None
+) -> None:
+    at = transform(rot_x(np.pi), (0.35, -0.25, 0.3))
+    lump = Body("lump", Box((0.03, 0.03, 0.03)), at, "cube")
+    scene = replace(program.scene, cubes=(*program.scene.cubes, lump))
+    touching = [("lump", name) for name in ("finger_l", "finger_r", "palm")]
+    take = Target(
+        "it",
+        at,
+        free="rz",
+        approach=0.05,
+        retract=0.05,
+        attach="lump",
+        jaws=jaws,
+        allowed_collisions=touching,
+    )
+    planned = plan_program(replace(program, scene=scene, goals=(take, Target("aside", q=ASIDE))))
+    made = scene_from_json(planned.plan().scene, scene.robot_open, scene.robot_holding)
+    assert replay(planned.plan(), made, UNIT, UNIT.limits())[-1].move.held == "lump"

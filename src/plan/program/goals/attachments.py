@@ -10,6 +10,7 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.numerics.products import mul
+from arm.robot.jaws import FINGERS, with_any_jaws
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Sphere
 from arm.se3 import Array, frozen, inverse
@@ -29,12 +30,14 @@ class AttachmentState:
         held: name of the body that moves with the tool, or None.
         T_tool_held: its pose in the tool frame, or None.
         moved: poses T_base_body of bodies that were brought somewhere, by name.
+        closed: whether the jaws were closed by a goal that serves no cube: their opening is unknown from then on.
         key: equal for situations that are the same to 1 nm.
     """
 
     held: str | None
     T_tool_held: Array | None
     moved: tuple[tuple[str, Array], ...]
+    closed: bool = False
 
     @cached_property
     def key(self) -> tuple[object, ...]:
@@ -42,6 +45,7 @@ class AttachmentState:
             self.held,
             None if self.T_tool_held is None else _rounded(self.T_tool_held),
             tuple((name, _rounded(T)) for name, T in self.moved),
+            self.closed,
         )
 
 
@@ -61,8 +65,8 @@ class AttachmentWorlds:
         start: what moves with the tool at the start; default: nothing.
 
     Raises:
-        InputError: two bodies of one name; a target attaches or lets touch what is not there, attaches while something
-            is attached, or detaches while nothing is.
+        InputError: two bodies of one name; `start` holds what is not there; a target attaches or lets touch what is not
+            there, attaches while something is attached, or detaches while nothing is.
     """
 
     def __init__(
@@ -84,6 +88,9 @@ class AttachmentWorlds:
             twice = next(name for name in every if every.count(name) > 1)
             raise InputError(f"bodies: two are named {twice!r}; names must differ", name=twice)
         held = self.start.held
+        if held is not None and held not in self.bodies:
+            why = f"state: held = {held!r}: must be one of {', '.join(sorted(self.bodies)) or 'no body'}"
+            raise InputError(why, name=held)
         for target in targets:
             unknown = sorted({name for pair in target.pairs for name in pair} - names)
             if unknown:
@@ -117,11 +124,17 @@ class AttachmentWorlds:
             bodies = [b.at(moved.get(b.name, b.T_base_body)) for b in self.bodies.values()]
             still = [b for b in bodies if b.name != situation.held]
             held = None if situation.held is None else self.bodies[situation.held]
-            robot = self.robot if held is None else self.holding
+            robot = self.holding if held is not None else self._closed if situation.closed else self.robot
             self._worlds[key] = World(
                 robot, still, held, situation.T_tool_held, allowed_collisions, self.padding
             )
         return self._worlds[key]
+
+    @cached_property
+    def _closed(self) -> Robot:
+        """The arm with its fingers wherever closing jaws may leave them, as in `plan.verify`."""
+        own = {body.name for body in self.robot.bodies}
+        return with_any_jaws(self.robot) if own.issuperset(FINGERS) else self.robot
 
     def at_least(self, allowed_collisions: Pairs = frozenset()) -> World:
         """The world without anything that is ever moved: what hits something here does so in every situation."""
@@ -153,12 +166,15 @@ class AttachmentWorlds:
     def after(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
         """The situation once the tool was at a target."""
         moved = dict(situation.moved)
+        closed = situation.closed or (target.cube is None and bool(target.jaws))
+        held, T_tool_held = situation.held, situation.T_tool_held
         if target.attach is not None:
-            body = self.bodies[target.attach]
-            T_base_body = moved.pop(target.attach, body.T_base_body)
-            rest = tuple(sorted(moved.items(), key=lambda item: item[0]))
-            return AttachmentState(target.attach, frozen(mul(inverse(T_base_tool), T_base_body)), rest)
-        if target.detach and situation.held is not None and situation.T_tool_held is not None:
-            moved[situation.held] = frozen(mul(T_base_tool, situation.T_tool_held))
-            return AttachmentState(None, None, tuple(sorted(moved.items(), key=lambda item: item[0])))
-        return situation
+            T_base_body = moved.pop(target.attach, self.bodies[target.attach].T_base_body)
+            held, T_tool_held = target.attach, frozen(mul(inverse(T_base_tool), T_base_body))
+        elif target.detach and held is not None and T_tool_held is not None:
+            moved[held] = frozen(mul(T_base_tool, T_tool_held))
+            held = T_tool_held = None
+        elif closed == situation.closed:
+            return situation
+        rest = tuple(sorted(moved.items(), key=lambda item: item[0]))
+        return AttachmentState(held, T_tool_held, rest, closed)

@@ -87,6 +87,11 @@ class SequencePlanner:
         self.worlds = AttachmentWorlds(
             robot, (*scene.bodies, *scene.cubes), self.targets, padding, scene.robot_holding, state
         )
+        for target in targets:
+            if target.attach is not None and target.attach not in {cube.name for cube in scene.cubes}:
+                raise target.error(
+                    "attach", target.attach, "must be one of the scene's cubes; its bodies are fixed"
+                )
         self.start = Layer("q_start", (LineChain((), "", q_start, q_start),), (standing_time(q_start),))
         self.groups = groups(self.targets)
         self.search: PoseSearch | None = None
