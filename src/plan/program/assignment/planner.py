@@ -41,7 +41,7 @@ class Transfers:
         transfers: which cube from where to where; with ``assignment`` free, where to is chosen among all places.
         places: more places that cubes may go to.
         skip: whether a cube may stay where it is if its pick is out of reach or blocked, or no place is left for it
-            (several transfers may then name the same place). At least one cube moves.
+            that is in reach and not blocked (several transfers may then name the same place). At least one cube moves.
     """
 
     transfers: tuple[Transfer, ...]
@@ -82,7 +82,8 @@ class AssignmentPlanner:
                 raise InputError(f"transfers: {shown(transfer)}: must be a Transfer", value=shown(transfer))
             self.scene.cube(transfer.cube)
         self.moved, self.skip = dict(self.state.moved), goals.skip
-        self.skipped: list[dict[str, str]] = []
+        self.goals, self.skipped = goals, list[dict[str, str]]()
+        self.without_place: tuple[Transfer, ...] = ()
         self.stations = list({t.place.name: t.place for t in self.transfers}.values())
         if len(self.stations) < len(self.transfers) and not (self.skip and self.options.assignment == "free"):
             why = "two transfers name the same place, which only the option skip with free assignment allows"
@@ -103,19 +104,30 @@ class AssignmentPlanner:
             try:
                 return self._planned(meter)
             except ImpossibleError as error:
-                left_out = self._to_skip(error)
-                if left_out is None:
+                if not self._leave_out(error):
                     raise
-                self.transfers = tuple(t for t in self.transfers if t is not left_out)
-                reason = {"cube": left_out.cube, "from": left_out.pick.name, "reason": str(error)}
-                self.skipped.append(reason)
 
-    def _to_skip(self, error: ImpossibleError) -> Transfer | None:
-        """Return the transfer that an error is about, if it may be skipped."""
+    def _leave_out(self, error: ImpossibleError) -> bool:
+        """Leave out the cube, or else the place, that an error is about; return whether there was one to leave out."""
         failure = failure_in(error)
-        if not self.skip or failure is None or len(self.transfers) == 1:
-            return None
-        return next((t for t in self.transfers if t.pick.name in failure.stations), None)
+        if not self.skip or failure is None:
+            return False
+        asked = [t for t in self.goals.transfers if t in self.transfers or t in self.without_place]
+        given = self.options.assignment == "given"
+        about = [t for t in asked if t.pick.name in failure.stations]
+        about = about or [t for t in asked if given and t.place.name in failure.stations]
+        if about:
+            if len(asked) == 1:
+                return False
+            reason = {"cube": about[0].cube, "from": about[0].pick.name, "reason": str(error)}
+            self.skipped.append(reason)
+            # a cube for which no place was left may take the place that is free now
+            self.transfers = tuple(t for t in asked if t is not about[0])
+            return True
+        left = [station for station in self.stations if station.name not in failure.stations]
+        fewer = 0 < len(left) < len(self.stations)
+        self.transfers, self.stations = tuple(asked), left if fewer else self.stations
+        return fewer
 
     def _planned(self, meter: Meter) -> Planned:
         search: TaskSearch | None = None
@@ -134,6 +146,7 @@ class AssignmentPlanner:
 
     def search(self) -> TaskSearch:
         """Return the search; refused here if a pick, or too many places, cannot be served."""
+        self.without_place = ()
         picks, places = (self.reach(some) for some in ([t.pick for t in self.transfers], self.stations))
         picks.require()
         served = [station for station in self.stations if places[station.name].ok]
@@ -155,9 +168,7 @@ class AssignmentPlanner:
             return search(self.transfers)
         searches = [search(some) for some in islice(combinations(self.transfers, len(served)), _MOST_SUBSETS)]
         best = min(searches, key=_estimated_time)
-        for left_out in (t for t in self.transfers if t not in best.stages.transfers):
-            reason = f"only {len(served)} places are free and in reach"
-            self.skipped.append({"cube": left_out.cube, "from": left_out.pick.name, "reason": reason})
+        self.without_place = tuple(t for t in self.transfers if t not in best.stages.transfers)
         self.transfers = best.stages.transfers
         return best
 
@@ -213,6 +224,8 @@ class AssignmentPlanner:
             transfer, place = stages.transfers[stop.visit.pick], stages.places[stop.visit.place]
             cubes.append({"cube": transfer.cube, "from": transfer.pick.name, "to": place.name})
             touching |= {frozenset((transfer.cube, name)) for name in transfer.pick.touches | place.touches}
+        reason = f"only {len(stages.places)} places are free and in reach"
+        no_place = [{"cube": t.cube, "from": t.pick.name, "reason": reason} for t in self.without_place]
         stopped = ""
         if search.stopped is not None:
             stopped = (
@@ -231,7 +244,7 @@ class AssignmentPlanner:
             touching=frozenset(touching),
             stopped=stopped,
             above_bound_s=_above(found, steps),
-            skipped=tuple(self.skipped),
+            skipped=(*self.skipped, *no_place),
             interrupted=isinstance(search.stopped, KeyboardInterrupt),
         )
 

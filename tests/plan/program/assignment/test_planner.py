@@ -87,3 +87,37 @@ def test_with_fewer_places_than_cubes_the_fastest_choice_moves() -> None:
         asked = [replace(t, place=place) for t, place in zip(rest, places, strict=True)]
         other = plan_task(case.scene, asked, Q_START, UNIT, options=OPTIONS)
         assert plan.duration_s <= 1.01 * other.duration_s
+
+
+def lidded(case: Task2, *names: str) -> Task2:
+    """A lid over each of these places."""
+    places = {s.name: s for t in case.transfers for s in (t.pick, t.place)}
+    lids = []
+    for name in names:
+        x, y, z = places[name].T_base_tool[0][:3, 3]
+        lids.append(Body(f"lid {name}", Box((0.06, 0.06, 0.01)), transform(t=(x, y, z + 0.07)), "lid"))
+    return replace(case, scene=replace(case.scene, bodies=(*case.scene.bodies, *lids)))
+
+
+def test_the_place_of_a_cube_that_is_blocked_goes_to_one_that_had_none() -> None:
+    case = task2(cubes=4)
+    three = [replace(t, place=case.transfers[i % 3].place) for i, t in enumerate(case.transfers)]
+    case = lidded(case, case.transfers[0].pick.name)
+    plan = plan_task(case.scene, three, Q_START, UNIT, options=OPTIONS, skip=True)
+    assert sorted(cube["cube"] for cube in plan.task["cubes"]) == ["cube 2", "cube 3", "cube 4"]
+    (stays,) = plan.task["skipped"]
+    assert stays["cube"] == "cube 1"
+    assert "lid" in stays["reason"]
+
+
+@pytest.mark.parametrize("assignment", ["free", "given"])
+def test_a_place_that_is_blocked_stays_empty_and_one_cube_where_it_is(assignment: str) -> None:
+    case = task2(cubes=3)
+    case, options = lidded(case, case.transfers[0].place.name), replace(OPTIONS, assignment=assignment)
+    with pytest.raises(ImpossibleError, match="lid"):
+        plan_task(case.scene, case.transfers, Q_START, UNIT, options=options)
+    plan = plan_task(case.scene, case.transfers, Q_START, UNIT, options=options, skip=True)
+    assert len(plan.task["cubes"]) == 2
+    (stays,) = plan.task["skipped"]
+    reason = "only 2 places are free and in reach" if assignment == "free" else "lid"
+    assert reason in stays["reason"]
