@@ -115,9 +115,8 @@ def _advice(
     for piece in advice:
         console.say(f"- {piece.text}")
     if not advice:
-        console.say(
-            "- nothing found by moving single boards, leaving out single cubes, or moving bodies away"
-        )
+        tried = "moving or removing single bodies" if request.goals else "moving single boards or bodies"
+        console.say(f"- nothing found by {tried}{'' if request.goals else ', or leaving out single cubes'}")
     return advice
 
 

@@ -59,7 +59,7 @@ def families(request: Request, failure: Failure, groups: Groups) -> Iterator[Fam
 
 def _options(request: Request, failure: Failure) -> Iterator[Family]:
     options = request.options
-    if failure.kind in (LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH):
+    if request.transfers and failure.kind in (LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH):
         if options.order == "given" and failure.kind != OUT_OF_REACH:
             yield Family(0, (ChangeOptions("let the planner choose the order", (("order", "free"),)),))
         if options.assignment == "given":

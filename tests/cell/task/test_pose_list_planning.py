@@ -48,6 +48,12 @@ def test_what_cannot_be_reached_or_is_in_the_way_names_its_entry(tmp_path: Path)
     )
     assert "is out of reach" in told
     assert "what would help" in told
+    assert "cube" not in told
+    across = [transform(rot_x(np.pi), (0.42, y, 0.2)).tolist() for y in (-0.2, 0.2)]
+    stops = [{"T_base_tool": across[0]}, {"T_base_tool": across[1], "by": "line"}]
+    _, told = a465("plan-poses", CELL, written(tmp_path, stops), "-o", tmp_path / "p", code=3)
+    assert "is at its upper limit" in told
+    assert "raise the speed" not in told
     assert not (tmp_path / "p").exists()
     with pytest.raises(ImpossibleError, match="nothing moves"):
         planned(written(tmp_path, [{"q_deg": [-60, -40, -80, 0, -60, 0]}]))

@@ -46,6 +46,8 @@ def _failure(error: ImpossibleError, arm: Collection[str]) -> Failure | None:
     if target is None:
         return None
     joint, excess, outside = data.get("joint"), data.get("excess_rad"), data.get("outside_m")
+    if excess is None and str(data.get("constraint", "")).endswith("limit"):
+        excess = 0.0  # a line that stops at a joint limit; a joint that is too slow has no excess
     way = Rejected(
         f"target {target}",
         headline,
