@@ -221,7 +221,7 @@ def check(
     file: Annotated[
         Path, Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE")
     ],
-    task: Annotated[Path | None, Argument(help="Task file of the plan.", metavar="TASK")] = None,
+    task: Annotated[Path | None, Argument(help="Task or cell file of the plan.", metavar="TASK")] = None,
     q: Annotated[
         str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
     ] = None,
@@ -250,7 +250,7 @@ def preview(
         Path, Argument(help="Plan file, or log of a run such as runs/task2-1/wire.jsonl.", metavar="FILE")
     ],
     task: Annotated[
-        Path | None, Argument(help="Task file of the plan; a log names its own.", metavar="TASK")
+        Path | None, Argument(help="Task or cell file of the plan; a log names its own.", metavar="TASK")
     ] = None,
     output: shared.Output = None,
     as_json: shared.Json = False,

@@ -19,7 +19,8 @@ def check_step(
     if configuration is not None:
         raise InputError(f"{file} is a plan; --q needs a scene, cell or task file", file=str(file))
     if task_file is None:
-        raise InputError(f"{file} is a plan; give its task file too: a465 check {file} TASK", file=str(file))
+        why = f"{file} is a plan; give its task or cell file too: a465 check {file} TASK"
+        raise InputError(why, file=str(file))
     return _check_plan(file, task_file, console)
 
 
@@ -60,8 +61,8 @@ def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str,
     else:
         apart = [m["percent"] for m in again["motions"]]
         console.say(
-            f"timed again by the library toppra, along the same path: {again['toppra_s']:.2f} s; the plan's motions "
-            f"take {again['planned_s']:.2f} s ({again['percent']:+.2f} %; one by one {min(apart):+.2f} to "
+            f"second opinion on the time: along the same paths the library toppra needs {again['toppra_s']:.2f} s, the "
+            f"plan's motions {again['planned_s']:.2f} s ({again['percent']:+.2f} %; per motion {min(apart):+.2f} to "
             f"{max(apart):+.2f} %)"
         )
     return result

@@ -20,7 +20,9 @@ def preview_file(file: Path, task: Path | None, output: Path | None, console: Co
 
         return preview_log(file, task, output or file.with_suffix(".html"), console)
     if task is None:
-        why = f"{file} is not a log; if it is a plan, give its task file too: a465 preview {file} TASK"
+        why = (
+            f"{file} is not a log; if it is a plan, give its task or cell file too: a465 preview {file} TASK"
+        )
         raise InputError(why, file=str(file))
     from cell.commands.steps import preview_step
 

@@ -178,9 +178,9 @@ def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
     )
     above, share = plan.task["above_that_s"], plan.task["no_plan_is_faster_than_s"] / plan.duration_s
     console.say(
-        f"{100.0 * share:.1f} % of this is proved to be needed; the rest, s: order and ways {above['order']:.1f}, "
-        f"joints that wait for each other {above['straight']:.1f}, ways around bodies {above['around']:.1f}, blends "
-        f"and rounding {above['sent']:.1f}"
+        f"the lower bound is {100.0 * share:.1f} % of the time; the rest, in s: order and grasps {above['order']:.1f}, "
+        f"joints that wait for each other {above['straight']:.1f}, detours {above['around']:.1f}, blends and rounding "
+        f"{above['sent']:.1f}"
     )
     warn_of(plan, console)
 

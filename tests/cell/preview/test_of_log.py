@@ -77,7 +77,7 @@ def test_what_is_no_log_or_holds_no_motion_is_told(tmp_path: Path) -> None:
         preview_file(path, None, None, Console(as_json=True))
     path.write_text("nothing")
     with pytest.raises(
-        InputError, match=r"is not a log; if it is a plan, give its task file too: a465 preview"
+        InputError, match=r"is not a log; if it is a plan, give its task or cell file too: a465 preview"
     ):
         preview_file(path, None, None, Console(as_json=True))
     with pytest.raises(InputError, match="cannot be read"):
