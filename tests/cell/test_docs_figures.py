@@ -11,6 +11,7 @@ from typed.doc_commands import ROOT, pages
 # Before a block (up to the next empty line): <!-- figures: FILE [FILE ..][; computed: NUMBER ..] -->
 MARK = re.compile(r"^<!-- figures: ([^;>]+?)(?:; computed: ([^>]+?))? -->\n+(.*?)(?=\n\s*\n|\Z)", re.M | re.S)
 NUMBER = re.compile(r"(?<![\w.])\d{1,3}(?: \d{3})+(?![\d.])|(?<![\w.])\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+PLAN_ID = re.compile(r"\b(?=[0-9a-f]*\d)(?=[0-9a-f]*[a-f])[0-9a-f]{12}\b")
 BLOCKS = [
     (page.name, files.split(), (computed or "").split(), block)
     for page in pages()
@@ -63,3 +64,9 @@ def test_a_figure_stands_as_it_is_rounded_or_in_per_cent() -> None:
     assert stands("3.7", [1.037])
     assert not stands("0.33", [0.321])
     assert numbers("10 000 of 9066 in `x-3` (12 %), 1.34e+03") == ["10000", "9066", "12", "1.34e+03"]
+
+
+def test_no_page_shows_the_id_of_a_plan() -> None:
+    """It changes with every version, and what a page shows of a command's output is compared without its figures."""
+    shown = {page.name: PLAN_ID.findall(page.read_text()) for page in pages()}
+    assert not {name: ids for name, ids in shown.items() if ids}
