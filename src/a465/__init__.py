@@ -13,14 +13,15 @@ millisecond:
 | `plan_poses`, `Target` | follow a list of poses with any arm (`plan.program.pose_lists`) |
 | `plan_joint_motion` | go from one configuration to another (`plan.program.go_to`) |
 | `certify` | prove the clearance of a whole motion (`plan.collision.certificate`) |
-| `write_preview` | write a plan as an HTML page that moves (`cell.preview.page`) |
+| `write_plan` | write a plan as a file for `a465 check`, `preview`, `export` and `execute` (`arm.plan_file`) |
+| `write_preview` | write a plan as an HTML page that shows it in 3D (`cell.preview.page`) |
 | `calibrate_camera` | fit the intrinsics of a camera (`calib.camera.calibrate`) |
 | `calibrate_hand_eye` | fit extrinsics and the arm's own kinematics (`calib.hand_eye.calibrate`) |
 | `calibrate_pose_pairs`, `PosePairs` | fit the camera's pose to poses without images (`calib.robot_world.solve`) |
 | `Mars` | the driver of the controller (`driver.mars.mars`) |
 
-Everything else of `plan.api` (shapes, poses, options, errors) is found here, too. SI units and radians; `T_a_b` maps
-b to a, 4x4.
+All other names of `plan.api` (shapes, poses, options, errors) are here, too. SI units and radians; `T_a_b` maps b to a,
+4x4.
 """
 
 from importlib import import_module
@@ -29,6 +30,7 @@ from typing import TYPE_CHECKING
 from a465.shadowing import require_own_rooms
 
 if TYPE_CHECKING:
+    from arm.plan_file import write_plan
     from calib.camera.calibrate import calibrate_camera
     from calib.hand_eye.calibrate import calibrate_hand_eye
     from calib.robot_world.solve import PosePairs, calibrate_pose_pairs
@@ -68,6 +70,7 @@ __all__ = [
     "plan_poses",
     "plan_task",
     "solve_ik",
+    "write_plan",
     "write_preview",
 ]
 
@@ -78,6 +81,7 @@ _PLACES = {
     "calibrate_hand_eye": "calib.hand_eye.calibrate",
     "calibrate_pose_pairs": "calib.robot_world.solve",
     "load_unit": "arm.controller.unit",  # without the planner's libraries
+    "write_plan": "arm.plan_file",
     "write_preview": "cell.preview.page",
 }
 _API = "plan.api"
