@@ -1,4 +1,4 @@
-"""A goal of a program: where the tool goes, what is free there, how it comes and leaves, what happens there."""
+"""A goal of a program: a pose or configuration, its free directions, approach and retract, and the actions there."""
 
 from __future__ import annotations
 
@@ -48,40 +48,40 @@ _OPTIONAL = ("speed", "jaws", "line_clearance")
 class Target:
     """One goal of a program: a pose, one of several poses, or a configuration.
 
-    What happens there happens at rest, in this order: jaws, attach or detach, dwell, look.
+    The arm acts there at rest, in this order: jaws, attach or detach, dwell, look.
 
     Attributes:
-        name: for people and messages; unique in its program.
-        T_base_tool: pose (4, 4), or poses (k, 4, 4) of which any will do, m; corrected to the nearest rotation, by at
-            most 1e-6. None for a configuration.
-        free: what of the pose may be anything: names out of `plan.kinematics.numeric_ik.FREE`, in the pose's
-            own axes; several in one text are parted by spaces or commas. Beside a tilt or ranges of turns only rz, and
-            x, y and z together; on a line any of x, y and z.
-        ranges: what of the pose is free within limits: name out of `FREE` to lowest and highest value, m or rad, in the
-            pose's own axes (`plan.program.goals.freedom`).
+        name: unique in its program; messages and steps contain it.
+        T_base_tool: pose (4, 4), or alternative poses (k, 4, 4), m; each rotation is replaced by the nearest proper
+            one, which must differ by at most 1e-6. None for a configuration.
+        free: unconstrained directions: names of `plan.kinematics.numeric_ik.FREE`, in the pose's own axes; a string
+            separates them by spaces or commas. With a tilt or ranges of rotations only rz may be free, and x, y and z
+            together; on a line any of x, y and z.
+        ranges: directions that are free within limits: name to lowest and highest value, m or rad, in the pose's own
+            axes (`plan.program.goals.freedom`).
         tilt: largest angle between the tool's z axis and the pose's, rad; instead of ranges of rx and ry.
-        by: how it is reached from the one before: ``transit``, any path that keeps the clearance, or ``line``, the tool
-            straight. On a line the tool keeps what is free of its end as it is; a single free rotation turns as little
-            as it can. Where something is near on the line, what is free turns as far as it has to.
-        approach, retract: lengths of straight lines along the tool's own z axis, into the pose and out of it, m. Where
-            something is near on them and `rz` is free, the tool turns about that axis, unless something may touch.
-        speed: cap on the tool's speed on the lines that lead to the target and out of it, m/s (rad/s for a turn on
-            the spot); default: the options' `approach_speed` times `speed`.
-        blend_radius: the tool may cut the corner at this target: it passes the pose at this distance at most, m. With
-            0 it goes through the pose, and stops there unless the path goes on without a corner.
-        dwell_s: time at rest there, s.
-        attach: name of a body that moves with the tool from here on.
-        attach_within: that body may be so far at most from the hand (all that moves with the last joint) or from the
-            tool frame's origin, m.
-        detach: whether the body that moves with the tool stays here.
-        allowed_collisions: pairs of names that may touch on the lines that lead to the target and out of it.
+        by: motion from the previous target: ``transit``, any path that keeps the clearance, or ``line``, straight for
+            the tool. Along a line free directions keep their values; a single free rotation changes as little as
+            possible. Near obstacles free rotations may change more (`plan.cartesian.clear_line`).
+        approach, retract: lengths of the straight lines along the tool's own z axis, to the pose and from it, m. If
+            `rz` is free, the tool may rotate about that axis near obstacles, unless collisions are allowed there.
+        speed: largest speed of the tool on the lines to and from the target, m/s (rad/s for a pure rotation); default:
+            `approach_speed` times `speed` of the options.
+        blend_radius: largest distance at which the tool may pass the pose, cutting its corner, m. With 0 the tool goes
+            through the pose, and stops there if the path has a corner.
+        dwell_s: time at rest, s.
+        attach: name of the body to attach to the tool.
+        attach_within: largest distance of that body from the hand (all bodies on the last joint) or from the origin of
+            the tool frame, m.
+        detach: whether to release the attached body.
+        allowed_collisions: pairs of names that may touch on the lines to and from the target.
         line_clearance: clearance on these lines, m; default: that of the options.
-        q: configuration (n,) rad (m for sliding joints), instead of a pose.
-        jaws: closed fraction of the jaws' stroke from here on, 0 open to 1 shut; None: unchanged.
-        settle_s: shortest wait after the jaws have moved, s.
-        look: whether the arm looks from here.
-        role: role of the transit to it in the plan: ``transit`` or ``home``.
-        cube, subject: index and name of the cube that it serves; None and "" if it serves none.
+        q: configuration (n,) rad (m for prismatic joints), instead of a pose.
+        jaws: fraction by which the jaws close, 0 open to 1 shut; None: unchanged.
+        settle_s: minimum wait after the jaws have moved, s.
+        look: whether images are taken.
+        role: role in the plan of the transit to the target: ``transit`` or ``home``.
+        cube, subject: index and name of the cube that is moved; None and "" for none.
     """
 
     name: str
@@ -118,13 +118,12 @@ class Target:
         if self.by not in WAYS:
             raise self.error("by", self.by, f"must be one of {', '.join(WAYS)}")
         if self.attach is not None and self.detach:
-            raise self.error("attach", self.attach, "a target attaches or detaches, not both")
+            raise self.error("attach", self.attach, "must not be combined with detach")
         if (self.T_base_tool is None) == (self.q is None):
-            raise self.error(
-                "T_base_tool", "both" if self.q is not None else None, "give a pose, or q instead"
-            )
+            given = "both" if self.q is not None else None
+            raise self.error("T_base_tool", given, "must be a pose, or give q instead")
         if self.q is not None and (names or self.freedom or self.by == "line"):
-            raise self.error("q", "a configuration", "goes with by='transit', and nothing of it is free")
+            raise self.error("q", "a configuration", "needs by='transit' and must not have free directions")
         pairs = checked_pairs(f"target {self.name!r}: allowed_collisions", self.allowed_collisions)
         for key, value in (
             ("free", tuple(n for n in FREE if n in names)),
@@ -150,7 +149,7 @@ class Target:
     def _require_freedom(self, free: tuple[str, ...]) -> None:
         for name, limits in self.ranges.items():
             if name not in FREE or name in free:
-                rule = f"must be one of {', '.join(FREE)}, and not free as well"
+                rule = f"must be one of {', '.join(FREE)}, and must not be in `free` too"
                 raise self.error("ranges", name, rule)
             pair = numbers(limits)
             most = 100.0 if name in FREE[:3] else np.pi
@@ -169,7 +168,7 @@ class Target:
 
     @property
     def freedom(self) -> Freedom:
-        """What of the pose is free within limits."""
+        """Its directions that are free within limits."""
         return Freedom(self.ranges, self.tilt)
 
     def _poses(self) -> Array | None:
@@ -182,7 +181,7 @@ class Target:
             raise self.error("T_base_tool", shape_of, "must be a pose (4, 4), or poses (k, 4, 4)")
         shape, several = given.shape, given.ndim == 3
         if several and (self.by == "line" or not shape[0]):
-            rule = "must be one pose, since a line leads to it" if shape[0] else "must be at least one pose"
+            rule = "must be one pose if by='line'" if shape[0] else "must be at least one pose"
             raise self.error("T_base_tool", shape, rule)
         try:
             poses = [orthonormalised(T, tolerance=1e-6) for T in given.reshape(-1, 4, 4)]
@@ -198,7 +197,7 @@ class Target:
 
     @property
     def poses(self) -> Array:
-        """Its poses (k, 4, 4), of which any will do; none for a configuration."""
+        """Its alternative poses (k, 4, 4); none for a configuration."""
         if self.T_base_tool is None:
             return np.zeros((0, 4, 4))
         return self.T_base_tool.reshape(-1, 4, 4)
@@ -210,19 +209,19 @@ class Target:
 
     @property
     def stops(self) -> bool:
-        """Whether the tool has to be at rest there."""
+        """Whether the tool has to stop there."""
         acts = self.jaws is not None or self.attach is not None or self.detach
         return acts or self.dwell_s > 0.0 or self.look
 
     def clearance_on_lines(self, options: PlanOptions) -> float:
-        """Clearance required on the lines that lead to the target and out of it, m."""
+        """Return the clearance required on the lines to and from the target, m."""
         return options.line_clearance if self.line_clearance is None else self.line_clearance
 
     @property
     def prefix(self) -> str:
-        """What the names of its steps begin with."""
+        """Prefix of the names of its steps."""
         return f"{self.subject}: " if self.subject else ""
 
     def error(self, key: str, value: object, rule: str) -> InputError:
-        """That a value of this target breaks a rule."""
+        """Return the error for a value of this target that breaks a rule."""
         return InputError(f"target {self.name!r}: {key} = {shown(value)}: {rule}", target=self.name, key=key)

@@ -66,7 +66,7 @@ def test_the_nearest_pose_is_the_tool_s_own_where_that_is_allowed() -> None:
     ("change", "says"),
     [
         ({"ranges": {"roll": (0, 1)}}, "ranges = 'roll': must be one of x, y"),
-        ({"ranges": {"rz": (0, 1)}, "free": "rz"}, "and not free as well"),
+        ({"ranges": {"rz": (0, 1)}, "free": "rz"}, "must not be in `free` too"),
         ({"ranges": {"rz": (1, 0)}}, r"ranges\['rz'\] = .*lowest and a highest"),
         ({"ranges": {"rz": (0, 4)}}, "to 3.1416"),
         ({"tilt": -0.1}, "tilt = -0.1: must be from 0"),
