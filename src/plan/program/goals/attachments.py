@@ -1,4 +1,4 @@
-"""Collision worlds along a program: what moves with the tool, where moved bodies stand, what may touch."""
+"""Collision worlds along a program: the attached body, the poses of moved bodies, and the allowed collisions."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from plan.program.goals.target import Target
 
 Pairs = frozenset[frozenset[str]]
 
-_POINT = 1e-6  # m, radius of a ball that stands for a point
+_POINT = 1e-6  # m, radius of the sphere that represents a point
 
 
 @dataclass(frozen=True, eq=False)
 class AttachmentState:
-    """What moves with the tool, and where bodies stand that were moved.
+    """The body that is attached to the tool, and the poses of bodies that were moved before.
 
     Attributes:
-        held: name of the body that moves with the tool, or None.
+        held: name of the attached body, or None.
         T_tool_held: its pose in the tool frame, or None.
-        moved: poses T_base_body of bodies that were brought somewhere, by name.
-        closed: whether the jaws were closed by a goal that serves no cube: their opening is unknown from then on.
-        key: equal for situations that are the same to 1 nm.
+        moved: name and pose T_base_body of each moved body.
+        closed: whether a goal that moves no cube has closed the jaws, so that their opening is unknown.
+        key: equal for states that agree to 1 nm.
     """
 
     held: str | None
@@ -54,19 +54,19 @@ def _rounded(T: Array) -> tuple[float, ...]:
 
 
 class AttachmentWorlds:
-    """Worlds of one program, built when first asked for.
+    """Worlds of one program, each built at its first use.
 
     Args:
         robot: the arm.
-        bodies: as they stand at the start.
-        targets: its goals.
-        padding: taken off every distance, m.
-        holding: the arm while something moves with the tool, such as with its jaws on it; default: `robot`.
-        start: what moves with the tool at the start; default: nothing.
+        bodies: at their poses at the start.
+        targets: goals of the program.
+        padding: subtracted from every distance, m.
+        holding: the arm while a body is attached, such as with its jaws closed on it; default: `robot`.
+        start: state at the start; default: nothing is attached.
 
     Raises:
-        InputError: two bodies of one name; `start` holds what is not there; a target attaches or lets touch what is not
-            there, attaches while something is attached, or detaches while nothing is.
+        InputError: two bodies have the same name; `start` holds an unknown body; a target names an unknown body,
+            attaches while a body is attached, or detaches while none is.
     """
 
     def __init__(
@@ -105,17 +105,19 @@ class AttachmentWorlds:
                         f"must be one of {', '.join(sorted(self.bodies)) or 'no body'}",
                     )
                 if held is not None:
-                    raise target.error("attach", target.attach, f"{held} moves with the tool already")
+                    raise target.error(
+                        "attach", target.attach, f"{held} is attached already; detach it first"
+                    )
                 held = target.attach
             if target.detach:
                 if held is None:
-                    raise target.error("detach", True, "nothing moves with the tool there")
+                    raise target.error("detach", True, "no body is attached there")
                 held = None
         self.movable = {name for name in (self.start.held, *(t.attach for t in targets)) if name is not None}
         self._worlds: dict[tuple[object, ...], World] = {}
 
     def world(self, situation: AttachmentState, allowed_collisions: Pairs = frozenset()) -> World:
-        """The world of a situation, in which some pairs may touch; pairs that stand still do not count."""
+        """Return the world of a state with these allowed collisions; pairs of fixed bodies are ignored."""
         moving = {*(body.name for body in self.robot.bodies), situation.held or ""}
         allowed_collisions = frozenset(pair for pair in allowed_collisions if pair & moving)
         key = (situation.key, allowed_collisions)
@@ -132,12 +134,12 @@ class AttachmentWorlds:
 
     @cached_property
     def _closed(self) -> Robot:
-        """The arm with its fingers wherever closing jaws may leave them, as in `plan.verify`."""
+        """The arm with the fingers of jaws at any opening, as in `plan.verify`."""
         own = {body.name for body in self.robot.bodies}
         return with_any_jaws(self.robot) if own.issuperset(FINGERS) else self.robot
 
     def at_least(self, allowed_collisions: Pairs = frozenset()) -> World:
-        """The world without anything that is ever moved: what hits something here does so in every situation."""
+        """Return the world without movable bodies: a collision in it is one in every state."""
         if not self.movable:
             return self.world(self.start, allowed_collisions)
         key = ("least", allowed_collisions)
@@ -147,10 +149,9 @@ class AttachmentWorlds:
         return self._worlds[key]
 
     def gap(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> Distance:
-        """How far the body that a target attaches is from the hand, or from the tool frame's origin if that is nearer.
+        """Return the distance from the body that a target attaches to the hand or the tool frame, whichever is nearer.
 
-        The hand is all that moves with the last joint. With the tool at `T_base_tool` it stands where the tool does,
-        whatever the joints are.
+        The hand is all bodies on the last joint; `T_base_tool` alone determines its pose.
         """
         body = self.bodies[target.attach or ""]
         body = body.at(dict(situation.moved).get(body.name, body.T_base_body))
@@ -164,7 +165,7 @@ class AttachmentWorlds:
         return min((distance_of(part, body) for part in (*hand, tool)), key=lambda d: d.value)
 
     def after(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
-        """The situation once the tool was at a target."""
+        """Return the state after the actions at a target."""
         moved = dict(situation.moved)
         closed = situation.closed or (target.cube is None and bool(target.jaws))
         held, T_tool_held = situation.held, situation.T_tool_held
