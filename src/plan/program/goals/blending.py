@@ -1,4 +1,4 @@
-"""Corners of the tool's way that may be cut: how much of two straight lines a cut takes away."""
+"""Blends at corners of the tool's path: the length that a blend removes from each of two lines."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from plan.motion.phase import Join
 from plan.program.goals.line_chains import LinearMove
 from plan.program.goals.target import Target
 
-_MOST = 0.4  # of a line that a cut may take at each end
-_BACK = -0.98  # cosine of a change of direction that is a way back, where there is no corner to cut
-_FLATTEST = 0.05  # sine of half the change of direction below which a corner is taken for one of this
+_MOST = 0.4  # largest fraction of a line that a blend may remove at either end
+_BACK = -0.98  # cosine of the change of direction beyond which the tool reverses, and no blend is possible
+_FLATTEST = 0.05  # least sine of half the change of direction in the formula of the blend distance
 
 
 def join_of(
@@ -25,7 +25,7 @@ def join_of(
     Args:
         before, after: the lines of both phases; None for a transit.
         at: target between them, or None.
-        targets: of the program.
+        targets: those of the program.
     """
     if before is not None and after is not None:
         return Join(
@@ -38,16 +38,16 @@ def join_of(
 
 
 def _corner(before: LinearMove, after: LinearMove, targets: Sequence[Target]) -> Target:
-    """The target of a corner; the one at the far end of an approach or a retract belongs to its target."""
+    """Return the target of a corner; the far end of an approach or retract belongs to the same target as the line."""
     return targets[before.target if after.role != "approach" else after.target]
 
 
 def blend_distance(before: LinearMove, after: LinearMove, targets: Sequence[Target]) -> float:
-    """How far from the corner of two lines a straight way across passes it at its `blend_radius`; m, 0 for none.
+    """Return the length that a blend removes from each of two lines, m; 0 if their corner is not blended.
 
-    From a point's distance r before the corner to one r after it the way passes the corner at r sin(turn / 2).
-    A corner at which the tool only turns is not cut, nor one at which it has to be at rest or
-    turns back, or what may touch changes.
+    A straight segment between the points at distance r before and after the corner passes the corner at a distance of
+    r sin(change of direction / 2), at most the target's `blend_radius`. There is no blend where the tool only rotates,
+    stops or reverses, or where the allowed collisions change.
     """
     target = _corner(before, after, targets)
     at_target = after.role == "retract" or after.role == "line"
