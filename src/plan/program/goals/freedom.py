@@ -1,4 +1,4 @@
-"""Directions of a pose that are free within limits: boxes of positions, a tilt of the tool's axis, a range of its turn.
+"""Directions of a pose that are free within limits: position boxes, a tilt of the tool's axis, a rotation about it.
 
 A rotation from the pose to the tool is split into a swing, which tilts the tool's z axis, and a twist about that axis
 (P. Dobrowolski, "Swing-twist decomposition in Clifford algebra", 2015). Coordinates in the pose's own axes are x, y, z
@@ -18,15 +18,15 @@ from arm.numerics.products import mul, norm
 from arm.se3 import Array, frozen, rotation
 from plan.kinematics.numeric_ik import FREE
 
-_STRAIGHT = 1e-12  # sine of a tilt that has no direction
+_STRAIGHT = 1e-12  # sine of the tilt below which its direction is undefined
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """Limits of a pose.
+    """Limits of a pose's free directions.
 
     Attributes:
-        ranges: lowest and highest value of coordinates out of `plan.kinematics.numeric_ik.FREE`, m or rad.
+        ranges: lowest and highest value of coordinates, by their names in `plan.kinematics.numeric_ik.FREE`, m or rad.
         tilt: largest angle between the tool's z axis and the pose's, rad.
     """
 
@@ -37,7 +37,7 @@ class Freedom:
         return bool(self.ranges) or self.tilt > 0.0
 
     def sampled(self, T: Array, count: int, seed: int) -> Array:
-        """Return poses (k, 4, 4) within the limits about the pose T: the nearest to it, then up to `count` others."""
+        """Return poses (k, 4, 4) within the limits about the pose T: the nearest one, then up to `count` others."""
         names = [name for name in FREE if name in self.ranges]
         low, high = (np.array([self.ranges[name][end] for name in names]) for end in (0, 1))
         dimensions = len(names) + (2 if self.tilt > 0.0 else 0)
@@ -49,13 +49,13 @@ class Freedom:
         columns = [FREE.index(name) for name in names]
         coordinates[0, columns] = np.clip(0.0, low, high)
         coordinates[1:, columns] = low + unit[:, : len(names)] * (high - low)
-        if self.tilt > 0.0:  # even over the disc
+        if self.tilt > 0.0:  # uniform over the disc
             radius, angle = self.tilt * np.sqrt(unit[:, -2]), 2.0 * np.pi * unit[:, -1]
             coordinates[1:, 3], coordinates[1:, 4] = radius * np.cos(angle), radius * np.sin(angle)
         return frozen(np.stack([_placed(T, row) for row in coordinates]))
 
     def nearest(self, T: Array, T_now: Array, free: tuple[str, ...]) -> Array:
-        """Return the pose within the limits about T that is nearest to the tool at T_now; `free` stays as it is."""
+        """Return the pose within the limits about T that is nearest to T_now; `free` directions keep their values."""
         now = coordinates_of(T, T_now)
         goal = np.zeros(6)
         for k, name in enumerate(FREE):
@@ -68,7 +68,7 @@ class Freedom:
         return frozen(_placed(T, goal))
 
     def violation(self, T: Array, T_now: Array, free: tuple[str, ...]) -> float:
-        """Return by how much a tool at T_now is outside the limits about T, m or rad; 0 within them."""
+        """Return the largest excess of a tool at T_now beyond the limits about T, m or rad; 0 within them."""
         now = coordinates_of(T, T_now)
         worst = max(0.0, float(norm(now[3:5])) - self.tilt) if self.tilt > 0.0 else 0.0
         for k, name in enumerate(FREE):
