@@ -1,7 +1,7 @@
-"""Lines of a list of poses as the arm follows them: from one solution for the first pose, all that hangs on it.
+"""Chains: a target that is reached by a transit, and the lines and targets that follow it without another transit.
 
-A chain begins with a target that is reached by a transit and goes on while targets are reached by lines. Where lines
-lead is decided by the configuration at its first target, so a chain has one candidate for each solution there.
+The configuration at the first target determines the configurations along all lines of its chain. So a chain has one
+candidate for each inverse kinematics solution at its first target.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.transit.near_ends import NearEnd
 
-_TOLERANCE = 5e-6  # of the tool on lines, m
-_NOWHERE = 1e-9  # m or rad: a line of this length is none
+_TOLERANCE = 5e-6  # m, largest deviation of the tool from a line
+_NOWHERE = 1e-9  # m or rad, length below which a line is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class LinearMove:
 
     Attributes:
         role: approach, line or retract.
-        target: index of the target that it leads to, or out of.
-        linear: the line, its path and its speed.
+        target: index of the target at its end; of a retract, at its start.
+        linear: the line, the joint path and the speed.
     """
 
     role: str
@@ -47,23 +47,23 @@ class LinearMove:
 
     @property
     def line(self) -> Line:
-        """Where the tool goes."""
+        """The line of the tool."""
         return self.linear.line
 
     @property
     def path(self) -> JointPath:
-        """The path of the joints."""
+        """The joint path."""
         return self.linear.path
 
     @property
     def speed(self) -> float:
-        """Cap on the tool's speed, m/s (rad/s for a turn on the spot)."""
+        """Largest speed of the tool, m/s (rad/s for a pure rotation)."""
         return self.linear.speed
 
 
 @dataclass(frozen=True, eq=False)
 class TargetReached:
-    """The arm at a target: its index, q (n,) rad and the pose of the tool (4, 4), both as whole counts give them."""
+    """The arm at a target: index of the target, q (n,) rad and tool pose (4, 4), both at whole counts."""
 
     target: int
     q: Array
@@ -72,11 +72,11 @@ class TargetReached:
 
 @dataclass(frozen=True, eq=False)
 class LineChain:
-    """One candidate: lines and targets in order.
+    """One candidate of a chain: lines and targets in order.
 
     Attributes:
         items: in order of time.
-        branch: of its first target, "" where the arm has none.
+        branch: inverse kinematics branch at the first target; "" if the arm has no closed form.
         q_in, q_out: (n,) rad at its ends.
     """
 
@@ -96,11 +96,10 @@ class SequenceStep:
     """One step of a sequence: the transit to a chain, and the chain.
 
     Attributes:
-        chain: what is done there.
-        waypoints: (m, n) rad of the transit to it.
-        index: of the chain among the candidates for its goal.
-        near: ends of the transit that have less than the asked clearance; its first or last line leaves them, or comes
-            to them.
+        chain: the chain that follows.
+        waypoints: (m, n) rad of the transit.
+        index: number of the chain among its candidates.
+        near: ends of the transit with less than the required clearance; its first or last line joins them to the rest.
     """
 
     chain: LineChain
@@ -110,7 +109,7 @@ class SequenceStep:
 
 
 def groups(targets: Sequence[Target]) -> list[range]:
-    """Indices of targets, chain by chain."""
+    """Return the indices of the targets of each chain."""
     starts = [i for i, target in enumerate(targets) if target.by == "transit" or i == 0]
     return [range(a, b) for a, b in zip(starts, [*starts[1:], len(targets)], strict=True)]
 
@@ -120,13 +119,12 @@ class LineChains:
 
     Args:
         robot: the arm.
-        unit: whose counts.
+        unit: encoder counts.
         targets: the list.
-        limits: that lines keep.
-        tool_speed: cap on lines of targets that have none, m/s.
+        limits: joint limits on lines.
+        tool_speed: largest speed on lines of targets that state none, m/s.
         options: clearance, solver, and the least speed of lines.
-        worlds: in which lines that come too near to something use what they leave free to go around it
-            (`plan.cartesian.clear_line`); or None: lines are plain.
+        worlds: worlds in which lines bend around obstacles (`plan.cartesian.clear_line`); None: lines are plain.
     """
 
     def __init__(
@@ -144,12 +142,12 @@ class LineChains:
 
     @property
     def can_bend(self) -> bool:
-        """Whether some line leaves anything free."""
+        """Whether some line has a free rotation or a redundant joint."""
         lines = [t for t in self.targets if t.by == "line" or t.approach > 0.0 or t.retract > 0.0]
         return any(len(self.limits.lower) > 6 - len(_turns(t, "line") or "") for t in lines)
 
     def chain(self, group: range, q_first: Array, branch: str) -> LineChain:
-        """The chain of a group from a solution `q_first` (n,) for its first target.
+        """Follow the chain of a group from a solution `q_first` (n,) at its first target.
 
         Raises:
             ImpossibleError: a line cannot be followed; data: target and those of `plan.cartesian.line.follow_line`.
@@ -177,13 +175,13 @@ class LineChains:
         return LineChain(tuple(items), branch, frozen(begin), frozen(q))
 
     def to(self, index: int, q: Array) -> list[LinearMove]:
-        """The lines from q to a target that is reached by a line."""
+        """Return the lines from q to a target that is reached by a line."""
         target = self.targets[index]
         goal = _nearest(self.robot.T_base_tool(q), target)
         turns = [name for name in target.free if name.startswith("r")]
         free_axis = turns[0][1:] if len(turns) == 1 else None
         if target.approach > 0.0 and free_axis != "z":
-            free_axis = None  # else the tool's axis could turn away from the pose on the way
+            free_axis = None  # another free axis could tilt the tool's own axis away from the approach
         before = np.array(goal)
         before[:3, 3] -= target.approach * goal[:3, 2]
         steps = []
@@ -192,7 +190,7 @@ class LineChains:
             if role == "approach":
                 if target.approach == 0.0:
                     break
-                # the free turn is what it became
+                # a free rotation keeps the value that it has at the start of the approach
                 end = np.array(start)
                 end[:3, 3] = goal[:3, 3]
             step = self.follow(role, index, q, start, frozen(end), axis)
@@ -202,13 +200,14 @@ class LineChains:
         return steps
 
     def along_axis(self, role: str, index: int, q: Array, length: float) -> LinearPath:
-        """The line from q along the tool's own z axis."""
+        """Return the line from q along the tool's own z axis."""
         start = self.robot.T_base_tool(q)
         end = np.array(start)
         end[:3, 3] += length * start[:3, 2]
         step = self.follow(role, index, q, start, frozen(end), None, self.options.clearance)
         if step is None:
-            raise ImpossibleError(f"{role} of {abs(length):g} m is too short", length_m=abs(length))
+            why = f"{role} of {abs(length):g} m: must be longer than {_NOWHERE:g} m, or 0 for none"
+            raise ImpossibleError(why, length_m=abs(length))
         return step.linear
 
     def follow(
@@ -250,7 +249,7 @@ class LineChains:
         return LinearMove(role, index, linear)
 
     def world(self, worlds: AttachmentWorlds, role: str, index: int) -> World:
-        """The world on a line if all poses before are met exactly, whatever is free there."""
+        """Return the world on a line, with all earlier targets at their nominal poses despite free directions."""
         state = worlds.start
         for target in self.targets[: index + (role == "retract")]:
             T_base_tool = target.poses[0] if target.q is None else self.robot.T_base_tool(target.q)
@@ -259,10 +258,10 @@ class LineChains:
 
 
 def _turns(target: Target, role: str) -> str | None:
-    """What a line leaves free of the tool's rotation, one of `plan.kinematics.straight_line.TURNS`.
+    """Return the free rotations of the tool on a line, one of `plan.kinematics.straight_line.TURNS`.
 
-    The tool's z axis keeps its direction on approach and retract, and on a line before an approach. Where something may
-    touch on approach and retract, nothing turns.
+    On approach and retract, and on a line before an approach, the tool's z axis keeps its direction. On approach and
+    retract with allowed collisions, no rotation is free.
     """
     free = "".join(name[1:] for name in target.free if name.startswith("r"))
     if role != "line" or target.approach > 0.0:
@@ -271,7 +270,7 @@ def _turns(target: Target, role: str) -> str | None:
 
 
 def _nearest(T_now: Array, target: Target) -> Array:
-    """The pose that a target allows, with what is free as it is now."""
+    """Return the pose of a target in which the free directions keep their present values."""
     T = target.poses[0]
     if target.freedom:
         return target.freedom.nearest(T, T_now, tuple(target.free))
@@ -281,7 +280,7 @@ def _nearest(T_now: Array, target: Target) -> Array:
     free = np.array([name in target.free for name in FREE])
     goal = np.eye(4)
     if free[3:].sum() == 1:
-        # the turn about one axis that comes nearest to the tool as it is, whatever the tilt of the axis itself
+        # the rotation about the free axis that is nearest to the present one, however the axis itself is tilted
         k = int(np.flatnonzero(free[3:])[0])
         M = mul(R.T, T_now[:3, :3])
         i, j = (k + 1) % 3, (k + 2) % 3
