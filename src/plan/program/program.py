@@ -1,4 +1,4 @@
-"""The only thing that is planned: a program of goals. Tasks, lists of poses and single motions are programs."""
+"""Programs of goals, the input of the planner: tasks, lists of poses and single motions are programs."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class Program:
 
     Attributes:
         scene: the arm with open and with closed jaws, bodies and cubes.
-        goals: at least one `Target` or `Transfers`. The first target is reached by a transit whatever it says.
-        q_start: where the arm is at rest, (n,) rad (m for sliding joints).
+        goals: at least one `Target` or `Transfers`. The first target is reached by a transit, whatever its `by`.
+        q_start: present configuration of the arm, at rest, (n,) rad (m for prismatic joints).
         unit: the arm's counts and registers.
-        limits: at speed 1; default: those of the unit's default registers.
-        options: speeds, clearances, what may be chosen.
-        state: what moves with the tool at the start; default: nothing.
-        padding: subtracted from every distance, m; 0 with transfers, where bodies have their own.
-        provenance: what else the plan rests on (calibration, files); JSON types. Its key `notes` becomes the plan's
+        limits: joint limits at speed 1; default: those of the unit's default registers.
+        options: speeds, clearances, and which choices are free.
+        state: the attached body at the start; default: none.
+        padding: subtracted from every distance, m; 0 with transfers, whose bodies have their own padding.
+        provenance: other inputs of the plan (calibration, files), as JSON types. Its key `notes` becomes the plan's
             notes.
         task: name and kind of the task, for the plan file; JSON types.
 
@@ -79,31 +79,31 @@ class Program:
 def plan_program(
     program: Program, effort: SearchEffort | None = None, budget: SearchBudget | None = None
 ) -> Planned:
-    """Plan a program. Each move of the plan is certified after it was timed and rounded to counts.
+    """Plan a program. Each move of the plan is certified after timing and rounding to counts.
 
     Args:
-        program: what to plan.
-        effort: budgets of the search over goals in a given order, in tries.
-        budget: what the search may cost in all. If it is spent, the best complete plan by then is returned, and says so
-            (`stopped`).
+        program: the program.
+        effort: limits on the search over goals in a given order, as numbers of attempts.
+        budget: limit on the effort of the whole search. When it is spent, the best complete plan is returned; its
+            `stopped` says so.
 
     Raises:
-        InputError: no goals, unknown or double names, a configuration beyond limits.
-        ImpossibleError: a goal is out of reach, or no clear path was found; says which and by how much (data: `failure`
-            for transfers). Or the budget was spent before a plan was complete; data: budget.
-        PlanningInterrupted: by Ctrl-C; with the best complete plan, if there is one.
+        InputError: no goals, unknown or repeated names, a configuration beyond limits.
+        ImpossibleError: a goal is out of reach, or no collision-free path was found; data: `failure`. Or the budget was
+            spent before a plan was complete; data: `budget`.
+        PlanningInterrupted: Ctrl-C was pressed; carries the best complete plan, if there is one.
     """
     with allowed(budget) as meter:
         if program.options.aim == "time":
             return _planned(program, program.options, effort, meter)
         found = clearest(lambda options: _planned(program, options, effort, meter), program.options)
-    # what was required is what the plan is bound to; its moves state what they keep
+    # the plan states the required clearance; its moves state their larger certified ones
     limits = found.setting.limits
     return replace(found, setting=Setting(program.scene, program.unit, limits, program.options))
 
 
 def _planned(program: Program, options: PlanOptions, effort: SearchEffort | None, meter: Meter) -> Planned:
-    """Plan a program for time, with these options."""
+    """Plan a program for the least time, with these options."""
     limits = program.limits or program.unit.limits()
     setting = Setting(program.scene, program.unit, limits, options)
     blocks = list(_blocks(program.goals))
@@ -115,12 +115,12 @@ def _planned(program: Program, options: PlanOptions, effort: SearchEffort | None
         if part.interrupted:
             raise PlanningInterrupted(part.stopped, found.plan() if number == len(blocks) else None)
     if found is None:
-        raise ImpossibleError("a program without goals was planned; this is a fault of the planner")
+        raise ImpossibleError("a program without goals was planned; this is a bug of the planner")
     return found
 
 
 def _blocks(goals: Sequence[Target | Transfers]) -> Iterator[Transfers | list[Target]]:
-    """Yield transfers one by one, and targets in a row together."""
+    """Yield each `Transfers` alone, and consecutive targets together."""
     wrong = [goal for goal in goals if not isinstance(goal, Target | Transfers)]
     if wrong or not goals:
         why = f"goals: {shown(wrong[0]) if wrong else 'none'}: must be at least one Target or Transfers"
@@ -140,14 +140,12 @@ def _part(
     effort: SearchEffort | None,
     meter: Meter,
 ) -> Planned:
-    """Plan what comes after `before`, which is None at the start."""
+    """Plan goals that follow `before`; None at the start."""
     q = setting.at_counts("q_start", program.q_start) if before is None else before.q_end
     state = program.state if before is None else before.state
     if not isinstance(goals, Transfers):
         return SequencePlanner(setting, goals, q, state, effort, program.padding).planned(meter)
     if state is not None and state.held is not None:
-        raise InputError(
-            f"{state.held} moves with the tool where transfers begin; let it go first", held=state.held
-        )
+        raise InputError(f"{state.held} is attached where transfers begin; detach it first", held=state.held)
     first = 0 if before is None else len(before.cubes)
     return AssignmentPlanner(setting, goals, q, state, first).planned(meter)

@@ -68,7 +68,7 @@ def test_what_is_no_goal_is_refused(program: Program, goals: tuple[object, ...])
 
 def test_nothing_may_be_held_where_transfers_begin(program: Program) -> None:
     held = AttachmentState("cube 1", transform(t=(0.0, 0.0, 0.02)), ())
-    with pytest.raises(InputError, match="cube 1 moves with the tool where transfers begin"):
+    with pytest.raises(InputError, match="cube 1 is attached where transfers begin"):
         plan_program(replace(program, state=held))
 
 
