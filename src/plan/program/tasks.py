@@ -1,4 +1,4 @@
-"""Cubes from place to place, as a program."""
+"""Tasks: cubes that are moved from place to place, as a program."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def plan_task(
 ) -> Plan:
     """Plan all transfers, from `q_start` back to `q_start`.
 
-    Order and target of the cubes, the way of gripping each and the branch of the arm are chosen together for the least
-    time (`plan.program.assignment.search`), unless the options give them. Reach of every place is checked before
-    anything is planned. Motion stops only where the gripper acts, at home and to look.
+    Order, places, grasps and branches are chosen together for the least time (`plan.program.assignment.search`), unless
+    the options give order or places. Reach of every place is checked first. The arm stops only where the gripper acts,
+    at home and to look.
 
     Args:
         scene, q_start, unit, limits, options, provenance, task: see `plan.program.program.Program`.
         transfers, places, skip: see `plan.program.assignment.planner.Transfers`.
-        budget: see `plan.program.program.plan_program`; the plan's notes say where a search ended (`search`).
+        budget: see `plan.program.program.plan_program`; if it ends the search, the plan's `notes["search"]` says so.
 
     Raises:
         InputError: no transfers, an unknown cube, or a start outside limits.
-        ImpossibleError, PlanningInterrupted: see `plan.program.program.plan_program`. What would help is found by
-            `plan.advice.search`.
+        ImpossibleError, PlanningInterrupted: see `plan.program.program.plan_program`. `plan.advice.search` finds
+            changes that would help.
     """
     goals = (Transfers(tuple(transfers), tuple(places), skip),)
     program = Program(
