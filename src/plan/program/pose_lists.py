@@ -21,7 +21,7 @@ from plan.program.sequence.planner import SearchEffort
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import virtual_unit
 
-Q_END = "q_end"  # name of the goal at the end
+Q_END = "q_end"  # name of the last goal
 
 
 def plan_poses(
@@ -38,23 +38,23 @@ def plan_poses(
     padding: float = 0.0,
     budget: SearchBudget | None = None,
 ) -> Planned:
-    """Plan the tool through a list of poses, from rest at `q_start`.
+    """Plan a motion of the tool through a list of poses, from rest at `q_start`.
 
     Args:
-        robot: any arm with its tool; `arm.robot.tool` gives it another tool, or neighbours to ignore.
-        bodies: all that stands around it.
-        targets: in order; see `Target`. The first is reached by a transit whatever it says.
-        q_start: (n,) rad (m for sliding joints).
-        limits: of the joints at speed 1.
-        q_end: where to go in the end, by a transit; default: the last target.
-        unit: a controller's counts; default: counts so fine that they do not matter (`plan.trajectory.virtual_unit`).
-        options: speeds, clearances, seed, certificate; what it says about cubes, jaws and looks has no meaning here.
-        effort: budgets of the search.
+        robot: any arm with its tool; `arm.robot.tool` changes the tool, or disables collisions between neighbours.
+        bodies: obstacles, and bodies to attach.
+        targets: in order; see `Target`. The first is reached by a transit, whatever its `by`.
+        q_start: (n,) rad (m for prismatic joints).
+        limits: joint limits at speed 1.
+        q_end: configuration at the end, reached by a transit; default: that at the last target.
+        unit: a controller's counts; default: counts of 1 urad (`plan.trajectory.virtual_unit`).
+        options: speeds, clearances, seed, certificate; options of cubes, jaws and looks are ignored.
+        effort: limits on the search, as numbers of attempts.
         padding: subtracted from every distance, m.
-        budget: what the search may cost in all.
+        budget: limit on the effort of the whole search.
 
     Raises:
-        InputError: no targets, names that are double or unknown, a start or end outside limits.
+        InputError: no targets, repeated or unknown names, a start or end outside limits.
         ImpossibleError, PlanningInterrupted: see `plan.program.sequence.planner.SequencePlanner.planned`.
     """
     wrong = [thing for thing in bodies if not isinstance(thing, Body)]
