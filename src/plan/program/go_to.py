@@ -31,12 +31,12 @@ def plan_joint_motion(
     provenance: Mapping[str, Any] | None = None,
     task: Mapping[str, Any] | None = None,
 ) -> Plan | None:
-    """Plan the motion from rest at `q_from` to rest at `q_to` (n,) rad; None if they are the same to the count.
+    """Plan the motion from rest at `q_from` to rest at `q_to` (n,) rad; None if both are the same counts.
 
     Raises:
         InputError: `q_from` or `q_to` is beyond a limit, or not one finite number per joint.
-        ImpossibleError: there is no clear path; says what is in it and by how much; data: pair, distance_m,
-            clearance_m, and end (``from``, ``to``, or None for what is on the path).
+        ImpossibleError: no collision-free path was found; data: pair, distance_m, clearance_m, and end (``from`` or
+            ``to`` if that end is too near to a body, else None).
     """
     options, limits = options or PlanOptions(), limits or unit.limits()
     setting = Setting(scene, unit, limits, options)
@@ -63,9 +63,9 @@ def plan_joint_motion(
 def _refused(pair: Sequence[str], distance: float, asked: float, end: str | None) -> ImpossibleError:
     near = nearness(pair, distance, asked)
     if end is None:
-        text = f"no path around {pair[1]} was found; on the straight one {near}; less clearance may help"
+        text = f"no path around {pair[1]} was found; on the straight motion {near}; less clearance may help"
     else:
-        text = f"the {'start' if end == 'from' else 'end'} of the way is itself too near: {near}"
+        text = f"the {'start' if end == 'from' else 'end'} of the motion is itself too near: {near}"
     return ImpossibleError(text, pair=list(pair), distance_m=distance, clearance_m=asked, end=end)
 
 

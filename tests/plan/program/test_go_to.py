@@ -39,8 +39,8 @@ def test_the_searchs_margin_does_not_show() -> None:
     ]
     walls.append(Body("wall above", Box((0.6, 0.02, 2.0)), transform(t=(0.0, 0.0, 1.5)), "wall"))
     for bodies, words in (
-        ((under_the_tool(0.0095),), "the start of the way is itself too near"),
-        (walls, r"no path around wall \+1 was found; on the straight one \w+ "),
+        ((under_the_tool(0.0095),), "the start of the motion is itself too near"),
+        (walls, r"no path around wall \+1 was found; on the straight motion \w+ "),
     ):
         with pytest.raises(ImpossibleError, match=words) as caught:
             plan_joint_motion(scene(*bodies), Q_START, Q_END, UNIT, options=options)
