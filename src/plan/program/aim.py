@@ -1,4 +1,4 @@
-"""The largest clearance as an aim: the same program, planned with more clearance than is required."""
+"""Largest clearance as the objective: the same program, planned with more clearance than is required."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from arm.errors import ImpossibleError
 from plan.options import PlanOptions
 from plan.program.planned import Planned
 
-MOST = 0.1  # m, the largest clearance that is tried
-_RESOLUTION = 5e-4  # m, to which the largest clearance is found
-_PART = 0.05  # of the clearance: the resolution where that is more
+MOST = 0.1  # m, largest clearance that is tried
+_RESOLUTION = 5e-4  # m, resolution of the bisection, or this fraction of the clearance if that is more:
+_PART = 0.05
 
 PlanWith = Callable[[PlanOptions], Planned]
 
@@ -22,7 +22,9 @@ class _Try:
     planned: Planned
 
     def worth(self, weight: float | None) -> tuple[float, ...]:
-        """What is aimed at: least clearance of all moves and of transits, m; with `weight` (s per m) less the time."""
+        """Return the objective: least clearance of all moves, then of transits, m; with `weight` (s per m) their sum
+        less the weighted time.
+        """
         transits = [move.clearance for move in self.planned.moves if move.role in ("transit", "home")]
         least = self.planned.clearance
         clearances = round(min(least, MOST), 7), round(min((*transits, MOST)), 7)
@@ -34,14 +36,14 @@ class _Try:
 def clearest(plan_with: PlanWith, options: PlanOptions) -> Planned:
     """Return the plan with the largest clearance, or the best by clearance and time.
 
-    Transits and lines are first planned with the same, larger clearance; then transits with more than the lines can
-    keep. Both are found by bisection. Of all plans that were made on the way, the best counts: without
-    `PlanOptions.clearance_worth` the one whose least clearance is largest, then that of its transits; with it, both of
-    these are added, and the time counts against them.
+    A first bisection finds the largest common clearance of transits and lines, a second one the largest clearance of
+    transits alone. Of all plans made, the best one is returned. Without `PlanOptions.clearance_worth` this is the plan
+    with the largest clearance of all moves, then of transits; with it, the plan with the largest sum of both clearances
+    less the duration over `clearance_worth`.
 
     Args:
-        plan_with: plans the program with other clearances.
-        options: of the program; their clearances are the least.
+        plan_with: plans the program with the given options.
+        options: options of the program; their clearances are lower limits.
 
     Raises:
         ImpossibleError: there is no plan with the required clearance.
