@@ -1,4 +1,4 @@
-"""A planned program: its steps in order of time, and what can be asked of them."""
+"""A planned program: its steps in order of time, with samples, cubics and the plan for a file."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _LIBRARIES = ("pin", "coal", "numpy", "scipy")
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """The arm at a target, as whole counts give it.
+    """The arm at a target, at whole counts.
 
     Attributes:
-        target: its name.
+        target: name of the target.
         q: (n,) rad.
         T_base_tool: (4, 4).
-        branch: of the first target that it hangs on by lines; "" where the arm has none.
+        branch: inverse kinematics branch at the first target of its chain; "" if the arm has no closed form.
     """
 
     target: str
@@ -44,26 +44,26 @@ class Reached:
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """A planned program. Every move is certified: its `clearance` is proved over all of it.
+    """A planned program. Every move is certified: its `clearance` is a lower bound over the whole move.
 
     Attributes:
-        setting: arm, unit and limits that it was planned with.
+        setting: arm, unit and limits of the planning.
         q_start, q_end: (n,) rad.
         steps: in order (`arm.plan_file.Step`). Moves with no other step between them may meet at speed.
-        reached: every goal whose configuration the planner chose in the given order.
-        lower_bound_s: no motion through the solutions that were looked at is faster, whatever its paths.
-        above_bound_s: what the motion takes more than that, by cause, s (`plan.program.assignment.search.Gap`, and
-            ``sent``: blends and rounding); of transfers.
-        state: what moves with the tool at the end, and where bodies stand that were moved.
-        cubes: what was brought where: ``cube``, ``from`` and ``to`` of each, in order.
-        skipped: what stays where it is: ``cube``, ``from`` and ``reason`` of each.
-        touching: pairs that the lines may let touch.
-        candidates: solutions looked at, per place: the start, and each group of goals.
-        detours: paths around obstacles that were made.
-        near_ends: where the arm leaves or arrives with less than the required clearance (`PlanOptions.near_ends`):
-            ``at``, ``pair`` and ``distance_mm`` of each.
-        stopped: why the search ended before the fastest way was known, for people; "" if it is known.
-        interrupted: whether Ctrl-C ended it.
+        reached: the arm at every target, in order; none of transfers.
+        lower_bound_s: no motion through the solutions considered is faster, whatever its paths.
+        above_bound_s: excess of the motion over that bound by cause, s (`plan.program.assignment.search.Gap`, and
+            ``sent``: blends and rounding); of transfers only.
+        state: the attached body at the end, and the poses of moved bodies.
+        cubes: ``cube``, ``from`` and ``to`` of each cube that is moved, in order.
+        skipped: ``cube``, ``from`` and ``reason`` of each cube that is not moved.
+        touching: allowed collisions of the lines.
+        candidates: number of solutions considered: 1 for the start, then of each chain.
+        detours: number of paths around obstacles that were planned.
+        near_ends: ends of transits with less than the required clearance (`PlanOptions.near_ends`): ``at``, ``pair``
+            and ``distance_mm`` of each.
+        stopped: message on why the search ended before the fastest sequence was known; "" if it is known.
+        interrupted: whether Ctrl-C ended the search.
         provenance, task: see `plan.program.program.Program`.
     """
 
@@ -93,7 +93,7 @@ class Planned:
 
     @property
     def unit(self) -> Unit:
-        """Whose counts the moves are in; `plan.trajectory.virtual_unit` where no controller was given."""
+        """The unit of the moves' counts; that of `plan.trajectory.virtual_unit` if no controller was given."""
         return self.setting.unit
 
     def plan(self) -> Plan:
@@ -133,26 +133,26 @@ class Planned:
 
     @property
     def duration_s(self) -> float:
-        """With pauses, s."""
+        """Duration with pauses, s."""
         return sum(map(duration_of, self.steps))
 
     @property
     def gap(self) -> float:
-        """How much longer it takes than `lower_bound_s`, as a part of it."""
+        """Relative excess of the duration over `lower_bound_s`."""
         return self.duration_s / self.lower_bound_s - 1.0 if self.lower_bound_s > 0.0 else float("inf")
 
     @property
     def clearance(self) -> float:
-        """Of all moves, m; infinite where nothing can touch."""
+        """Least clearance of all moves, m; infinite if no pair of bodies is checked."""
         return min((move.clearance for move in self.moves), default=float("inf"))
 
     def begins(self) -> tuple[float, ...]:
-        """Time at which each step begins, s."""
+        """Return the time at which each step begins, s."""
         lengths = [duration_of(step) for step in self.steps]
         return tuple(np.concatenate([[0.0], np.cumsum(lengths)])[:-1].tolist())
 
     def at(self, times: npt.ArrayLike) -> Array:
-        """Configurations (m, n) rad at times (m,) s from the start, clamped to the plan."""
+        """Return configurations (m, n) rad at times (m,) s from the start, clamped to the plan."""
         t = np.atleast_1d(np.asarray(times, dtype=float))
         q = np.tile(self.q_start, (len(t), 1))
         for step, begin in zip(self.steps, self.begins(), strict=True):
@@ -162,7 +162,7 @@ class Planned:
         return q
 
     def sample(self, step_s: float = 0.01) -> tuple[Array, Array]:
-        """Times (m,) s on a regular grid, the end included, and configurations (m, n) rad.
+        """Return times (m,) s on a regular grid, the end included, and configurations (m, n) rad.
 
         Raises:
             InputError: the step is not positive.
@@ -174,7 +174,7 @@ class Planned:
         return frozen(times), frozen(self.at(times))
 
     def cubics(self) -> Iterator[tuple[Move, Array, Array]]:
-        """Per move its durations (k,) s and coefficients (k, 4, n) of q = sum of c_i u^i, u from 0 to 1, rad."""
+        """Yield each move with durations (k,) s and coefficients c (k, 4, n) rad of q = sum of c_i u^i, 0 <= u <= 1."""
         for move in self.moves:
             knots = move.path.knots()
             c = np.zeros((len(move.path.segments), 4, knots.shape[1]))
@@ -185,14 +185,14 @@ class Planned:
             yield move, np.array([s.duration_ms / 1e3 for s in move.path.segments]), c
 
     def rows(self, step_s: float = 0.01) -> Iterator[list[str | float]]:
-        """Rows of a CSV file: a header, then time in s and joint positions in rad (m)."""
+        """Yield the rows of a CSV file: a header, then time in s and joint positions in rad (m)."""
         yield ["time_s", *self.robot.joint_names]
         times, q = self.sample(step_s)
         for t, row in zip(times.tolist(), q.tolist(), strict=True):
             yield [round(t, 6), *(round(x, 9) for x in row)]
 
     def to_json(self) -> dict[str, Any]:
-        """All of it as JSON types: cubic segments in rad with their proved clearances, pauses, targets."""
+        """Return the plan as JSON types: cubic segments in rad, certified clearances, pauses, targets."""
         cubics = {id(move): (durations, c) for move, durations, c in self.cubics()}
         steps: list[dict[str, Any]] = []
         for step in self.steps:
@@ -239,7 +239,7 @@ class Planned:
 
 
 def joined(before: Planned, after: Planned) -> Planned:
-    """Return two programs, one after the other, as one; the second begins where the first ends."""
+    """Return two planned programs as one; the second begins where the first ends."""
     return replace(
         before,
         q_end=after.q_end,
@@ -262,12 +262,12 @@ def joined(before: Planned, after: Planned) -> Planned:
 
 
 def resting_on(scene: Scene, unit: Unit, options: PlanOptions) -> dict[str, Any]:
-    """Return the part of a plan's provenance that planning itself states; JSON types.
+    """Return the planner's own part of a plan's provenance, as JSON types.
 
     Args:
-        scene: of the plan, with all contacts that it allows.
-        unit: whose counts it is in.
-        options: that it was planned with.
+        scene: scene of the plan, with all its allowed collisions.
+        unit: unit of its counts.
+        options: options of the planning.
     """
     return {
         "scene": scene.digest,
@@ -284,7 +284,7 @@ def _versions() -> dict[str, str]:
 
 
 def _registers(unit: Unit, limits: Limits) -> dict[str, tuple[int, ...]]:
-    """The controller's registers that `limits` came from."""
+    """Return the controller's registers that correspond to `limits`."""
     scale = np.abs(unit.counts_per_rad) * 256.0
     return {
         "speed": tuple(int(v) for v in np.rint(limits.velocity * scale / 1e3)),
