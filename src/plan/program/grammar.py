@@ -1,8 +1,8 @@
-"""The shape of a plan that may be executed: every cube fetched, carried and set down in order, nothing else.
+"""The grammar of plans that may be executed: every cube is picked, carried and placed in order, and nothing else.
 
-What is executed must be what was judged, so the order of the file is the order of execution, and nothing in it can
-be read in two ways. Cubes come in the order of ``task.cubes``, whatever holes they stand in; the arm looks, if it does,
-where a cube's steps end. A plan without cubes only moves, and opens and closes the jaws for nothing that it knows of.
+The order of the file is the order of execution, so that what is executed is what was certified. Cubes come in the order
+of ``task.cubes``; an optional look ends the steps of a cube. A plan without cubes may only move, dwell, look, and open
+and close the jaws.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from __future__ import annotations
 from arm.errors import ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan, Step
 
-# Steps of one cube; transits are missing where there is no way to go, and the way home where another cube follows.
+# Steps of one cube. A transit is missing if its ends coincide; the move home is missing before another cube.
 _ORDER = ("transit", "approach", "close", "retract", "transit", "approach", "open", "retract", "home")
 _OPTIONAL = ("transit", "home")
 
 
 def require_grammar(plan: Plan) -> None:
-    """Refuse a plan whose steps are not those of its cubes, in order.
+    """Refuse a plan whose steps do not match its cubes, in order.
 
     Raises:
         ImpossibleError: naming the step.
@@ -38,7 +38,7 @@ def require_grammar(plan: Plan) -> None:
             continue
         if step.cube is None:
             if number == 0 and isinstance(step, GripperStep) and step.action == "open":
-                _require_action(step)  # what follows is certified with jaws that are wide open
+                _require_action(step)  # the next moves are certified with open jaws
                 continue
             if not cubes:
                 _require_action(step)
@@ -59,7 +59,7 @@ def _named(entry: object) -> bool:
 
 
 def _ended(group: list[Step]) -> bool:
-    """Whether the cube was let go and the arm has moved away since."""
+    """Return whether the cube was released and the arm has moved away since."""
     last = group[-1]
     return isinstance(last, Move) and any(isinstance(s, GripperStep) and s.action == "open" for s in group)
 
