@@ -1,8 +1,7 @@
-"""Motions from where a run could not go on, as programs.
+"""Recovery motions after a stopped run, as programs.
 
-With a cube in the jaws: out of where it is, across to its place, let go, and to where the arm starts; for an arm that
-was stopped while it carried. With empty jaws: straight out of the place where they closed on nothing, for the approach
-that brought them there was entered at speed.
+If the jaws hold a cube: retract from where the cube is, carry it to its place, release it there, and return to the
+start. If the jaws closed on nothing: retract along the approach.
 """
 
 from __future__ import annotations
@@ -28,21 +27,21 @@ from plan.program.program import Program, plan_program
 from plan.program.setting import Setting
 from plan.scene import Scene, Station
 
-# The approach kept the lines' clearance; this one runs beside it by both lines' tolerances, m.
+# m, by which this line may deviate from the approach, which kept the clearance of lines: both lines' tolerances.
 BESIDE = 5e-4
 
-# Lengths of the line out of where the cube is, as parts of a whole one: it may have been stopped on its way.
+# Lengths of the retract as fractions of a full one: the arm may have stopped part of the way along a line.
 _PARTS = (1.0, 0.6, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
 class InJaws:
-    """What the jaws hold.
+    """The cube in the jaws.
 
     Attributes:
         cube: its name in the scene.
-        T_tool_cube: how they hold it.
-        touches: bodies that it may touch where it is now: it is half out of a pocket, or about to stand in one.
+        T_tool_cube: its pose in the tool frame.
+        touches: bodies that it may touch where it is now, such as a plate with the cube half in a pocket.
     """
 
     cube: str
@@ -62,15 +61,15 @@ def place_held_object(
     provenance: Mapping[str, Any] | None = None,
     task: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """From rest at `q` (6,) rad with a cube in the jaws to `target`, where it is let go, and to `q_home`.
+    """Plan from rest at `q` (6,) rad with a cube in the jaws to `target`, where it is released, and then to `q_home`.
 
     Args:
-        scene: as it stands; the held cube is one of its cubes, its pose there does not matter.
-        limits: at speed 1.
+        scene: the present scene; it contains the held cube, whose pose there is ignored.
+        limits: joint limits at speed 1.
         task: for the plan file; the held cube is the first of its `cubes`.
 
     Raises:
-        ImpossibleError: `target` is out of reach, or no path was found; says what is in the way and by how much.
+        ImpossibleError: `target` is out of reach, or no path was found; names the bodies and their distance.
     """
     setting = Setting(scene, unit, limits, options)
     start = setting.at_counts("q", q)
@@ -103,7 +102,7 @@ def place_held_object(
             failures.append(str(error))
     reasons = list(dict.fromkeys(failures))
     raise ImpossibleError(
-        f"no way to bring {held.cube}, which is in the jaws, to {target.name}: {'; '.join(reasons[:2])}",
+        f"{held.cube}, which is in the jaws, cannot be brought to {target.name}: {'; '.join(reasons[:2])}",
         cube=held.cube,
         to=target.name,
         rejected=reasons,
@@ -111,7 +110,7 @@ def place_held_object(
 
 
 def _way_out(q: Array, held: InJaws, part: float, options: PlanOptions) -> Target:
-    """The line back along the tool's axis, out of where the cube is."""
+    """Return the goal that retracts the cube along the tool's axis from where it is."""
     return Target(
         "where it is",
         q=q,
@@ -124,7 +123,7 @@ def _way_out(q: Array, held: InJaws, part: float, options: PlanOptions) -> Targe
 
 
 def _placing(target: Station, cube: str, options: PlanOptions) -> Target:
-    """A station where the cube is let go."""
+    """Return the goal that releases the cube at a station."""
     return Target(
         target.name,
         np.stack(target.T_base_tool),
@@ -142,17 +141,17 @@ def _placing(target: Station, cube: str, options: PlanOptions) -> Target:
 def plan_retreat(
     scene: Scene, q: npt.ArrayLike, unit: Unit, limits: Limits, options: PlanOptions
 ) -> tuple[Move, ...]:
-    """The motion from rest at `q` (6,) rad, `options.offset` back along the tool's axis, with open jaws.
+    """Plan the retract by `options.offset` along the tool's axis, from rest at `q` (6,) rad, with open jaws.
 
     Args:
-        scene: as it stands.
-        q: where the jaws are, a whole number of counts.
-        unit: whose counts.
-        limits: at speed 1.
+        scene: the present scene.
+        q: present configuration, at whole counts.
+        unit: unit of the counts.
+        limits: joint limits at speed 1.
         options: speed, fractions, offset and clearance of lines.
 
     Raises:
-        ImpossibleError: the arm cannot follow the line, or something is in its way; by how much.
+        ImpossibleError: the arm cannot follow the line, or a body is too near to it; names both and their distance.
     """
     back = Target(
         "the place of the jaws",
