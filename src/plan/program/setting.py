@@ -1,4 +1,4 @@
-"""What a program is planned with: the arm, its unit, and the limits of planning and of what is sent."""
+"""The setting of a program: the arm, its unit, and the limits on planned and on sent motions."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from plan.motion.builder import MotionBuilder
 from plan.options import PlanOptions
 from plan.scene import Scene
 
-ROUNDING = 1e-4  # rad, the most by which rounding to counts may move a joint
+ROUNDING = 1e-4  # rad, largest displacement of a joint by rounding to counts
 
 
 def planned_limits(limits: Limits, options: PlanOptions, unit: Unit) -> Limits:
-    """Return the part of the limits (at speed 1) that motion is planned under.
+    """Return the limits for planning, a part of `limits` (at speed 1).
 
-    Rounding to counts moves a joint by up to half a count, so positions end half a count before the limits.
+    Rounding to counts moves a joint by up to half a count, so position limits are half a count tighter.
     """
     sent = limits.scaled(options.speed)
-    # and a little more, as a joint at such an end would be half way between two counts, which may round to either
+    # slightly more than half: a joint exactly between two counts may be rounded to either
     half = np.minimum(0.501 / np.abs(unit.counts_per_rad), (limits.upper - limits.lower) / 4.0)
     return Limits(
         frozen(limits.lower + half),
@@ -36,18 +36,18 @@ class Setting:
     """The arm, its unit and its limits.
 
     Args:
-        scene: with the arm.
-        unit: its counts and registers.
-        limits: at speed 1.
+        scene: bodies and the arm.
+        unit: counts and registers of the arm.
+        limits: joint limits at speed 1.
         options: speeds, clearances.
 
     Attributes:
-        planned: limits that motion is planned under, see `planned_limits`.
-        sent: limits that hold on what is sent.
+        planned: limits for planning, see `planned_limits`.
+        sent: limits on the segments that are sent.
         builder: times and certifies motions.
 
     Raises:
-        InputError: limits or unit of an arm with another number of joints.
+        InputError: the limits or the unit have another number of joints than the arm.
     """
 
     def __init__(self, scene: Scene, unit: Unit, limits: Limits, options: PlanOptions) -> None:
@@ -64,14 +64,14 @@ class Setting:
 
     @property
     def tool_speed(self) -> float:
-        """Cap on the tool's speed on lines, m/s."""
+        """Largest speed of the tool on lines, m/s."""
         return self.options.approach_speed * self.options.speed
 
     def at_counts(self, name: str, q: npt.ArrayLike) -> Array:
-        """Return a configuration (n,) rad as whole counts give it.
+        """Return a configuration (n,) rad, rounded to whole counts.
 
         Raises:
-            InputError: not one finite number per joint, or beyond limits by more than what rounding does.
+            InputError: not one finite number per joint, or beyond limits by more than rounding may cause.
         """
         at = check_configuration(name, q, self.robot, self.limits, ROUNDING)
         at = check_configuration(name, self.unit.positions(self.unit.counts(at)), self.robot, self.limits)
