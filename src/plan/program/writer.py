@@ -1,4 +1,4 @@
-"""Writes the steps of a sequence of goals: its motions, and what happens between them."""
+"""Writes the steps of a sequence of goals: its motions, and the actions between them."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from plan.program.goals.blending import join_of
 from plan.program.goals.line_chains import LinearMove, SequenceStep
 from plan.program.goals.target import Target
 
-_SENT = 3e-4  # m, of the clearance at a near end that rounding to counts may take
+_SENT = 3e-4  # m, largest loss of clearance at a near end by rounding to counts
 
 
 class ClearanceLost(ImpossibleError):
-    """A step of a sequence does not keep its clearance once it is timed.
+    """A motion that does not keep its clearance after timing.
 
     Args:
-        step: its number; that of the step before for the line out of a goal.
-        why: what was found.
+        step: number of the step in the sequence; a retract belongs to the step of its goal.
+        why: the refusal of the motion builder.
     """
 
     def __init__(self, step: int, why: ImpossibleError) -> None:
@@ -31,14 +31,14 @@ class ClearanceLost(ImpossibleError):
 
 
 class MotionWriter:
-    """Makes sequences into steps.
+    """Turns sequences into steps.
 
     Args:
-        worlds, targets, options: of the program.
-        builder: times and certifies.
+        worlds, targets, options: those of the program.
+        builder: times and certifies motions.
 
     Attributes:
-        state: what moves with the tool, and where bodies stand, after the sequence that was written last.
+        state: the state after the sequence that was written last.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class MotionWriter:
         self.state = worlds.start
 
     def steps(self, sequence: Sequence[SequenceStep]) -> list[Step]:
-        """Return the moves of a sequence, and what is done at rest between them; `state` is the one after them.
+        """Return the moves of a sequence and the actions at rest between them, and update `state`.
 
         Raises:
             ClearanceLost: a phase does not keep its clearance.
@@ -63,7 +63,7 @@ class MotionWriter:
         for number, step in enumerate(sequence):
             first = self.targets[step.chain.items[0].target]
             counts = self.builder.unit.counts(step.waypoints)
-            if (counts != counts[0]).any():  # else the arm stands there already
+            if (counts != counts[0]).any():  # otherwise the arm is there already
                 for phase in self._transit(first, step, state):
                     motion.add(number, phase, None, self.targets)
             for item in step.chain.items:
@@ -81,7 +81,7 @@ class MotionWriter:
         return [*steps, *motion.written(self.builder)]
 
     def _transit(self, target: Target, step: SequenceStep, state: AttachmentState) -> Iterator[MotionPhase]:
-        """Yield the way to a target; what leaves or comes to a near end is a motion by itself."""
+        """Yield the phases of a transit; the line at a near end is a phase of its own."""
         name = f"{target.prefix}home" if target.name == "home" else f"{target.prefix}to {target.name}"
         ends, waypoints = {near.end: near for near in step.near}, step.waypoints
         inner = waypoints["from" in ends : len(waypoints) - ("to" in ends)]
@@ -117,13 +117,13 @@ class MotionWriter:
 
 
 class _Motion:
-    """Phases without a rest between them, as they are collected."""
+    """Collects phases without a stop between them."""
 
     def __init__(self) -> None:
         self.phases: list[tuple[int, MotionPhase]] = []
         self.joins: list[Join] = []
-        self.line: LinearMove | None = None  # the last phase, if that is a line
-        self.at: Target | None = None  # the target that the arm is at
+        self.line: LinearMove | None = None  # the last phase, if it is a line
+        self.at: Target | None = None  # the target reached by the last phase
 
     def add(
         self, number: int, phase: MotionPhase, line: LinearMove | None, targets: Sequence[Target]
@@ -152,7 +152,7 @@ def _line_name(role: str, target: Target) -> str:
 
 
 def _actions(target: Target, state: AttachmentState) -> Iterator[Step]:
-    """Yield what happens at a target while the arm rests there."""
+    """Yield the actions at a target, where the arm is at rest."""
     let_go = state.held if target.detach else None
     if target.jaws is not None:
         verb = "close" if target.jaws > 0.0 else "open"
