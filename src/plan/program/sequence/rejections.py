@@ -1,4 +1,4 @@
-"""Why a step of a list of poses was refused: a line for people, and the same as data (`reason` counts alike ones)."""
+"""Refusals of single steps in a sequence of goals: a message, and the same as data (`reason` groups equal refusals)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from plan.transit.straight import StraightLine
 def end_blocked(
     before: str, name: str, end: str, seen: ClearanceCertificate, clearance: float
 ) -> ImpossibleError:
-    """The way from one goal to another begins (``from``) or ends (``to``) too near; `clearance` is required, m."""
-    where, verb = (before, "leaves") if end == "from" else (name, "arrives")
+    """Return the refusal of a transit that begins (``from``) or ends (``to``) too near; `clearance` is required, m."""
+    where, verb = (before, "starts") if end == "from" else (name, "ends")
     pair, distance = seen.pair, seen.seen
     return ImpossibleError(
-        f"the way from {before} to {name} {verb} too near: at {where}, {pair[0]} is {distance * 1e3:.1f} mm from "
-        f"{pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, less clearance, or the option "
-        "near_ends may help",
+        f"the transit from {before} to {name} {verb} too near to a body: at {where}, {pair[0]} is "
+        f"{distance * 1e3:.1f} mm from {pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, less "
+        "clearance, or the option near_ends may help",
         reason=f"{verb} with {pair[0]} too near to {pair[1]}",
         target=where,
         pair=list(pair),
@@ -28,13 +28,13 @@ def end_blocked(
 
 
 def out_of_hand(target: Target, pair: tuple[str, str], distance: float) -> ImpossibleError:
-    """A body is to go with the tool and is nowhere near it; m."""
+    """Return the refusal to attach a body that is too far from the hand; lengths in m."""
     return ImpossibleError(
         f"target {target.name!r}: attach = {target.attach!r}: is {distance * 1e3:.1f} mm from {pair[0]} there; must be "
-        f"at most {target.attach_within * 1e3:g} mm (attach_within) from the hand or from the tool frame: move the "
-        "target to the body, or say that more is meant",
+        f"at most {target.attach_within * 1e3:g} mm (attach_within) from the hand or from the tool frame; move the "
+        "target to the body, or raise attach_within",
         target=target.name,
-        reason=f"{pair[1]} out of the hand's reach",
+        reason=f"{pair[1]} too far from the hand",
         pair=list(pair),
         distance_m=distance,
         attach_within_m=target.attach_within,
@@ -44,14 +44,14 @@ def out_of_hand(target: Target, pair: tuple[str, str], distance: float) -> Impos
 def straight_blocked(
     line: StraightLine, world: World, names: tuple[str, str], asked: float, tried: bool
 ) -> ImpossibleError:
-    """A straight way comes too near, from the first to the second of `names`; another was `tried` or not."""
+    """Return the refusal of the straight motion between two `names`; `tried` states whether a detour was searched."""
     check = line.seen(world)
-    more = "no path around was found" if tried else "as many paths around as allowed were tried"
+    more = "no detour was found" if tried else "the allowed number of detours was used up"
     near, other = check.pair
     return ImpossibleError(
-        f"on the straight way from {names[0]} to {names[1]} {near} comes within {check.seen * 1e3:.1f} mm of "
+        f"on the straight motion from {names[0]} to {names[1]} {near} comes within {check.seen * 1e3:.1f} mm of "
         f"{other} ({_asked(check, asked)}), and {more}",
-        reason=f"{other} in the way of {near}" + ("" if tried else ", way around not tried"),
+        reason=f"{near} too near to {other}" + ("" if tried else ", detour not tried"),
         target=names[1],
         pair=list(check.pair),
         distance_m=check.seen,
@@ -60,10 +60,10 @@ def straight_blocked(
 
 
 def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
-    """A line comes too near."""
+    """Return the refusal of a line with two bodies too near."""
     return ImpossibleError(
         f"on the {role} at {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of {check.pair[1]} "
-        f"({_asked(check, clearance)}); allow that contact (allowed_collisions), or turn the pose",
+        f"({_asked(check, clearance)}); allow that contact (allowed_collisions), or rotate the pose",
         reason=f"{role} with {check.pair[0]} too near to {check.pair[1]}",
         role=role,
         target=name,
@@ -74,7 +74,7 @@ def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: f
 
 
 def miss(error: ImpossibleError) -> float:
-    """By how much a step was refused, m."""
+    """Return the distance by which a step was refused, m."""
     data = error.data
     if "attach_within_m" in data:
         return float(data["distance_m"] - data["attach_within_m"])
@@ -82,5 +82,5 @@ def miss(error: ImpossibleError) -> float:
 
 
 def _asked(check: ClearanceCertificate, clearance: float) -> str:
-    more = ", and some room for what timing changes" if check.seen >= clearance else ""
+    more = ", plus a margin for timing" if check.seen >= clearance else ""
     return f"required: {clearance * 1e3:g} mm{more}"

@@ -25,7 +25,7 @@ from tasks.pose_lists import FAST, TABLE, down
         ([], "at least one"),
         ([Target("a", np.eye(4)), Target("a", np.eye(4))], "two are named 'a'"),
         ([Target("a", np.eye(4), attach="cup")], "attach = 'cup': must be one of table"),
-        ([Target("a", np.eye(4), detach=True)], "nothing moves with the tool"),
+        ([Target("a", np.eye(4), detach=True)], "no body is attached"),
         ([Target("a", np.eye(4), allowed_collisions={("table", "thumb")})], "allowed_collisions = 'thumb'"),
     ],
 )
