@@ -1,4 +1,4 @@
-"""Why goals in a given order cannot be planned, as the same data as for transfers (`plan.failure`)."""
+"""Why goals in a given order cannot be planned, as the data of `plan.failure`, as for transfers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from plan.failure import (
 
 
 def with_failure(error: ImpossibleError, arm: Collection[str]) -> ImpossibleError:
-    """Return an error of `plan.program.sequence.planner` with its failure as data; `arm` names the arm's bodies."""
+    """Return an error of `plan.program.sequence.planner` with `failure` in its data; `arm` names the arm's bodies."""
     failure = _failure(error, arm)
     return (
         error
@@ -59,7 +59,7 @@ def _failure(error: ImpossibleError, arm: Collection[str]) -> Failure | None:
 
 
 def _kind(error: ImpossibleError) -> str:
-    """Return the kind of a failure in which two bodies are too near."""
+    """Return the kind of failure of an error about two bodies that are too near."""
     if "proved_m" in error.data:
         return AFTER_TIMING
     if "reason" in error.data:
