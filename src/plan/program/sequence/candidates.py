@@ -1,4 +1,4 @@
-"""Solutions for the poses of a list, the promising ones first, or why there are none."""
+"""Inverse kinematics solutions of goals, ranked by travel time through all goals, or the reason why there are none."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import straight_time
 
-# Joints that turn endlessly give thousands of solutions: of more than _MANY, those _NEAR the soonest reached of the
-# group before are looked at, and the _RANKED soonest reached of them are ranked.
+# Continuous joints give thousands of solutions. Of more than _MANY, the _NEAR nearest (in time) to the best solution of
+# the previous group are kept, and of these the _RANKED that are reached first.
 _MANY, _NEAR, _RANKED = 1024, 512, 256
 
 
 @dataclass(frozen=True)
 class Solution:
-    """One configuration (n,) for a pose, and the name of its branch."""
+    """One configuration (n,) at a pose, and the name of its branch."""
 
     q: Array
     branch: str
 
 
 class Candidates:
-    """Solutions for the first target of every group.
+    """Solutions at the first target of every group.
 
     Args:
-        robot, worlds, targets, groups: of the problem.
-        limits: planned with.
+        robot, worlds, targets, groups: those of the program.
+        limits: limits for planning.
         options: clearances.
-        ik: budget.
+        ik: budget of the inverse kinematics.
     """
 
     def __init__(
@@ -61,14 +61,14 @@ class Candidates:
 
     @property
     def most(self) -> int:
-        """Solutions of the group that has the most."""
+        """Largest number of solutions of any group."""
         return max(len(found) for found in self._found)
 
     def solve(self, q_start: Array) -> None:
-        """Find and rank all solutions; (n,) rad where the arm stands.
+        """Find and rank all solutions, from the arm at `q_start` (n,) rad.
 
         Raises:
-            ImpossibleError: a target has none, or all of them are too near to something.
+            ImpossibleError: a target has no solution, or all of them are too near to a body.
         """
         self._found = [self.free(group) for group in self.groups]
         at, here, steps = q_start[None], [np.zeros(1)], list[Array]()
@@ -93,14 +93,15 @@ class Candidates:
             there = (steps[number] + there).min(axis=1)
 
     def ranked(self, number: int) -> list[Solution]:
-        """Solutions of a group, those first that lie on the shortest straight ways through all groups."""
+        """Return the solutions of a group, ordered by the time of the fastest straight motions through all groups."""
         return self._found[number]
 
     def reachable(self, target: Target) -> list[Solution]:
-        """All solutions of a target.
+        """Return all solutions of a target.
 
         Raises:
-            ImpossibleError: there is none; data: target, and reach of each branch where the arm has branches.
+            ImpossibleError: there is none; data: target, solutions, joint and, for a closed form, excess_rad and
+                outside_m of the best branch.
         """
         if target.q is not None:
             return [Solution(target.q, "")]
@@ -115,7 +116,7 @@ class Candidates:
             return solutions
         T_base_tool = target.poses[0]
         free = f" with {', '.join(target.free)} free" if target.free else ""
-        free += " and all that its limits allow" if freedom else ""
+        free += " and anything within its ranges and tilt" if freedom else ""
         place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
         if has_closed_form(self.robot):
@@ -128,7 +129,7 @@ class Candidates:
                 f"{np.degrees(best.excess):.1f} deg beyond its limit"
             )
             raise ImpossibleError(
-                f"{head}: {why}; another pose, or more of it free, may do",
+                f"{head}: {why}; try another pose or more free directions",
                 target=target.name,
                 solutions=0,
                 joint=None if best.outside > 0.0 else best.joint,
@@ -136,15 +137,15 @@ class Candidates:
                 outside_m=best.outside,
             )
         raise ImpossibleError(
-            f"{head}: none of {self.ik.starts} starts of the numerical search led there; another pose, more of it "
-            "free, or more starts may do",
+            f"{head}: none of {self.ik.starts} starts of the numerical search converged; try another pose, more free "
+            "directions, or more starts",
             target=target.name,
             solutions=0,
             joint=None,
         )
 
     def free(self, group: range) -> list[Solution]:
-        """The solutions of the first target of a group that are clear of what never moves."""
+        """Return the solutions of the first target of a group that are clear of all bodies that are never moved."""
         target = self.targets[group.start]
         solutions = self.reachable(target)
         alone = len(group) == 1 and target.approach == target.retract == 0.0
@@ -174,11 +175,11 @@ class Candidates:
         at = solutions[misses.index(best)].q
         own = self_collision_help(world, at, clearance)
         help = own or (
-            f"; all: {listed}; turn the pose, let more of it free, or come to it by an approach that may touch "
+            f"; all: {listed}; rotate the pose, free more directions, or approach it with allowed collisions "
             "(allowed_collisions)"
         )
         raise ImpossibleError(
-            f"target {target.name!r}: all {len(solutions)} solutions are too near to something; at best "
+            f"target {target.name!r}: all {len(solutions)} solutions are too near to a body; at best "
             f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (required: {clearance * 1e3:g} mm){help}",
             target=target.name,
             solutions=len(solutions),
@@ -188,13 +189,13 @@ class Candidates:
         )
 
     def unfollowed(self, number: int, why: Sequence[ImpossibleError]) -> ImpossibleError:
-        """That no line of a group can be followed from any solution; the one that came furthest is told."""
+        """Return the refusal of a group whose lines cannot be followed from any solution; it quotes the furthest."""
         target = self.targets[self.groups[number].start]
         order = [t.name for t in self.targets]
         best = max(
             why, key=lambda e: (order.index(e.data.get("target", target.name)), e.data.get("done_m", 0.0))
         )
         return ImpossibleError(
-            f"from none of {len(why)} solutions of {target.name!r} can all lines be followed; the best: {best}",
+            f"the lines cannot be followed from any of {len(why)} solutions of {target.name!r}; the furthest: {best}",
             **{**best.data, "solutions": len(why)},
         )
