@@ -17,8 +17,8 @@ def end_blocked(
     pair, distance = seen.pair, seen.seen
     return ImpossibleError(
         f"the transit from {before} to {name} {verb} too near to a body: at {where}, {pair[0]} is "
-        f"{distance * 1e3:.1f} mm from {pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, less "
-        "clearance, or the option near_ends may help",
+        f"{distance * 1e3:.1f} mm from {pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, "
+        "less clearance, or the option near_ends may help",
         reason=f"{verb} with {pair[0]} too near to {pair[1]}",
         target=where,
         pair=list(pair),

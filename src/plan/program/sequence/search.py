@@ -1,15 +1,15 @@
-"""Which solution at every pose of a list: the fastest sequence, by a search that proves only what it is about to use.
+"""Choice of one solution at every goal: the fastest sequence, by A* with lazy edges.
 
-Chains (`plan.program.goals.line_chains`) stand in layers, one layer for each group of targets; from layer to
-layer go transits. Their costs are estimates of time. The best sequence is found by A* with edges that are
-looked at late (B. Cohen, M. Phillips, M. Likhachev, "Planning single-arm manipulations with n-arm robots",
-RSS 2014): an edge enters with the time of the straight way, and only when it is the best there is are its way
-and its chain proved, and its true cost taken. What is left to the end is estimated by the straight ways too,
-exactly, from the last layer backwards.
+Chains (`plan.program.goals.line_chains`) are nodes in layers, one layer for each group of targets; transits are the
+edges between layers. Costs are estimates of time. An edge enters the heap with the time of the straight joint motion.
+Only when it comes to the top are its transit and its chain certified, and its true cost used (B. Cohen, M. Phillips,
+M. Likhachev, "Planning single-arm manipulations with n-arm robots", RSS 2014). The heuristic is the exact cost to go
+over straight motions, computed from the last layer backwards.
 
-A way around costs far more than all the rest. So where the straight way turns out to be blocked, the edge goes
-back to the heap as longer by `_DETOUR`, or by half of what the best way around to its layer was longer so far, and
-other sequences come first. What is found is the best by these costs; a way around that was not made may be shorter.
+Planning a detour costs far more than all else. So if the straight motion is blocked, the edge returns to the heap with
+an assumed excess: a fraction `_DETOUR` of its time, or half of the least excess of earlier detours to its layer if that
+is more. Other sequences then come first. The result is the best by these costs; a detour that was not planned may be
+shorter than assumed.
 """
 
 from __future__ import annotations
@@ -42,21 +42,20 @@ from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
 from plan.transit.straight import StraightLine, check_straight
 
-# A blocked way is taken to be this much longer than the straight one until one around is made, which costs much: if
-# another sequence is hardly slower, its ways are tried first.
+# Assumed excess of a detour, relative to the straight motion, until it is planned.
 _DETOUR = 0.15
-_NEAR_END_S = 60.0  # added for each end that has less than the asked clearance, so that others come first
-_BEST_SHARE = 0.5  # of a budget, for the fastest sequence; the rest is for any
+_NEAR_END_S = 60.0  # cost of each end with less than the required clearance, so that other sequences come first
+_BEST_SHARE = 0.5  # share of a budget for the fastest sequence; the rest is for any complete one
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Candidates for one group of targets; a place to stand has one, without items.
+    """Candidates of one group of targets; the start is a layer with one candidate, without items.
 
     Attributes:
-        name: of its first target, for people.
+        name: name of the first target, for messages.
         chains: the candidates.
-        times: of each.
+        times: times of each candidate.
     """
 
     name: str
@@ -74,7 +73,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What the search found: its legs in order, their estimated time and the bound, s."""
+    """The sequence found: its steps in order, their estimated time and its lower bound, s."""
 
     legs: tuple[SequenceStep, ...]
     time: float
@@ -83,7 +82,7 @@ class Found:
 
 @dataclass(eq=False)
 class Effort:
-    """What a search did: ways around made, and why what it tried was refused, by layer."""
+    """Record of a search: number of detours, and by layer the refusals, counted, and the nearest miss."""
 
     detours: int = 0
     refused: dict[int, Counter[str]] = field(default_factory=dict)
@@ -92,7 +91,7 @@ class Effort:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """A proved prefix of a sequence."""
+    """A certified prefix of a sequence."""
 
     layer: int
     index: int
@@ -103,12 +102,12 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """A proved way across.
+    """A certified transit.
 
     Attributes:
         cost: s.
         waypoints: (m, n) rad, the ends included.
-        near: ends that have less than the asked clearance.
+        near: ends with less than the required clearance.
     """
 
     cost: float
@@ -117,7 +116,7 @@ class _Way:
 
     @classmethod
     def between(cls, cost: float, inner: Array, near: tuple[NearEnd, ...], ends: tuple[Array, Array]) -> _Way:
-        """Return the way from end to end whose middle is `inner` (m, n) rad, where near ends are left and come to."""
+        """Return the transit with way-points `inner` (m, n) rad, extended to the `ends` that are near ends."""
         left = {end.end for end in near}
         before, after = ends[0][None][: "from" in left], ends[1][None][: "to" in left]
         return cls(cost + _NEAR_END_S * len(near), np.concatenate([before, inner, after]), near)
@@ -125,7 +124,7 @@ class _Way:
 
 @dataclass(frozen=True, eq=False)
 class _Blocked:
-    """A straight way that is blocked, and by how much longer one around it is taken to be, s."""
+    """A blocked straight motion, and the assumed excess of a detour, s."""
 
     line: StraightLine
     near: tuple[NearEnd, ...]
@@ -133,15 +132,15 @@ class _Blocked:
 
 
 class PoseSearch:
-    """The search over layers, of which the first is where the arm stands.
+    """The search over layers; the first layer is the start.
 
     Args:
-        worlds: of the list.
-        targets: the list.
+        worlds: worlds of the program.
+        targets: the goals.
         layers: at least two.
-        limits: that motion is planned with.
-        options: clearances, seed, budget of a way around.
-        detours: ways around that are made at most from one layer to the next.
+        limits: limits for planning.
+        options: clearances, seed, budget of a detour.
+        detours: largest number of detours from one layer to the next.
     """
 
     def __init__(
@@ -169,15 +168,15 @@ class PoseSearch:
         self._excess: list[list[float]] = [[] for _ in layers]
         self._known: list[Array] = []
         self._forbidden: set[tuple[int, int, int]] = set()
-        self.proved_to = 0  # the last layer that a proved sequence came to
+        self.proved_to = 0  # the last layer that a certified sequence has reached
         self.stopped: BudgetSpent | None = None
 
     def forbid(self, leg: int, before: int, index: int) -> None:
-        """Take out the way from chain `before` of layer `leg` - 1 to chain `index` of layer `leg`."""
+        """Exclude the edge from chain `before` of layer `leg` - 1 to chain `index` of layer `leg`."""
         self._forbidden.add((leg, before, index))
 
     def bound(self) -> float:
-        """Time in s that no motion through these chains undercuts, whatever the ways between them."""
+        """Return a lower bound on the time of any motion through these chains, whatever the transits, s."""
         best = np.zeros(len(self.layers[0].chains))
         for a, b in pairwise(self.layers):
             between = np.array([t.between_s for t in b.times])
@@ -187,12 +186,12 @@ class PoseSearch:
         return float((best + np.array([t.tail_s for t in self.layers[-1].times])).min())
 
     def best(self, meter: Meter) -> Found:
-        """The fastest sequence; or where most of the budget was spent before it was proved, any that is.
+        """Return the fastest sequence; or any certified one, if its share of the budget was spent before.
 
         Raises:
             BudgetSpent: none was found within the budget.
-            ImpossibleError: there is none; data of the nearest miss in the deepest layer that was tried, `refused`, and
-                `detours_spent`: whether the budget of ways around was used up there.
+            ImpossibleError: there is none; data: those of the nearest miss in the deepest layer reached, `refused`, and
+                `detours_spent`, whether the number of detours was used up there.
         """
         try:
             if self.stopped is None:
@@ -205,12 +204,12 @@ class PoseSearch:
         return self._first(deepest=True)
 
     def _first(self, deepest: bool) -> Found:
-        """The sequence that comes first: the fastest, or the one that is longest already.
+        """Return the first complete sequence, in order of estimated time or, if `deepest`, of depth.
 
-        What was proved or refused before is known and costs nothing again.
+        Earlier certificates and refusals are reused.
         """
         start = _State(0, 0, self.worlds.start, 0.0, ())
-        # estimated total, deeper first, then by indices: no tie is left to chance
+        # by estimated total, then deeper first, then by indices, so that ties are decided too
         heap: list[tuple[float, float, int, int, _State, int | None]] = []
         closed: set[tuple[object, ...]] = set()
         count = 0
@@ -219,7 +218,7 @@ class PoseSearch:
             nonlocal count
             if np.isfinite(total):
                 rank = round(total, 9), float(-layer)
-                if deepest:  # and there, what is proved before what is not
+                if deepest:  # by depth; at the same depth, certified states before edges
                     rank = (2.0 * -layer + (edge is not None), round(total, 9))
                 heapq.heappush(heap, (*rank, index, count, state, edge))
                 count += 1
@@ -251,7 +250,7 @@ class PoseSearch:
         raise self._impossible()
 
     def _to_go(self) -> list[Array]:
-        """Estimated time from each chain's end to the end of all, by straight ways."""
+        """Return the estimated times from the end of each chain to the end of the program, over straight motions."""
         to_go = [np.zeros(len(self.layers[-1].chains))]
         for estimate, layer in zip(reversed(self.estimates), reversed(self.layers), strict=False):
             inner = np.array([t.inner for t in layer.times])
@@ -259,14 +258,14 @@ class PoseSearch:
         return to_go
 
     def _taken(self, state: _State, index: int, postpone: bool) -> _State | float | None:
-        """The state after the way to a chain and the chain itself, both proved; or None.
+        """Return the state after the transit to a chain and the chain, both certified; None if they are refused.
 
-        With `postpone`, if the straight way is found to be blocked only now: by how much longer it is taken to be, s.
+        If `postpone` and the straight motion turns out to be blocked, return the assumed excess of a detour instead, s.
         """
         number = state.layer + 1
         layer = self.layers[number]
         chain = layer.chains[index]
-        # lines are proved cheaply, and no way around is wasted on a chain that is blocked itself
+        # lines first: their certificates are cheap, and no detour is planned to a blocked chain
         after = self._through(state.situation, number, index, chain)
         if after is None:
             return None
@@ -288,11 +287,11 @@ class PoseSearch:
         return _State(number, index, after, cost, (*state.legs, step))
 
     def _detour(self, number: int) -> float:
-        """By how much longer than straight ways those around are taken to be, as a part of them."""
+        """Return the assumed excess of a detour to a layer, relative to the straight motion."""
         return max(_DETOUR, 0.5 * min(self._excess[number], default=0.0))
 
     def _straight_way(self, state: _State, number: int, index: int) -> _Way | _Blocked | None:
-        """The straight way to a chain, proved or blocked; None where an end of it is itself too near."""
+        """Return the straight motion to a chain, certified or blocked; None if an end of it is itself too near."""
         before, layer = self.layers[state.layer], self.layers[number]
         a, b = ends = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
@@ -313,7 +312,7 @@ class PoseSearch:
         return _Blocked(line, tuple(near))
 
     def _left(self, state: _State, line: StraightLine) -> NearEnd | None:
-        """How an end of a straight line that is too near is left, or come to."""
+        """Return the certified line at an end of a straight motion that is too near; None if there is none."""
         end, q = (line.end or ""), line.a if line.end == "from" else line.b
         key = (state.situation.key, end, q.tobytes())
         if key not in self._near:
@@ -322,7 +321,7 @@ class PoseSearch:
         return self._near[key]
 
     def _way_around(self, state: _State, number: int, index: int, blocked: _Blocked) -> _Way | None:
-        """A way around what blocks the straight one, proved; None where there is none."""
+        """Return a certified detour to a chain; None if none was found."""
         before, layer, line = self.layers[state.layer], self.layers[number], blocked.line
         straight, names = float(self.estimates[state.layer][state.index, index]), (before.name, layer.name)
         world, asked = self.worlds.world(state.situation), self.options.clearance
@@ -340,7 +339,7 @@ class PoseSearch:
         if way is None:
             self._untold.append((number, lambda: straight_blocked(line, world, names, asked, True)))
             return None
-        # a way around never counts as less than the straight one
+        # a detour never costs less than the straight motion
         time = max(straight, path_time(way, self.limits, ends.enter, ends.leave))
         self._excess[number].append(time / max(straight, 1e-9) - 1.0)
         reached = before.chains[state.index].q_out, layer.chains[index].q_in
@@ -349,7 +348,7 @@ class PoseSearch:
     def _through(
         self, situation: AttachmentState, number: int, index: int, chain: LineChain
     ) -> AttachmentState | None:
-        """The situation after a chain whose lines are proved; None where one is not."""
+        """Return the state after a chain whose lines are certified; None if one is refused."""
         for at, item in enumerate(chain.items):
             if isinstance(item, TargetReached):
                 target = self.targets[item.target]
@@ -378,30 +377,28 @@ class PoseSearch:
     def _refuse(self, number: int, error: ImpossibleError) -> None:
         self.effort.refused.setdefault(number, Counter())[str(error.data["reason"])] += 1
         known = self.effort.examples.get(number)
-        # the nearest miss helps most: what is too near is nearly far enough, what is out of the hand nearly in it
+        # keep the nearest miss: it helps a user most
         if known is None or miss(error) < miss(known):
             self.effort.examples[number] = error
 
     def nearest_miss(self) -> ImpossibleError | None:
-        """What was nearly possible in the deepest layer that was tried; None where nothing was refused."""
+        """Return the nearest miss in the deepest layer reached; None if nothing was refused."""
         for number, told in self._untold:
             self._refuse(number, told())
         self._untold.clear()
         return self.effort.examples[max(self.effort.examples)] if self.effort.examples else None
 
     def _impossible(self) -> ImpossibleError:
-        """Why there is no sequence: the deepest layer at which one ended."""
+        """Return the refusal of the program, about the deepest layer reached."""
         example = self.nearest_miss()
         if example is None:
-            return ImpossibleError(
-                "every sequence was taken out because its motion could not be proved", refused={}
-            )
+            return ImpossibleError("no motion of any sequence could be certified after timing", refused={})
         number = max(self.effort.examples)
         refused = self.effort.refused[number]
         reasons = "; ".join(f"{count} x {reason}" for reason, count in sorted(refused.items()))
         tried = len(self.layers[number].chains)
         return ImpossibleError(
-            f"no way on to {self.layers[number].name}, which has {tried} solutions: {reasons}. Nearest miss: {example}",
+            f"no path to {self.layers[number].name} ({tried} solutions): {reasons}. Nearest miss: {example}",
             **{
                 **example.data,
                 "refused": dict(sorted(refused.items())),
