@@ -1,4 +1,4 @@
-"""How long chains and the ways between them take: estimates that rank, and bounds that no motion undercuts."""
+"""Times of chains and of the transits between them: estimates for ranking, and lower bounds on any motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from plan.program.goals.line_chains import LinearMove, LineChain, TargetReached
 from plan.program.goals.target import Target
 from plan.trajectory.time_estimates import path_times
 
-_MIDDLE = 33  # samples of a line that is cut
+_MIDDLE = 33  # samples of a line with blended ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +23,12 @@ class ChainTime:
     """Times of one chain.
 
     Attributes:
-        enter, leave: velocities (n,) rad/s at its ends; 0 where it begins or ends at rest.
+        enter, leave: velocities (n,) rad/s at its ends; 0 if it begins or ends at rest.
         inner: estimate of the time from end to end, s.
-        head, tail: configurations (m, n) rad that a motion is forced through from the chain's begin to its first stop,
-            and from its last stop to its end; None where it has no stop, or cuts corners there.
-        head_s, tail_s: what these take at least, s; all of the chain is in `head_s` where it has no stop.
-        between_s: what lies between its first and its last stop takes at least, dwelling included, s.
+        head, tail: configurations (m, n) rad that every motion passes, up to the first stop and from the last stop on;
+            None if there is no stop, or a corner is blended there.
+        head_s, tail_s: lower bounds on the times of head and tail, s; without a stop `head_s` is for the whole chain.
+        between_s: lower bound on the time from the first to the last stop, dwells included, s.
     """
 
     enter: Array
@@ -51,7 +51,7 @@ class _Run:
 
 
 def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> ChainTime:
-    """Estimates and bounds of one chain."""
+    """Return estimates and bounds of one chain."""
     still = np.zeros(len(limits.velocity))
     runs = [_Run(chain.q_in[None], 0.0, True)]
     inner = dwell = 0.0
@@ -60,7 +60,7 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
     for number, item in enumerate(items):
         if isinstance(item, TargetReached):
             target = targets[item.target]
-            # a target between transits is stopped at too, unless its corner may be cut
+            # at a target between two transits the arm stops too, unless its corner may be blended
             alone = len(items) == 1 and target.blend_radius == 0.0
             if target.stops or alone:
                 inner += target.dwell_s + (0.0 if velocity is None else _half(velocity, limits))
@@ -109,7 +109,7 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
 
 
 def standing_time(q: Array) -> ChainTime:
-    """A place to be at rest, (n,) rad."""
+    """Return the times of the start: a configuration (n,) rad at rest, without lines."""
     still = frozen(np.zeros(len(q)))
     return ChainTime(still, still, 0.0, frozen(q[None]), frozen(q[None]), 0.0, 0.0, 0.0)
 
@@ -117,7 +117,7 @@ def standing_time(q: Array) -> ChainTime:
 def way_estimates(
     q_out: Array, q_in: Array, out: Sequence[ChainTime], into: Sequence[ChainTime], limits: Limits
 ) -> Array:
-    """Estimates (k, l) s of straight ways from q_out (k, n) to q_in (l, n)."""
+    """Return estimates (k, l) s of straight joint motions from q_out (k, n) to q_in (l, n)."""
     shape = (len(q_out), len(q_in), q_out.shape[1])
     ways = np.stack([np.broadcast_to(q_out[:, None], shape), np.broadcast_to(q_in[None], shape)], axis=2)
     leave = np.stack([t.leave for t in out])[:, None]
@@ -128,7 +128,7 @@ def way_estimates(
 def way_bounds(
     q_out: Array, q_in: Array, out: Sequence[ChainTime], into: Sequence[ChainTime], limits: Limits
 ) -> Array:
-    """Lower bounds (k, l) s from the last stop of one chain to the first stop of the next, whatever the way."""
+    """Return lower bounds (k, l) s from the last stop of one chain to the first stop of the next, whatever the path."""
     across = (np.abs(q_in[None] - q_out[:, None]) / limits.velocity).max(axis=-1)
     bound = across + np.array([t.tail_s for t in out])[:, None] + np.array([t.head_s for t in into])
     points = [[t.tail for t in out], [t.head for t in into]]
@@ -145,7 +145,7 @@ def way_bounds(
 
 
 def _apart(steps: Array, limits: Limits) -> Array:
-    """Least times (...) from rest to rest over steps (..., n) rad, if each joint moves as fast as it can."""
+    """Return the least times (...) from rest to rest over steps (..., n) rad, each joint at its own limits."""
     way, v, a = np.abs(steps), limits.velocity, limits.acceleration
     way = np.where(way > 1e-9, way, 0.0)
     times = np.where(way * a >= v * v, way / v + v / a, 2.0 * np.sqrt(way / a))
@@ -153,7 +153,7 @@ def _apart(steps: Array, limits: Limits) -> Array:
 
 
 def rest_to_rest(points: Array, limits: Limits) -> float:
-    """Least time from rest to rest through forced configurations (m, n); each joint rests where it turns back."""
+    """Return the least time from rest to rest through configurations (m, n); a joint rests wherever it reverses."""
     worst = 0.0
     for values, v, a in zip(points.T, limits.velocity, limits.acceleration, strict=True):
         steps = np.diff(values)
@@ -167,7 +167,7 @@ def rest_to_rest(points: Array, limits: Limits) -> float:
 
 
 def _neighbour(items: Sequence[LinearMove | TargetReached], number: int, step: int) -> LinearMove | None:
-    """The next line in a direction, unless the arm has to stop before it comes."""
+    """Return the next line in a direction (+1 or -1); None if there is none."""
     other = number + step
     if 0 <= other < len(items) and isinstance(items[other], TargetReached):
         other += step
@@ -176,14 +176,14 @@ def _neighbour(items: Sequence[LinearMove | TargetReached], number: int, step: i
 
 
 def _velocities(item: LinearMove, limits: Limits) -> tuple[Array, Array]:
-    """At both ends of a line, at the full speed of its slowest joint or the tool."""
+    """Return the velocities at both ends of a line, at the full speed of its slowest joint or of the tool."""
     steps, along = np.diff(item.path.q, axis=0), np.diff(item.path.s)
     times = np.maximum((np.abs(steps) / limits.velocity).max(axis=1), along / item.speed)
     return steps[0] / times[0], steps[-1] / times[-1]
 
 
 def _line_least(item: LinearMove, cuts: tuple[float, float], limits: Limits) -> float:
-    """Least time of a line, its cut ends replaced by straight ways; s."""
+    """Return the least time of a line between its blends, s."""
     s, q = item.path.s, item.path.q
     if max(cuts) > 0.0:
         s = np.linspace(cuts[0], s[-1] - cuts[1], _MIDDLE)
