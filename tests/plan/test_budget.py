@@ -75,7 +75,7 @@ def test_where_it_is_spent_the_best_complete_way_is_taken_the_same_each_time(
     assert plan.detours < best.detours
     assert plan.duration_s >= plan.lower_bound_s
     assert plan.stopped.startswith(
-        f"the budget of {0.5 * effort:g} s of effort is spent: this is a complete way"
+        f"the budget of {0.5 * effort:g} s of effort is spent: this is a complete plan"
     )
     assert f"none takes less than {plan.lower_bound_s:.1f} s" in plan.stopped
     assert plan.to_json()["stopped"] == plan.stopped
@@ -83,13 +83,15 @@ def test_where_it_is_spent_the_best_complete_way_is_taken_the_same_each_time(
 
 def test_without_a_complete_plan_the_progress_is_reported(robot: Robot, crs97: Unit) -> None:
     with pytest.raises(
-        ImpossibleError, match=r"the budget of 0.001 s of effort is spent: nothing complete"
+        ImpossibleError, match=r"the budget of 0.001 s of effort is spent: no complete plan"
     ) as caught:
         planned(robot, crs97, SearchBudget(effort_s=0.001))
     assert caught.value.exit_code == 3
     assert caught.value.data["budget"] == "effort"
     assert caught.value.data["proved"] == []
-    with pytest.raises(ImpossibleError, match=r"as far as a \(1 of 3\)|no way is proved to a") as caught:
+    with pytest.raises(
+        ImpossibleError, match=r"certified as far as a \(1 of 3\)|no path to a is certified"
+    ) as caught:
         planned(robot, crs97, SearchBudget(effort_s=0.1))
     assert caught.value.data["proved"] + caught.value.data["left"] == ["a", "b", "c"]
     assert 0.1 <= caught.value.data["effort_s"] <= 0.12
@@ -104,7 +106,7 @@ def test_a_clock_only_refuses(robot: Robot, crs97: Unit, monkeypatch: pytest.Mon
 
     monkeypatch.setattr("plan.budget.time.monotonic", later)
     with pytest.raises(
-        ImpossibleError, match=r"given up after 20 s of wall time: nothing complete"
+        ImpossibleError, match=r"given up after 20 s of wall time: no complete plan"
     ) as caught:
         planned(robot, crs97, SearchBudget(effort_s=100.0, give_up_s=20.0))
     assert caught.value.data["budget"] == "clock"
@@ -120,7 +122,7 @@ def test_ctrl_c_reports_the_progress(robot: Robot, crs97: Unit, monkeypatch: pyt
 
     monkeypatch.setattr(PoseSearch, "_straight_way", interrupted)
     with pytest.raises(
-        PlanningInterrupted, match=r"interrupted: nothing complete was found; .* as far as a \(1 of 3\)"
+        PlanningInterrupted, match=r"interrupted: no complete plan was found; .* as far as a \(1 of 3\)"
     ) as caught:
         planned(robot, crs97)
     assert isinstance(caught.value, KeyboardInterrupt)

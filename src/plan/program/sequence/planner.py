@@ -1,8 +1,8 @@
-"""Goals in a given order: the fastest way through all of them, timed and certified.
+"""Goals in a given order: the fastest motion through all of them, timed and certified.
 
-Solutions of the inverse kinematics at all goals are chosen together (`plan.program.sequence.search`), lines are
-followed (`plan.program.goals.line_chains`), motions are joined where nothing has to happen (`plan.motion.builder`), and
-every move is certified as it is sent.
+Inverse kinematics solutions at all goals are chosen together (`plan.program.sequence.search`). Lines are followed
+(`plan.program.goals.line_chains`), motions are blended where the arm need not stop (`plan.motion.builder`), and every
+move is certified as it will be sent.
 """
 
 from __future__ import annotations
@@ -31,20 +31,19 @@ from plan.program.sequence.times import chain_time, standing_time
 from plan.program.setting import Setting
 from plan.program.writer import ClearanceLost, MotionWriter
 
-_ROUNDS = 6  # sequences that are tried where one could not be certified once it was timed
-_WIDENINGS = (1, 3, 9)  # times the candidates of each group, where fewer do not do
-_BENT = 0.25  # times the candidates at first where lines bend, which takes longer
+_ROUNDS = 6  # sequences that are tried, if timed ones cannot be certified
+_WIDENINGS = (1, 3, 9)  # factors on the number of candidates; the next one is used if no plan was found
+_BENT = 0.25  # first factor with lines that bend, because these take longer
 
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """Budgets of a search over goals in a given order, in tries.
+    """Limits on a search over goals in a given order, as numbers of attempts.
 
     Attributes:
-        candidates: solutions that are looked at for each group of goals that hang on one another by lines, at first;
-            three and nine times as many where these do not do.
-        detours: paths around obstacles, from one group to the next.
-        ik: of the inverse kinematics; samples of a free direction, starts of the numerical method.
+        candidates: solutions considered for each chain at first; three, then nine times as many if no plan was found.
+        detours: paths around obstacles from one chain to the next.
+        ik: limits of the inverse kinematics: samples of a free direction, starts of the numerical method.
     """
 
     candidates: int = 24
@@ -53,18 +52,18 @@ class SearchEffort:
 
 
 class SequencePlanner:
-    """Plans goals in the order in which they are given.
+    """Plans goals in the given order.
 
     Args:
         setting: arm, unit, limits.
         targets: the goals; at least one.
-        q_start: where the arm is at rest, a whole number of counts, (n,) rad.
-        state: what moves with the tool there, and where bodies stand that were moved.
-        effort: budgets of the search.
+        q_start: configuration of the arm at rest, at whole counts, (n,) rad.
+        state: the attached body at the start, and the poses of moved bodies.
+        effort: limits on the search.
         padding: subtracted from every distance, m.
 
     Raises:
-        InputError: no goals, names that are double or unknown, a configuration beyond limits.
+        InputError: no goals, repeated or unknown names, a configuration beyond limits.
     """
 
     def __init__(
@@ -78,7 +77,7 @@ class SequencePlanner:
     ) -> None:
         _require_distinct(targets)
         self.setting, self.options, self.effort = setting, setting.options, effort or SearchEffort()
-        first = replace(targets[0], by="transit")  # nothing comes before it
+        first = replace(targets[0], by="transit")  # no pose precedes it
         self.targets = [
             goal if goal.q is None else replace(goal, q=setting.at_counts(goal.name, goal.q))
             for goal in (first, *targets[1:])
@@ -114,10 +113,10 @@ class SequencePlanner:
         """Return the plan.
 
         Raises:
-            ImpossibleError: a goal is out of reach, a line cannot be followed, or no clear path was found; data:
-                failure (`plan.failure`), target, solutions, and what is known of joint, pair, distance_m, refused; or
-                the budget was spent before anything was complete; data: budget, proved (names of goals), left.
-            PlanningInterrupted: by Ctrl-C; says the same.
+            ImpossibleError: a goal is out of reach, a line cannot be followed, or no collision-free path was found;
+                data: failure (`plan.failure`), target, solutions and, if known, joint, pair, distance_m, refused. Or
+                the budget was spent before a plan was complete; data: budget, proved (names of goals), left.
+            PlanningInterrupted: Ctrl-C was pressed; the message states the progress too.
         """
         try:
             return self._planned(meter)
@@ -139,7 +138,7 @@ class SequencePlanner:
         )
         candidates.solve(self.start.q_in[0])
         self._require_clear_start()
-        # plain lines first; where these do not do, lines bend if they can
+        # plain lines first; if no plan was found, lines bend if they can
         can_bend = self.chains[True].can_bend
         wider = [_BENT, *_WIDENINGS] if can_bend else _WIDENINGS[1:]
         for widening, bends in [(1, False), *((times, can_bend) for times in wider)]:
@@ -156,7 +155,7 @@ class SequencePlanner:
                 )
                 return self._result(search, *self._written(search, meter))
             except ImpossibleError as error:
-                # where many paths around were looked for in vain, more solutions are little hope and much work
+                # if all allowed detours failed, more solutions cost much and rarely help
                 spent = bool(error.data.get("detours_spent"))
                 widest = width >= candidates.most or widening == _WIDENINGS[-1]
                 if spent or (widest and bends == can_bend):
@@ -164,7 +163,7 @@ class SequencePlanner:
         raise ImpossibleError("no width was tried", widenings=_WIDENINGS)
 
     def _require_clear_start(self) -> None:
-        """Refuse a start that is itself too near to something, unless a line leads out of it at once."""
+        """Refuse a start that is too near to a body, unless the first target is that configuration."""
         q, first = self.start.q_out[0], self.targets[0]
         if first.q is not None and np.array_equal(first.q, q):
             return
@@ -173,7 +172,7 @@ class SequencePlanner:
         least = 0.0 if self.options.near_ends else self.options.clearance
         if seen.value < least:
             own = self_collision_help(world, q, self.options.clearance)
-            own = own or "; start elsewhere, ask for less clearance, or set the option near_ends"
+            own = own or "; start elsewhere, require less clearance, or set the option near_ends"
             raise ImpossibleError(
                 f"q_start: {seen.pair[0]} is {seen.value * 1e3:.1f} mm from {seen.pair[1]} (required: "
                 f"{self.options.clearance * 1e3:g} mm){own}",
@@ -183,7 +182,7 @@ class SequencePlanner:
             )
 
     def _layer(self, candidates: Candidates, number: int, width: int, bends: bool) -> Layer:
-        """The chains of the first `width` solutions of a group that can be followed, with lines that bend or not."""
+        """Return the chains of the first `width` solutions of a group that can be followed; `bends`: lines may bend."""
         group = self.groups[number]
         made: list[LineChain] = []
         why: list[ImpossibleError] = []
@@ -207,22 +206,20 @@ class SequencePlanner:
         return Layer(self.targets[group.start].name, tuple(made), times)
 
     def _ended(self, stop: BudgetSpent | KeyboardInterrupt) -> BaseException:
-        """What to raise where a search ended before anything was complete."""
+        """Return the error of a search that ended before a plan was complete."""
         search = self.search
         names = [] if search is None else [layer.name for layer in search.layers[1:]]
         proved = names[: search.proved_to] if search is not None else []
         miss = None if search is None else search.nearest_miss()
         far = (
-            f"the way is proved as far as {proved[-1]} ({len(proved)} of {len(names)})"
+            f"certified as far as {proved[-1]} ({len(proved)} of {len(names)})"
             if proved
             else (
-                f"no way is proved to {names[0]} yet"
-                if names
-                else "solutions of the poses were still looked for"
+                f"no path to {names[0]} is certified yet" if names else "inverse kinematics was not complete"
             )
         )
         nearest = "" if miss is None else f" Nearest miss: {miss}"
-        text = f"{budget_words(stop)}: nothing complete was found; {far}.{nearest}"
+        text = f"{budget_words(stop)}: no complete plan was found; {far}.{nearest}"
         if isinstance(stop, KeyboardInterrupt):
             return PlanningInterrupted(text)
         return ImpossibleError(
@@ -236,7 +233,7 @@ class SequencePlanner:
         )
 
     def _written(self, search: PoseSearch, meter: Meter) -> tuple[Found, list[Step]]:
-        """The best sequence that can be certified once it is timed, and its steps."""
+        """Return the best sequence that is certified after timing, and its steps."""
         for attempt in range(_ROUNDS):
             found = search.best(meter)
             try:
@@ -299,6 +296,6 @@ def _require_distinct(targets: Sequence[Target]) -> None:
 
 def _stopped_text(stop: BudgetSpent, plan: Planned) -> str:
     return (
-        f"{budget_words(stop)}: this is a complete way that was found by then, {plan.duration_s:.1f} s; none takes "
-        f"less than {plan.lower_bound_s:.1f} s"
+        f"{budget_words(stop)}: this is a complete plan found by then, {plan.duration_s:.1f} s; none takes less than "
+        f"{plan.lower_bound_s:.1f} s"
     )
