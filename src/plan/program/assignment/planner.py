@@ -1,4 +1,4 @@
-"""Transfers of cubes whose order, places and grasps are chosen together, timed and certified as they are sent."""
+"""Transfers of cubes: order, places and grasps are chosen together, and the motions timed and certified as sent."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from plan.program.setting import Setting
 from plan.program.writer import ClearanceLost, MotionWriter
 from plan.scene import Station, Transfer
 
-# The search may be asked again, where what it chose could not be timed and certified, as often as there are ways to
-# serve all places (each time one of them, or a leg, is given up), but so often at most.
+# If a sequence cannot be certified after timing, a line or leg of it is excluded and the search is repeated: once for
+# each grasp candidate, but at most this often.
 _ATTEMPTS = 100
-_MOST_SUBSETS = 200  # of the cubes, that are compared where there are fewer places than cubes
+_MOST_SUBSETS = 200  # largest number of subsets of the cubes that are compared if there are too few places
 
 
 @dataclass(frozen=True)
 class Transfers:
-    """Goals of a program whose order and places may be free (`PlanOptions.order`, `assignment`, `look`).
+    """Several cubes to move, whose order and places may be free (`PlanOptions.order`, `assignment`, `look`).
 
     Attributes:
-        transfers: which cube from where to where; with ``assignment`` free, where to is chosen among all places.
-        places: more places that cubes may go to.
-        skip: whether a cube may stay where it is if its pick is out of reach or blocked, or no place is left for it
+        transfers: cube, source and target of each; with free `assignment` the targets are chosen among all places.
+        places: additional places that cubes may go to.
+        skip: whether a cube may stay where it is if its source is out of reach or blocked, or no place is left for it
             that is in reach and not blocked (several transfers may then name the same place). At least one cube moves.
     """
 
@@ -50,14 +50,14 @@ class Transfers:
 
 
 class AssignmentPlanner:
-    """Plans transfers, from `q_start` and back there.
+    """Plans transfers from `q_start`, and the return to it.
 
     Args:
         setting: arm, unit, limits.
         goals: the transfers; at least one.
-        q_start: where the arm is at rest, and looks from, a whole number of counts, (n,) rad.
-        state: where bodies stand that were moved before.
-        first_cube: index of the first cube among those of the whole program.
+        q_start: configuration at rest, from which images are taken, at whole counts, (n,) rad.
+        state: poses of bodies that were moved before.
+        first_cube: index of the first cube in the whole program.
 
     Raises:
         InputError: no transfers, or an unknown cube.
@@ -96,9 +96,9 @@ class AssignmentPlanner:
         """Return the plan.
 
         Raises:
-            ImpossibleError: a place is out of reach, or no clear path was found; data: failure, see `plan.failure`. Or
-                the budget was spent before a sequence was complete; data: budget.
-            PlanningInterrupted: by Ctrl-C before a sequence was complete.
+            ImpossibleError: a place is out of reach, or no collision-free path was found; data: failure
+                (`plan.failure`). Or the budget was spent before a sequence was complete; data: budget.
+            PlanningInterrupted: Ctrl-C was pressed before a sequence was complete.
         """
         while True:
             try:
@@ -108,7 +108,7 @@ class AssignmentPlanner:
                     raise
 
     def _leave_out(self, error: ImpossibleError) -> bool:
-        """Leave out the cube, or else the place, that an error is about; return whether there was one to leave out."""
+        """Leave out the cube, or else the place, of an error; return whether there was one to leave out."""
         failure = failure_in(error)
         if not self.skip or failure is None:
             return False
@@ -121,7 +121,7 @@ class AssignmentPlanner:
                 return False
             reason = {"cube": about[0].cube, "from": about[0].pick.name, "reason": str(error)}
             self.skipped.append(reason)
-            # a cube for which no place was left may take the place that is free now
+            # a cube that had no place may take the place that is now free
             self.transfers = tuple(t for t in asked if t is not about[0])
             return True
         left = [station for station in self.stations if station.name not in failure.stations]
@@ -145,7 +145,11 @@ class AssignmentPlanner:
         return self._result(search, found, steps)
 
     def search(self) -> TaskSearch:
-        """Return the search; refused here if a pick, or too many places, cannot be served."""
+        """Return the search.
+
+        Raises:
+            ImpossibleError: a source, or too many places, are out of reach.
+        """
         self.without_place = ()
         picks, places = (self.reach(some) for some in ([t.pick for t in self.transfers], self.stations))
         picks.require()
@@ -177,7 +181,7 @@ class AssignmentPlanner:
         return reach_stations(self.setting.robot, self.setting.planned, stations, self.options)
 
     def steps(self, search: TaskSearch, meter: Meter) -> tuple[list[Step], Found]:
-        """Return the steps, timed and certified, and the assignment that they follow."""
+        """Return the steps, timed and certified, and the assignment that they implement."""
         ways = sum(map(len, (*search.picks, *search.places)))
         left = min(ways, _ATTEMPTS)
         while True:
@@ -197,7 +201,7 @@ class AssignmentPlanner:
         """Return the steps of an assignment.
 
         Raises:
-            ClearanceLost: a step of it does not keep its clearance once it is timed.
+            ClearanceLost: a motion does not keep its clearance after timing.
         """
         setting, scene, options = self.setting, self.scene, self.options
         sequence = task_sequence(found, search.stages, self.q_start, options, self.first_cube)
@@ -229,7 +233,7 @@ class AssignmentPlanner:
         stopped = ""
         if search.stopped is not None:
             stopped = (
-                f"{budget_words(search.stopped)}: this is the best sequence that was complete by then; "
+                f"{budget_words(search.stopped)}: this is the best complete sequence found by then; "
                 f"no plan takes less than {bound_s:.1f} s"
             )
         return Planned(
@@ -250,23 +254,23 @@ class AssignmentPlanner:
 
 
 def _above(found: Found, steps: Sequence[Step]) -> dict[str, float]:
-    """Return what the motion of a plan takes more than its bound, by cause, s."""
+    """Return the excess of a plan's motion over its lower bound by cause, s."""
     gap = asdict(found.gap)
     gap["sent"] = sum(step.path.duration_s for step in steps if isinstance(step, Move)) - found.time
     return {name: round(seconds, 3) + 0.0 for name, seconds in gap.items()}
 
 
 def _estimated_time(search: TaskSearch) -> float:
-    """Return what a task takes at least by the estimates that know of no obstacle, s."""
+    """Return the estimated time of the best sequence without obstacles, s; inf if there is none."""
     ordered = best_order(search.freedom, search.costs.now())
     return np.inf if ordered is None else round(ordered.time, 6)
 
 
 def _ended(stop: BudgetSpent | KeyboardInterrupt, search: TaskSearch | None) -> BaseException:
-    """What to raise where a search ended before a sequence was complete."""
+    """Return the error of a search that ended before a sequence was complete."""
     rejected = [] if search is None else list(search.rejected)
     seen = f"; so far: {'; '.join(rejected[:2])}" if rejected else ""
-    text = f"{budget_words(stop)}: no sequence that moves all cubes was complete{seen}"
+    text = f"{budget_words(stop)}: no complete sequence was found{seen}"
     if isinstance(stop, KeyboardInterrupt):
         return PlanningInterrupted(text)
     return ImpossibleError(
