@@ -15,7 +15,7 @@ from plan.scene import Station
 
 @dataclass(frozen=True)
 class Leg:
-    """What a step of the sequence is in the search: number of its stop, and ``out``, ``across`` or ``home``."""
+    """The leg of the search that a step belongs to: number of its stop, and ``out``, ``across`` or ``home``."""
 
     stop: int
     which: str
@@ -26,15 +26,15 @@ class TaskSequence:
     """Goals of a task in order.
 
     Attributes:
-        targets: per stop the pick, the place and, if the arm goes there, home.
-        legs: what each of them is in the search.
+        targets: for each stop the pick, the place and, if the arm returns, home.
+        legs: the leg of each target.
     """
 
     targets: tuple[Target, ...]
     legs: tuple[Leg, ...]
 
     def leg(self, step: int, role: object) -> Leg:
-        """Return the leg to blame for a phase of a step; the line out of a goal belongs to the next leg."""
+        """Return the leg of a phase of a step; a retract belongs to the next leg."""
         return self.legs[min(step + (role == "retract"), len(self.legs) - 1)]
 
 
@@ -44,11 +44,11 @@ def task_sequence(
     """Return the goals of a found assignment.
 
     Args:
-        found: stops in order.
-        stages: transfers and places that its numbers mean.
-        q_home: where the task starts and ends, (n,) rad.
+        found: the assignment.
+        stages: transfers and places, by the numbers of the assignment.
+        q_home: configuration at the start and end of the task, (n,) rad.
         options: lengths of lines, jaws, looks.
-        first_cube: index of the first cube among those of the whole program.
+        first_cube: index of the first cube in the whole program.
     """
     targets: list[Target] = []
     legs: list[Leg] = []
@@ -83,7 +83,7 @@ def _goal(station: Station, yaw: int, cube: str, number: int, picks: bool, optio
 
 
 def sequence_steps(found: Found, sequence: TaskSequence, chains: LineChains) -> list[SequenceStep]:
-    """Return the steps of a found assignment: its transits, and lines that are followed from its grasps."""
+    """Return the steps of a found assignment: its transits, and the lines followed from its grasps."""
     parts: list[tuple[Array, str, Array]] = []
     for stop in found.stops:
         parts.append((stop.pick.q_hole, stop.pick.branch, stop.out))
