@@ -1,4 +1,4 @@
-"""The collision worlds that a task goes through: which cubes stand where, and what is in the jaws."""
+"""Collision worlds of a task: the positions of the cubes at each moment, and the cube in the jaws."""
 
 from __future__ import annotations
 
@@ -14,30 +14,28 @@ from arm.se3 import Array, frozen, inverse
 from plan.collision.world import World
 from plan.scene import Scene, Station, Transfer
 
-# A cube whose centre is further than this from the tool frame is not between the fingers, m.
+# Largest distance of a cube's centre from the tool frame at a grasp, m.
 _GRASP_REACH = 0.05
 
 
 @dataclass(frozen=True, order=True)
 class CubePlacement:
-    """A cube that stands: where it was (number of its transfer), or where it was brought (number of the place)."""
+    """A cube at rest: at its source (number of the transfer), or, if `placed`, at a place (number of the place)."""
 
     placed: bool
     number: int
 
 
 class TaskWorlds:
-    """Worlds of a task, built when first asked for.
-
-    Ways of gripping are numbers of the stations' tool poses (yaws).
+    """Worlds of a task, each built at its first use. A yaw is the index of a station's tool pose.
 
     Args:
-        scene: as it stands when the task begins.
-        transfers: what is asked for.
-        places: where cubes may go, in order of their numbers.
+        scene: scene at the start of the task.
+        transfers: the transfers.
+        places: places that cubes may go to, in order of their numbers.
 
     Raises:
-        InputError: a cube is unknown, or does not stand where the tool would grip it.
+        InputError: a cube is unknown, or is not where the tool would grip it.
     """
 
     def __init__(self, scene: Scene, transfers: Sequence[Transfer], places: Sequence[Station]) -> None:
@@ -60,7 +58,7 @@ class TaskWorlds:
 
     @property
     def alike(self) -> bool:
-        """Whether all cubes have one shape and are gripped alike, so that any may go to any place."""
+        """Whether all cubes have the same shape and grasp, so that any cube may go to any place."""
         first = T_tool_held(self.transfers[0], self.cubes[0], 0)
         return all(
             cube.shape == self.cubes[0].shape and np.abs(T_tool_held(transfer, cube, 0) - first).max() < 1e-6
@@ -68,12 +66,12 @@ class TaskWorlds:
         )
 
     def body(self, standing: CubePlacement) -> Body:
-        """The cube that stands there."""
+        """Return the cube at a placement."""
         if not standing.placed:
             return self.cubes[standing.number]
         if standing.number not in self._placed:
             place = self.places[standing.number]
-            # any of the cubes, where they are alike; else the one that is meant for this place
+            # if the cubes are alike, any of them; otherwise the cube of this place
             i = min(standing.number, len(self.cubes) - 1)
             T = mul(place.T_base_tool[0], T_tool_held(self.transfers[i], self.cubes[i], 0))
             self._placed[standing.number] = replace(
@@ -82,7 +80,7 @@ class TaskWorlds:
         return self._placed[standing.number]
 
     def empty(self, standing: frozenset[CubePlacement]) -> World:
-        """Jaws open and empty."""
+        """Return the world with empty, open jaws."""
         key = ("empty", standing)
         if key not in self._worlds:
             self._worlds[key] = World(self.scene.robot_open, self._bodies(standing))
@@ -91,11 +89,11 @@ class TaskWorlds:
     def holding(
         self, pick: int, standing: frozenset[CubePlacement], touches: frozenset[str] = frozenset()
     ) -> World:
-        """Jaws on the cube of that transfer, which may touch the bodies named in `touches`."""
+        """Return the world with the cube of a transfer in the jaws, which may touch the bodies `touches`."""
         key = ("holding", pick, standing, touches)
         if key not in self._worlds:
             cube = self.cubes[pick]
-            # any yaw will do while searching: a cube turned by a quarter has the same shape
+            # the search may use any yaw, because a cube rotated by 90 degrees has the same shape
             held = T_tool_held(self.transfers[pick], cube, 0)
             allowed = [frozenset((cube.name, name)) for name in touches]
             self._worlds[key] = World(self.scene.robot_holding, self._bodies(standing), cube, held, allowed)
@@ -106,5 +104,5 @@ class TaskWorlds:
 
 
 def T_tool_held(transfer: Transfer, cube: Body, yaw: int) -> Array:
-    """The cube in the tool frame, as it stands when gripped."""
+    """Return the pose of the cube in the tool frame at the grasp with this yaw."""
     return frozen(mul(inverse(transfer.pick.T_base_tool[yaw]), cube.T_base_body))
