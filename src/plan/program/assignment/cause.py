@@ -1,7 +1,7 @@
-"""Which one cause stops a task, picked out of all that the search rejected.
+"""The one cause of a task's refusal, chosen from all that the search rejected.
 
-The search notes what blocked each way that it looked at. The cause is a place that nothing reaches, a place whose
-every line is blocked, a start that is too near to something, or a way across.
+The search records why it rejected each line and leg. The cause is a place out of reach, a place with all its lines
+blocked, a start too near to a body, or a leg that is blocked.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ def find_cause(
     options: PlanOptions,
     table: ReachTable,
 ) -> ImpossibleError:
-    """The error with its cause for a message, and with ``failure`` in its data.
+    """Return the error with its cause as the message, and with ``failure`` in its data.
 
     Args:
-        error: of the search, or of reach.
-        scene, transfers, q_start, options: what was asked.
-        table: reach of all places of the transfers, and of those that were free to choose.
+        error: error of the search, or of reach.
+        scene, transfers, q_start, options: those of the request.
+        table: reach of all places of the transfers, and of all that could be chosen.
     """
     failure = _Cause(error, scene, transfers, q_start, options, table).found()
     return ImpossibleError(failure.headline, **error.data, failure=failure.to_json())
@@ -83,7 +83,7 @@ class _Cause:
         return Failure(START_BLOCKED, "start", (), headline, (way,), self._body(closest.pair))
 
     def _lines(self) -> Failure | None:
-        """A place whose every way that reaches is blocked: by what stands still, or else by other cubes."""
+        """Return the failure of a place with all grasps in reach blocked: by fixed bodies, or else by cubes too."""
         picks = {t.pick.name for t in self.transfers}
         for with_cubes in (False, True):
             entries = {h.hole: self._blocked_at(h.hole, with_cubes) for h in self.table.holes if h.ok}
@@ -105,7 +105,7 @@ class _Cause:
         return found
 
     def _in_a_cubes_way(self, entry: Mapping[str, Any]) -> bool:
-        """Whether a cube that moves is in the way: one that is held is not."""
+        """Return whether the obstacle is a cube that the task moves, other than the held one."""
         first, second = (_own_name(name) for name in entry["pair"])
         return second in self.moved or (first in self.moved and second in self._arm)
 
@@ -125,11 +125,9 @@ class _Cause:
         ways.sort(key=lambda w: (-round(w.distance_mm or 0.0, 3), w.yaw, w.branch))
         near = ways[0]
         cube, whither = self._cube_at(name)
-        count = (
-            f"all {len(ways)} ways that reach it are" if len(ways) > 1 else "the only way that reaches it is"
-        )
+        count = f"all {len(ways)} grasps in reach are" if len(ways) > 1 else "the only grasp in reach is"
         headline = (
-            f"no way to bring {cube} {whither} {name}: {count} blocked; with yaw {near.yaw}, {near.branch}, "
+            f"{cube} cannot be moved {whither} {name}: {count} blocked; with yaw {near.yaw}, {near.branch}, "
             f"{near.reason}"
         )
         others = tuple(of_choice(c) for c in hole.choices if not c.ok)
@@ -160,8 +158,9 @@ class _Cause:
             if tight:
                 near = tight[0]
                 headline = (
-                    f"no way {step}: {self.options.offset * 1e3:g} mm from {name}, where each of the {len(tight)} ways "
-                    f"to serve it begins, there is too little room; with yaw {near.yaw}, {near.branch}, {near.reason}"
+                    f"no path {step}: {self.options.offset * 1e3:g} mm from {name}, where the lines of its "
+                    f"{len(tight)} grasps begin, there is too little room; with yaw {near.yaw}, {near.branch}, "
+                    f"{near.reason}"
                 )
                 body = self._most_named(w.pair for w in tight if w.pair)
                 return Failure(NO_WAY_ACROSS, step, (name,), headline, tight, body)
@@ -172,7 +171,7 @@ class _Cause:
         return Failure(NO_WAY_ACROSS, step, stations, entry["reason"], ways, body)
 
     def _tight_offsets(self, name: str) -> tuple[Rejected, ...]:
-        """The ways to serve a place, if at the outer end of every one that is open the clearance is not kept."""
+        """Return the open grasps of a place as rejections, if none keeps the clearance at the outer end of its line."""
         closed = self._blocked_at(name, True)
         rows = []
         for choice in self.table[name].feasible():
@@ -193,7 +192,7 @@ class _Cause:
             asked = f"(required: {entry['clearance_m'] * 1e3:g} mm)"
             way = replace(way, reason=f"only {proved} mm between {pair[0]} and {pair[1]} are proved {asked}")
         headline = (
-            f"step {entry['step']!r}, as it would be sent: {way.reason}; ask for less clearance or move the "
+            f"step {entry['step']!r}, as it would be sent: {way.reason}; require less clearance or move the "
             "bodies apart"
         )
         return Failure(AFTER_TIMING, entry["step"], (), headline, (way,), self._body(pair))
@@ -212,7 +211,7 @@ class _Cause:
         )
 
     def _body(self, pair: Iterable[str]) -> str | None:
-        """The one of two bodies that is not of the arm and not held."""
+        """Return the one of two bodies that belongs neither to the arm nor to the held cube."""
         names = [_own_name(name) for name in pair]
         known = {b.name for b in (*self.scene.bodies, *self.scene.cubes)}
         still = [name for name in names if name in known - self.moved]
@@ -224,19 +223,19 @@ class _Cause:
 
 
 def _where(leg: Mapping[str, Any]) -> str:
-    """The end of a leg that is itself too near, or the leg."""
+    """Return the end of a leg that is itself too near, or the leg."""
     return f"{leg[leg['end']]}" if "end" in leg else f"from {leg['from']} to {leg['to']}"
 
 
 def _own_name(name: str) -> str:
-    """A cube that was brought somewhere goes by another name in the search."""
+    """Return the name of a body; the search names a placed cube differently."""
     return name.split(" at ")[0]
 
 
 def _nearest(
     worlds: Iterable[World], q: Array, known: tuple[tuple[str, ...], float]
 ) -> tuple[tuple[str, ...], float]:
-    """The smallest distance over configurations q (m, n), or what is known where that is smaller."""
+    """Return the closest pair and its distance over configurations q (m, n), or `known` if that is closer."""
     for world in worlds:
         for row in q:
             closest = world.distance(row)
@@ -246,7 +245,7 @@ def _nearest(
 
 
 def out_of_reach(error: ImpossibleError, table: ReachTable) -> Failure:
-    """The failure in an error of `plan.cartesian.reachability.ReachTable.require`."""
+    """Return the failure in an error of `plan.cartesian.reachability.ReachTable.require`."""
     failing = {entry["hole"] for entry in error.data["holes"]}
     ways = tuple(of_choice(c) for h in table.holes if h.hole in failing for c in h.choices)
     names = tuple(h.hole for h in table.holes if h.hole in failing)
@@ -254,7 +253,7 @@ def out_of_reach(error: ImpossibleError, table: ReachTable) -> Failure:
 
 
 def worlds_at(scene: Scene, transfers: Sequence[Transfer], station: str) -> tuple[World, ...]:
-    """What the line at a place goes through, other cubes that move left out; none if no transfer uses the place."""
+    """Return the worlds of a place's lines without the other moving cubes; none if no transfer uses the place."""
     for t in transfers:
         if station in (t.pick.name, t.place.name):
             others = {other.cube for other in transfers} - {t.cube}

@@ -54,7 +54,7 @@ def test_blocked_and_unreachable_candidates_are_listed_together() -> None:
     assert kinds[:2] == ["pair", "pair"]
     assert set(kinds[2:]) == {"joint"}
     assert len(kinds) == 32
-    assert "all 2 ways that reach it are blocked" in failure.headline
+    assert "all 2 grasps in reach are blocked" in failure.headline
 
 
 @pytest.mark.parametrize("seed", SEEDS)
