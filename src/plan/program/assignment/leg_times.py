@@ -1,12 +1,13 @@
-"""How long a leg takes: out along one line, across, and in along another, from rest to rest, many pairs at once.
+"""Times of legs: out along one line, across, and in along another, from rest to rest, for many pairs at once.
 
-Two figures for each pair of ends. The *estimate* ranks: every phase at the full speed of its slowest joint, plus half
-of what each change of velocity takes. The *bound* is proved: no motion through these forced places is faster. It is
+There are two times for each pair of ends. The *estimate* is for ranking: every phase at the full speed of its slowest
+joint, plus half of the time of each change of velocity. The *bound* is a lower bound for any motion through both lines,
 the larger of
 
-- the sum of three times: of either line alone, from rest at its station, and of the way across, where every joint
-  alone starts and ends with at most the velocity that its line allows there, and
-- over the joints, the least time from rest to rest through the joint's forced values, at rest wherever it turns back.
+- the sum of three times: either line alone, from rest at its station, and the transit between them, in which every
+  joint alone starts and ends with at most the velocity that its line allows there; and
+- over the joints, the least time from rest to rest through the joint's values at the ends of the lines, at rest
+  wherever it reverses.
 """
 
 from __future__ import annotations
@@ -19,21 +20,21 @@ import numpy.typing as npt
 from arm.controller.unit import Limits
 from arm.se3 import Array, frozen
 
-# What a line may be faster at its very end than over its last stretch, which is 5 mm long: at the most, by far.
+# Largest ratio of the velocity at the very end of a line to that over its last 5 mm; a generous upper limit.
 _FASTER = 1.1
 
 
 @dataclass(frozen=True, eq=False)
 class LineEnds:
-    """Ends of legs, k of them: a line from a station out to its offset point, or a place to stand (no line).
+    """Ends of k legs: a line from a station out to its offset point, or a configuration at rest (no line).
 
     Attributes:
-        station, offset: (k, n) rad; the same where there is no line.
-        time: (k,) s of the line at full speed.
-        velocity: (k, n) rad/s with which the line outwards passes the offset point.
-        start: (k,) s that it costs to get going at the station.
-        least: (k,) s that no motion along the line undercuts, from rest at the station.
-        fastest: (k, n) rad/s that no motion along the line exceeds where it passes the offset point.
+        station, offset: (k, n) rad; equal if there is no line.
+        time: (k,) s, time of the line at full speed.
+        velocity: (k, n) rad/s at the offset point, outwards.
+        start: (k,) s, time lost by the acceleration at the station.
+        least: (k,) s, lower bound on the time along the line, from rest at the station.
+        fastest: (k, n) rad/s, upper bound on the velocity along the line at the offset point.
     """
 
     station: Array
@@ -45,27 +46,27 @@ class LineEnds:
     fastest: Array
 
     def row(self, index: int) -> LineEnds:
-        """One of them."""
+        """Return one of them."""
         one = slice(index, index + 1)
         return LineEnds(*(getattr(self, field.name)[one] for field in fields(self)))
 
 
 def standing(q: npt.ArrayLike) -> LineEnds:
-    """A place to stand, (n,) rad, as the end of a leg."""
+    """Return a configuration (n,) rad at rest, as the end of a leg."""
     at = np.atleast_2d(np.asarray(q, dtype=float))
     none, still = frozen(np.zeros(len(at))), frozen(np.zeros_like(at))
     return LineEnds(frozen(at), frozen(at), none, still, none, none, still)
 
 
 def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float | None) -> LineEnds:
-    """Lines as samples q (k, m, n) rad from the station outwards, `length` m long.
+    """Return lines as ends of legs, from samples q (k, m, n) rad from the station outwards, `length` m long.
 
     Args:
-        tool_speed: cap on the tool's speed, m/s, or None.
+        tool_speed: largest speed of the tool, m/s, or None.
     """
     q = np.asarray(q, dtype=float)
     steps = np.diff(q, axis=1)
-    # each stretch at the full speed of its slowest joint: a bound, and near what is reached
+    # each stretch at the full speed of its slowest joint: a lower bound, and close to the actual time
     times = (np.abs(steps) / limits.velocity).max(axis=-1)
     least = 0.0 if tool_speed is None else length / (q.shape[1] - 1) / tool_speed
     times = np.maximum(times, least)
@@ -82,7 +83,7 @@ def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float
 
 
 def leg_times(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
-    """Estimates (k, l) s of the legs from each of `out` to each of `into`, straight in joint space between them."""
+    """Return estimates (k, l) s of the legs from each of `out` to each of `into`, with straight joint motions."""
     across = into.offset[None] - out.offset[:, None]
     time = (np.abs(across) / limits.velocity).max(axis=-1)
     velocity = across / np.maximum(time, 1e-9)[..., None]
@@ -93,10 +94,10 @@ def leg_times(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
 
 
 def leg_bounds(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
-    """Lower bounds (k, l) s of the same legs, whatever the way across."""
+    """Return lower bounds (k, l) s of the same legs, whatever the path between the lines."""
     across = into.offset[None] - out.offset[:, None]
     shape = across.shape
-    # the velocity of a line towards where the joint has to go; away from there, standing still is best
+    # a line's velocity counts if it points towards the joint's goal; otherwise rest is best
     enter = np.maximum(np.sign(across) * out.fastest[:, None], 0.0)
     leave = np.maximum(-np.sign(across) * into.fastest[None], 0.0)
     between = _moving(np.abs(across), enter, leave, limits).max(axis=-1)
@@ -122,10 +123,9 @@ def leg_bounds(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
 
 
 def _from_rest(steps: Array, least: float, limits: Limits) -> Array:
-    """Least times (k,) s from rest through samples `steps` (k, m, n) rad apart, each of which takes at least `least` s.
+    """Return least times (k,) s from rest over `steps` (k, m, n) rad, each of which takes at least `least` s.
 
-    A joint that sets out at rest has a velocity of at most a t after t. So each step takes as long as the joint needs
-    that is furthest behind.
+    A joint that starts at rest has a velocity of at most a t after time t. Each step waits for its slowest joint.
     """
     v, a = limits.velocity, limits.acceleration
     ramp = v * v / (2.0 * a)
@@ -134,17 +134,17 @@ def _from_rest(steps: Array, least: float, limits: Limits) -> Array:
         now = time[:, None]
         reach = np.where(now < v / a, 0.5 * a * now * now, v * now - ramp) + step
         arrived = np.where(reach < ramp, np.sqrt(2.0 * reach / a), reach / v + v / (2.0 * a))
-        # a joint that stays where it is needs no time
+        # a joint that does not move needs no time
         arrived = np.where(step > 0.0, arrived, now).max(axis=-1)
         time = np.maximum(arrived, time + least)
     return time
 
 
 def _moving(way: Array, enter: Array, leave: Array, limits: Limits) -> Array:
-    """Least times (..., n) s in which each joint alone moves by `way` >= 0 rad, with the velocities given at most.
+    """Return least times (..., n) s of each joint alone over `way` >= 0 rad, with at most these velocities at the ends.
 
-    Its velocity after t of T is at most enter + a t, leave + a (T - t) and v: so `way` is at most their integral, which
-    is solved for T.
+    At time t of T the velocity is at most enter + a t, leave + a (T - t) and v. `way` is at most the integral of the
+    least of the three, which is solved for T.
     """
     v, a = limits.velocity, limits.acceleration
     enter, leave = np.minimum(enter, v), np.minimum(leave, v)
@@ -164,7 +164,7 @@ def _moving(way: Array, enter: Array, leave: Array, limits: Limits) -> Array:
 
 
 def _rest_to_rest(step: Array, limits: Limits) -> Array:
-    """Least time (..., n) s of each joint alone to move by `step` (..., n) rad from rest to rest."""
+    """Return the least time (..., n) s of each joint alone over `step` (..., n) rad, from rest to rest."""
     way = np.abs(step)
     v, a = limits.velocity, limits.acceleration
     return np.asarray(np.where(way * a >= v * v, way / v + v / a, 2.0 * np.sqrt(way / a)))
