@@ -1,10 +1,9 @@
-"""In which order, to which place, and in which way each cube goes: the least sum of given times, exactly.
+"""Order, place and grasp of each cube with the least sum of given leg times.
 
-A task alternates between picks and places: start, pick, place, pick, place, .., end. Each pick and place can be served
-in several ways (yaw and branch). With few cubes all orders and assignments are covered by dynamic programming over
-which picks are done and which places are filled (M. Held, R. Karp, "A dynamic programming approach to sequencing
-problems", 1962). With many, one order is improved by exchanges, and `order_bound` says what no order can
-undercut.
+A task alternates between picks and places: start, pick, place, pick, place, .., end. Each pick and place has several
+grasps (yaw and branch); a *way* is the number of a grasp. With few cubes, dynamic programming over the picks done and
+the places filled is exact (M. Held, R. Karp, "A dynamic programming approach to sequencing problems", 1962). With many
+cubes, exchanges improve one order, and `order_bound` gives a lower bound.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from scipy.optimize import linear_sum_assignment
 from arm.se3 import Array
 from plan.program.assignment.order_bound import LegTimes, order_bound
 
-# Dynamic programming is used up to about this many sets of picks and places, times the pairs to go on with.
+# Largest number of expansions for which dynamic programming is used.
 _MOST_STATES = 1500
 _TIE = 1e-9
-# What an infinite time counts in sums that are compared, s: an order with fewer legs that cannot be is still better.
+# Finite substitute for an infinite time, s, so that orders with fewer impossible legs rank better.
 _BLOCKED = 1e10
 
 Pairs = list[tuple[int, int]]  # pick and place, in order
@@ -31,7 +30,7 @@ Pairs = list[tuple[int, int]]  # pick and place, in order
 
 @dataclass(frozen=True)
 class Visit:
-    """One cube: from which pick to which place, and in which way at each."""
+    """One cube: its pick and place, and the grasp at each."""
 
     pick: int
     place: int
@@ -41,7 +40,7 @@ class Visit:
 
 @dataclass(frozen=True)
 class Progress:
-    """What was done before a step: picks that are empty now, and places that are filled."""
+    """Progress before a step: picks that are done, and places that are filled."""
 
     picks: frozenset[int]
     places: frozenset[int]
@@ -49,7 +48,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Costs:
-    """Times of the legs, s; may depend on what was done before (what stands in the way).
+    """Times of the legs, s; they may depend on the progress, because cubes may be obstacles.
 
     Attributes:
         begin: (pick, done) -> (ways,) from the start.
@@ -66,12 +65,12 @@ class Costs:
 
 @dataclass(frozen=True)
 class Choices:
-    """What may be chosen.
+    """Choices of a task.
 
     Attributes:
-        picks, places: how many there are; at least as many places as picks.
-        order: whether the picks may be served in any order, or in that of their numbers.
-        assignment: whether a pick may go to any place, or to that of the same number only.
+        picks, places: their numbers; there are at least as many places as picks.
+        order: whether the order of the picks is free; otherwise it is that of their numbers.
+        assignment: whether a cube may go to any place; otherwise it goes to the place of its own number.
     """
 
     picks: int
@@ -80,12 +79,12 @@ class Choices:
     assignment: bool = True
 
     def next_picks(self, done: frozenset[int]) -> Iterator[int]:
-        """Picks that may be served next."""
+        """Yield the picks that may be next."""
         left = (i for i in range(self.picks) if i not in done)
         return left if self.order else iter(list(left)[:1])
 
     def places_of(self, pick: int, filled: frozenset[int]) -> Iterator[int]:
-        """Places where a pick's cube may go."""
+        """Yield the places where a pick's cube may go."""
         every = range(self.places) if self.assignment else (pick,)
         return (j for j in every if j not in filled)
 
@@ -95,7 +94,7 @@ class Choices:
         return self.states() <= _MOST_STATES
 
     def states(self) -> int:
-        """How many expansions dynamic programming would make, roughly."""
+        """Return the approximate number of expansions of dynamic programming."""
         total = 0
         for k in range(self.picks):
             filled = comb(self.places, k) if self.assignment else 1
@@ -112,7 +111,7 @@ class Ordered:
 
 
 def best_order(freedom: Choices, costs: Costs) -> Ordered | None:
-    """The visits with the least sum of times, or None where every one is infinite."""
+    """Return the visits with the least sum of times; None if all sums are infinite."""
     if freedom.exact:
         return _exactly(freedom, costs)
     return _improved(freedom, costs)
@@ -120,12 +119,12 @@ def best_order(freedom: Choices, costs: Costs) -> Ordered | None:
 
 @dataclass(frozen=True, eq=False)
 class _Node:
-    """Least times to be somewhere after something, and how that was reached.
+    """Least times to reach a pick or place after some progress, with back pointers.
 
     Attributes:
         at: number of the pick or place.
         time: (ways,) s.
-        before: per way, the node before; `way` the way there.
+        before, way: for each way, the previous node and the way there.
     """
 
     at: int
@@ -173,7 +172,7 @@ def _to_pick(pick: int, done: Progress, places: dict[int, _Node], costs: Costs, 
 
 
 def _reached(at: int, ways: Sequence[tuple[_Node, Array]]) -> _Node:
-    """A place reached from nodes with times (ways there, ways here)."""
+    """Return the node of a place that is reached from other nodes, with times (ways there, ways here)."""
     times = np.concatenate([time for _, time in ways])
     from_node = [(node, way) for node, time in ways for way in range(len(time))]
     best = np.argmin(np.round(times, 9), axis=0)
@@ -210,7 +209,7 @@ def _traced(end: _Node) -> tuple[Visit, ...]:
 
 
 def best_grasps(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
-    """The best ways for a given order and assignment: pairs of pick and place; None where all are infinite."""
+    """Return the best grasps for a given order and assignment, as pairs of pick and place; None if all are infinite."""
     done = Progress(frozenset(), frozenset())
     node: _Node | None = None
     for pick, place in pairs:
@@ -227,9 +226,9 @@ def best_grasps(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | Non
 
 
 def lower_bound(freedom: Choices, costs: Costs, ordered: Ordered | None) -> float:
-    """Return what no choice undercuts, s, given what `best_order` found for the same times.
+    """Return a lower bound over all choices, s, given the result of `best_order` for the same times.
 
-    Where exchanges were used, it holds if a leg's time depends on no more than how many cubes were moved before.
+    If exchanges were used, it holds if a leg's time depends on the progress only by the number of cubes moved.
     """
     if ordered is None or freedom.exact:
         return np.inf if ordered is None else ordered.time
@@ -237,7 +236,7 @@ def lower_bound(freedom: Choices, costs: Costs, ordered: Ordered | None) -> floa
 
 
 def _improved(freedom: Choices, costs: Costs) -> Ordered | None:
-    """Exchanges of order and places, from the assignment with the shortest carries."""
+    """Improve an order by exchanges, from the assignment with the shortest carries."""
     costs = _finite(costs)
     legs = _least_times(freedom, costs)
     best: Ordered | None = None
@@ -251,13 +250,13 @@ def _improved(freedom: Choices, costs: Costs) -> Ordered | None:
 
 
 def _exchanged(pairs: Pairs, freedom: Choices, costs: Costs, legs: LegTimes) -> Ordered | None:
-    """Order and places after every exchange that helps."""
+    """Return the visits after all exchanges that save time."""
     best = best_grasps(pairs, costs)
     improving = best is not None
     while improving:
         improving = False
         for trial in _exchanges(pairs, freedom):
-            # with every leg at its best: what is too slow then, is
+            # the sum of the least leg times is a lower bound
             if best is None or _least_time(trial, legs) >= best.time - 1e-6:
                 continue
             found = best_grasps(trial, costs)
@@ -268,7 +267,7 @@ def _exchanged(pairs: Pairs, freedom: Choices, costs: Costs, legs: LegTimes) -> 
 
 
 def _finite(costs: Costs) -> Costs:
-    """The same times, with `_BLOCKED` for infinite ones."""
+    """Return the same times, with `_BLOCKED` in place of infinite ones."""
 
     def capped(time: Array) -> Array:
         return np.minimum(time, _BLOCKED)
@@ -282,9 +281,9 @@ def _finite(costs: Costs) -> Costs:
 
 
 def _least_times(freedom: Choices, costs: Costs) -> LegTimes:
-    """Return least times of each leg over all ways, with no other cube in the way: what ranks orders, and bounds them.
+    """Return the least times of each leg over all grasps, without other cubes in the way; they rank and bound orders.
 
-    Whether the arm goes home between two cubes depends on how many were moved.
+    Whether the arm goes home between two cubes depends on the number of cubes moved.
     """
     n, m = freedom.picks, freedom.places
     nothing: frozenset[int] = frozenset()
@@ -306,21 +305,21 @@ def _least_times(freedom: Choices, costs: Costs) -> LegTimes:
 
 
 def _least_time(pairs: Sequence[tuple[int, int]], legs: LegTimes) -> float:
-    """Return the time of an order and assignment with every leg at its best, s."""
+    """Return the sum of the least leg times of an order and assignment, s."""
     times = [legs.begin[pairs[0][0]], *(legs.carry[pair] for pair in pairs), legs.end[pairs[-1][1]]]
     times += [legs.go_on[k, a[1], b[0]] for k, (a, b) in enumerate(pairwise(pairs), start=1)]
     return float(sum(times))
 
 
 def _firsts(freedom: Choices, legs: LegTimes) -> list[int]:
-    """Return picks to begin with, the nearest first."""
+    """Return the possible first picks, the nearest first."""
     if not freedom.order:
         return [0]
     return sorted(range(freedom.picks), key=lambda i: (round(float(legs.begin[i]), 6), i))
 
 
 def _chained(first: int, freedom: Choices, legs: LegTimes) -> Pairs:
-    """Return the assignment with the shortest carries, each time on to the nearest pick."""
+    """Return the assignment with the shortest carries, in the order of the nearest next pick."""
     _, place_of = linear_sum_assignment(np.round(legs.carry, 6))
     left = set(range(freedom.picks)) - {first}
     pairs = [(first, int(place_of[first]))]
