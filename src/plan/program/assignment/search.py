@@ -1,16 +1,16 @@
-"""A whole task as one problem: which way of gripping and which branch everywhere, which cube next, and to which place.
+"""The search for a whole task: the order of the cubes, their places, grasps and branches, chosen together.
 
-Everything is ranked by estimates of time that know of no obstacle (`leg_times`, `sequencing`). Only what the best
-sequence uses is proved: its lines, and its ways across, straight in joint space. What turns out to be blocked costs
-more from then on - for ever where a body that stands still is in the way, or as long as the cube that is in the way
-stands there - and the best sequence is asked for again. Where a straight way is blocked and still looks best, a way
-around is made, and its own time counts.
+Sequences are ranked by time estimates that ignore obstacles (`leg_times`, `sequencing`). Only what the best sequence
+uses is checked: its lines, and its legs as straight joint motions. A blocked line or leg costs more from then on:
+always if a fixed body blocks it, otherwise as long as the blocking cube is there. Then the best sequence is computed
+again. If a blocked leg is still part of the best sequence, a detour is planned, and its own time counts.
 
-One wall blocks many legs alike. So a way around is taken to take as long as the corners of known ways around the same
-body let it. Beyond what is ordered exactly, legs that were not looked at are also taken to be blocked where those
-between the same two stations were (`leg_costs`); the search ends when no sequence promises more than it allows.
+A wall blocks many legs in the same way. So the assumed time of a detour follows from the corners of known detours
+around the same body. If there are too many cubes for exact ordering, a leg that was not checked is assumed to be
+blocked if the checked legs between the same two stations are (`leg_costs`). The search ends when no sequence promises
+to save more than a small fraction of the time (`_GOOD_ENOUGH`, `_ALLOWED`).
 
-The obstacle-free bounds of the legs give, by the same search over orders, a time that no plan can undercut.
+The same search over orders, with the obstacle-free bounds of the legs, gives a lower bound on the time of any plan.
 """
 
 from __future__ import annotations
@@ -42,11 +42,10 @@ from plan.program.assignment.sequencing import (
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
 from plan.transit.optimise import Ends
 
-# Ways around that are made between one pick and one place (and more where there is none yet).
+# Largest number of detours between one pick and one place, at first and if no sequence was found.
 _DETOURS, _DETOURS_AT_MOST = 3, 12
 _ROUNDS = 400
-# A sequence that could at best be this much faster, in parts, is not looked for; and where legs that were not looked at
-# are taken to be blocked like those that were, as beyond what is ordered exactly.
+# Fraction of the time that another sequence must promise to save: with exact ordering, and without.
 _GOOD_ENOUGH, _ALLOWED = 0.003, 0.025
 
 
@@ -55,12 +54,12 @@ class Stop:
     """One cube of a sequence.
 
     Attributes:
-        visit: its numbers.
-        pick, place: the choices there.
-        before: what stands when the arm sets out for it, itself included.
-        out: way-points (m, n) rad to the pick, from where the arm was; from home if `home` of the stop before is set.
-        across: to the place.
-        home: from the place to where the task starts, or None where the arm goes straight on.
+        visit: numbers of its pick, place and grasps.
+        pick, place: the grasps.
+        before: cubes at rest before the pick, itself included.
+        out: way-points (m, n) rad to the pick, from home or from the previous place.
+        across: way-points from the pick to the place.
+        home: way-points from the place to the start of the task; None if the arm goes on to the next pick.
     """
 
     visit: Visit
@@ -74,13 +73,13 @@ class Stop:
 
 @dataclass(frozen=True)
 class Gap:
-    """What the estimated time of a sequence consists of above its bound, s.
+    """Excess of a sequence's estimated time over its lower bound by cause, s.
 
     Attributes:
-        order: what the bounds of its legs sum up to, more than those of the sequence with the least bound.
-        straight: what its legs would take more than their bounds, straight in joint space: joints wait for each other.
-        around: what ways around what is there take more.
-        unexplored: how much faster a sequence could be by the estimates at the end of the search; not in the sum.
+        order: sum of the bounds of its legs, less that of the sequence with the least sum.
+        straight: excess of straight joint motions over their bounds, because joints wait for each other.
+        around: excess of detours over straight joint motions.
+        unexplored: how much faster another sequence could be, by the estimates at the end; not in the sum.
     """
 
     order: float = 0.0
@@ -91,7 +90,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Found:
-    """The best sequence: its stops, its estimated time, what no sequence undercuts, and what lies between, s."""
+    """The best sequence: its stops, its estimated time, its lower bound, and the excess by cause, s."""
 
     stops: tuple[Stop, ...]
     time: float
@@ -104,10 +103,10 @@ class TaskSearch:
 
     Args:
         stages: its collision worlds.
-        picks, places: choices that reach, per transfer and per place, from `plan.cartesian.reachability`.
-        q_home: where the arm starts and ends, (n,) rad.
-        limits: that motion is planned under.
-        options: clearances, lengths, seed, what may be chosen.
+        picks, places: grasps in reach of each transfer and each place, from `plan.cartesian.reachability`.
+        q_home: configuration at the start and end, (n,) rad.
+        limits: limits for planning.
+        options: clearances, lengths, seed, and which choices are free.
     """
 
     def __init__(
@@ -120,7 +119,7 @@ class TaskSearch:
         options: PlanOptions,
     ) -> None:
         self.stages, self.limits, self.options = stages, limits, options
-        # in an order that no rounding can change
+        # sorted by discrete keys, so that rounding cannot change the order
         self.picks, self.places = (
             [sorted(choices, key=lambda c: (c.yaw, c.branch)) for choices in side] for side in (picks, places)
         )
@@ -145,17 +144,17 @@ class TaskSearch:
         self.complete: Found | None = None
 
     def best(self) -> Found:
-        """The fastest sequence that was found; where the budget is spent or Ctrl-C is pressed, by then (`stopped`).
+        """Return the fastest sequence; if the budget is spent or Ctrl-C is pressed, the best one by then (`stopped`).
 
         Raises:
-            BudgetSpent, KeyboardInterrupt: before one was.
-            ImpossibleError: none; data: `rejected` says what stopped each choice and leg.
+            BudgetSpent, KeyboardInterrupt: before any sequence was complete.
+            ImpossibleError: there is none; data: `rejected`, the refusal of each line and leg.
         """
         self.complete = None
         try:
             return self._best()
         except (BudgetSpent, KeyboardInterrupt) as stop:
-            # what a clock cut off would differ from time to time
+            # a plan must not depend on wall time
             if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):
                 raise
             self.stopped = stop
@@ -172,9 +171,8 @@ class TaskSearch:
             if ordered is None or ordered.time >= min(enough, NOT_NOW):
                 if best is not None:
                     faster = self._polished(best)
-                    if (
-                        faster.time < best.time and self.costs.presume
-                    ):  # ways alike are taken to be faster too
+                    if faster.time < best.time and self.costs.presume:
+                        # similar detours are then assumed to be faster too
                         best = self.complete = faster
                         continue
                     promised = min(lower_bound(self.freedom, costs, ordered), best.time)
@@ -194,9 +192,9 @@ class TaskSearch:
         return self._explained(best, best.time - promised)
 
     def _explained(self, found: Found, unexplored: float) -> Found:
-        """The same sequence with what its time consists of."""
+        """Return the same sequence with the causes of its excess over the bound."""
         costs, legs = self.costs, list[tuple[LineEnds, LineEnds]]()
-        came = costs.home  # or the place that the arm goes on from
+        came = costs.home  # or the previous place
         for stop in found.stops:
             pick = costs.picks[stop.visit.pick].row(stop.visit.pick_way)
             place = costs.places[stop.visit.place].row(stop.visit.place_way)
@@ -209,7 +207,7 @@ class TaskSearch:
         return replace(found, gap=Gap(*map(float, parts)))
 
     def _polished(self, found: Found) -> Found:
-        """The same sequence with its ways around made faster."""
+        """Return the same sequence with optimised detours."""
         saved, stops = 0.0, list[Stop]()
 
         def polished(way: Array) -> Array:
@@ -228,7 +226,7 @@ class TaskSearch:
         return replace(found, stops=tuple(stops), time=found.time - saved)
 
     def _probe(self) -> None:
-        """Look at the fastest leg between any two stations of which nothing is known: most others are like it."""
+        """Check the fastest leg between any two stations without a checked leg, as a sample of the others."""
         there = self.costs.there(Progress(frozenset(), frozenset()))
         for leg in self.costs.fastest_unknown():
             found = self.proofs.straight(leg, self._query(leg), there)
@@ -238,7 +236,7 @@ class TaskSearch:
                 self.costs.block(leg, None, None, found.check.pair[1])
 
     def _proved(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
-        """The best ways that can be proved for the order and places of `ordered`, or `best` if that is faster."""
+        """Return the best certified sequence with the order and places of `ordered`; `best` if that is faster."""
         pairs = [(visit.pick, visit.place) for visit in ordered.visits]
         current: Ordered | None = ordered
         while current is not None and current.time < NOT_NOW and (best is None or current.time < best.time):
@@ -249,10 +247,10 @@ class TaskSearch:
         return best
 
     def forbid(self, stops: Sequence[Stop], index: int, which: str, error: ImpossibleError) -> None:
-        """Do not use a leg of a stop again: ``out``, ``across`` or ``home``; it could not be timed and proved.
+        """Exclude a leg of a stop (``out``, ``across`` or ``home``) that could not be certified after timing.
 
-        Where that is for one of its lines (data: role), the line is not used again in any leg. Where a cube is in the
-        way (data: pair) that may be gone another time, this holds as long as a cube stands there.
+        If the error is about one of its lines (data: role), the line is excluded from all legs. If a cube that may be
+        elsewhere at another time blocks it (data: pair), it is excluded only while a cube is there.
         """
         stop, before = stops[index], stops[index - 1] if index else None
         visit, role = stop.visit, error.data.get("role")
@@ -281,9 +279,9 @@ class TaskSearch:
     def _in_the_way(
         self, stops: Sequence[Stop], index: int, which: str, pair: Sequence[str]
     ) -> CubePlacement | None:
-        """The cube of a pair that stands there only for a while; None where neither is one.
+        """Return the cube of a pair that may be elsewhere at another time; None if there is none.
 
-        Cubes at the leg's own stations stand there whenever it is used.
+        Cubes at the leg's own stations do not count: they are there whenever the leg is used.
         """
         stop, cubes = stops[index], self.stages.cubes
         at = {cubes[s.number].name: s for s in stop.before if not s.placed}
@@ -294,7 +292,7 @@ class TaskSearch:
         return next((at[name] for name in pair if name in at and name not in own), None)
 
     def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
-        """The sequence with all that it uses proved, or None where something of it turned out to be blocked."""
+        """Return the stops of a sequence if all its lines and legs are clear; otherwise record the blocked ones."""
         stops: list[Stop] = []
         done, last, whole = Progress(frozenset(), frozenset()), None, True
         for count, visit in enumerate(ordered.visits, start=1):
@@ -345,7 +343,7 @@ class TaskSearch:
         return proved
 
     def _across(self, leg: TransitEdge, now: frozenset[CubePlacement]) -> Array | None:
-        """Way-points of a leg's way across, proved; None where it costs more than was thought, which is noted."""
+        """Return the certified way-points of a leg; None if it costs more than assumed, which is recorded."""
         crossing = self._query(leg)
         found = self.proofs.straight(leg, crossing, now)
         if not isinstance(found, Blocked):
@@ -383,12 +381,12 @@ class TaskSearch:
         )
 
     def _give_up(self, leg: TransitEdge, blocked: Blocked) -> None:
-        """There is no way for a leg."""
+        """Record that no path was found for a leg."""
         self.costs.block(leg, blocked.by, np.inf)
         self._reject(leg_error(leg, blocked, self.options.clearance, self.stages))
 
     def _own(self, leg: TransitEdge) -> frozenset[CubePlacement]:
-        """Cubes that stand wherever the leg is used: at its own stations."""
+        """Return the cubes at the leg's own stations, which are there whenever it is used."""
         match leg.kind:
             case "begin":
                 return frozenset((CubePlacement(False, leg.numbers[0]),))
@@ -406,7 +404,7 @@ class TaskSearch:
         shown = "; ".join(reasons[:2]) + (f"; and {len(reasons) - 2} more" if len(reasons) > 2 else "")
         names = ", ".join(t.cube for t in self.stages.transfers)
         return ImpossibleError(
-            f"no way to bring {names} where they should go: {shown}",
+            f"{names} cannot be moved to their places: {shown}",
             cubes=[t.cube for t in self.stages.transfers],
             rejected=[{"reason": str(e), **e.data} for e in self.rejected.values()],
         )
