@@ -1,7 +1,8 @@
-"""What the legs of a task are taken to cost: estimates of time, and what was learnt to be in the way.
+"""Costs of the legs of a task: time estimates, raised by what the search has learnt about obstacles.
 
-A leg goes from one choice to another: from the start to a pick, with the cube to a place, from a place to a pick, or to
-the end. What is in the way of its straight form may be a cube, and then only counts as long as that stands there.
+A leg joins two grasps: from the start to a pick, from a pick with the cube to a place, from a place to a pick, or from
+a place to the end. A leg whose straight joint motion is blocked costs as much as a detour. If a cube blocks it, this
+holds only while the cube is there.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from plan.trajectory.time_estimates import path_time, path_times
 
 # Kinds of legs.
 BEGIN, CARRY, GO_ON, END = "begin", "carry", "go on", "end"
-# Time of a leg that is not tried for want of budget, s.
+# Time of a leg that is excluded because the number of detours is used up, s.
 NOT_NOW = 1e9
-# What a way around is taken to cost at least before one was made, in parts of the straight way and s.
+# Least assumed excess of a detour that was not planned yet: relative to the straight motion, and s.
 _OVERHEAD, _OVERHEAD_S = 0.02, 0.05
-# A way around that takes this much longer than was thought, in parts, is not a reason to ask again.
+# Largest relative excess of a detour over its assumed time with which the sequence is kept.
 _NEAR = 0.03
-# A way that saves more than this, s, leaves its corners to others.
+# A detour that saves more than this over known corners adds its corners to them, s.
 _NEWS_S = 0.1
 
 Moment = frozenset[CubePlacement]
@@ -37,7 +38,7 @@ Table = dict[str, list[list[Array]]]
 
 @dataclass(frozen=True)
 class TransitEdge:
-    """A way across: its kind, the numbers of pick and place that it joins, and the choice at each end (or 0)."""
+    """A leg: its kind, the numbers of the pick and place that it joins, and the grasp at each end (or 0)."""
 
     kind: str
     numbers: tuple[int, ...]
@@ -45,11 +46,10 @@ class TransitEdge:
 
 
 class Detours:
-    """Ways around each body: what another one may cost, and where it may begin to be made.
+    """Known detours around each body, from which the cost of other detours is predicted.
 
-    Ways around the same body are alike, forwards and backwards, with a cube and without. So one that was not made yet
-    is taken to go over the corners of one that was, or to take as much longer as they do at the median, whichever is
-    less.
+    Detours around the same body are similar, in both directions, with a cube and without. So a detour that was not
+    planned yet is assumed to pass the corners of a known one, or to have the median excess, whichever is less.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -60,8 +60,11 @@ class Detours:
         self._median: dict[tuple[str, bool], float] = {}
 
     def learn(self, body: str, carrying: bool, way: Array, excess: float, over: float) -> None:
-        """A way (m, n) rad around `body` was made, which takes `excess` s more than the straight one, and `over` more
-        than over corners that were known.
+        """Record a detour (m, n) rad around `body`.
+
+        Args:
+            excess: its time less that of the straight motion, s.
+            over: its time less that over known corners, s.
         """
         if over < -_NEWS_S:
             self._corners.setdefault(body, []).extend((way[1:-1], way[-2:0:-1]))
@@ -71,15 +74,15 @@ class Detours:
         self._median[body, carrying] = float(np.median(made))
 
     def known(self, body: str) -> list[Array]:
-        """Corners (c, n) rad of ways around a body, in the order in which they were made."""
+        """Return the corners (c, n) rad of detours around a body, in the order in which they were planned."""
         return self._corners.get(body, [])
 
     def median(self, body: str, carrying: bool) -> float:
-        """What ways around a body take more than straight ones, s; inf where there are none."""
+        """Return the median excess of detours around a body, s; inf if there are none."""
         return self._median.get((body, carrying), np.inf)
 
     def over(self, several: Sequence[Array], ends: tuple[LineEnds, LineEnds]) -> Array:
-        """Times (k,) s of a leg over each of several corners (c, n)."""
+        """Return the times (k,) s of a leg over each of several corner sets (c, n)."""
         out, into = ends
         counts = np.array([len(corners) for corners in several])
         times = np.empty(len(several))
@@ -92,7 +95,7 @@ class Detours:
         return times + float(sum(end.time[0] + end.start[0] for end in ends))
 
     def nearest(self, body: str, ends: tuple[LineEnds, LineEnds]) -> list[Array]:
-        """Corners of ways around a body, those last that are the fastest for a leg."""
+        """Return the corners of detours around a body, those that are fastest for a leg last."""
         known = self.known(body)
         order = np.argsort(-np.round(self.over(known, ends), 6), kind="stable")
         return [known[i] for i in order.tolist()]
@@ -100,12 +103,12 @@ class Detours:
 
 @dataclass
 class _Block:
-    """What is in the way of a straight leg.
+    """What blocks the straight motion of a leg.
 
     Attributes:
-        body: its name.
-        time: of a way around it, s, or None where none was made yet.
-        seen, over: how many ways around the body were looked at, and the least time over the corners of one of them, s.
+        body: name of the body.
+        time: time of a detour, s; None if none was planned yet.
+        seen, over: number of known detours compared so far, and the least time of the leg over their corners, s.
     """
 
     body: str
@@ -115,13 +118,13 @@ class _Block:
 
 
 class _Group:
-    """What is known of all legs between the same two stations.
+    """What is known about all legs between the same two stations.
 
     Attributes:
-        blocks: per pair of ways and what is in between.
-        forbidden: those of `blocks` that are so for good.
-        made: what the best way around what is always there takes more than the straight one, s; inf: none was made.
-        clear: whether the straight form of one of them was proved.
+        blocks: blocked legs, by the grasps at both ends and the blocking cube (None: a fixed body).
+        forbidden: those of `blocks` that are excluded for good.
+        made: least excess of a detour around a fixed body, s; inf if none was planned.
+        clear: whether a straight motion between the two stations was certified.
     """
 
     def __init__(self) -> None:
@@ -129,24 +132,24 @@ class _Group:
         self.forbidden: set[tuple[int, int, CubePlacement | None]] = set()
         self.made, self.clear = np.inf, False
         self.always: tuple[object, Array] | None = (
-            None  # times with what is always in the way, and of which state
+            None  # times with fixed bodies in the way, and the state that they were computed for
         )
 
 
 class TransitCosts:
-    """Times of all legs of a task, and what is known to be in their way.
+    """Times of all legs of a task, with what is known to block them.
 
     Args:
-        picks, places: the lines of every choice, per pick and per place.
-        home: where the task starts and ends.
-        limits: that motion is planned under.
-        options: which looks are asked for.
+        picks, places: the lines of every grasp, for each pick and each place.
+        home: start and end of the task.
+        limits: limits for planning.
+        options: after which cubes images are taken.
 
     Attributes:
-        free: estimates with nothing in the way, per kind and numbers, (ways, ways) s.
-        detours: what is known of ways around.
-        presume: whether legs that were not looked at are taken to be blocked where all between the same stations are
-            that were.
+        free: obstacle-free estimates by kind and numbers, (ways, ways) s.
+        detours: known detours.
+        presume: whether a leg that was not checked is assumed to be blocked if all checked ones between the same
+            stations are.
     """
 
     def __init__(
@@ -166,20 +169,20 @@ class TransitCosts:
         self._lines: dict[CubePlacement, set[tuple[int, CubePlacement | None]]] = {}
 
     def now(self) -> Costs:
-        """Estimates with all that is known to be in the way."""
+        """Return the estimates with all known obstacles."""
         return self._costs(self.free, self._with_blocks)
 
     def bounds(self) -> Costs:
-        """Lower bounds, whatever is in the way."""
+        """Return the lower bounds, without obstacles."""
         return self._costs(self._table(leg_bounds), None)
 
     def there(self, done: Progress) -> Moment:
-        """Which cubes stand, and where."""
+        """Return the placements of the cubes after some progress."""
         left = (CubePlacement(False, i) for i in range(len(self.picks)) if i not in done.picks)
         return frozenset(left) | frozenset(CubePlacement(True, j) for j in done.places)
 
     def ends(self, leg: TransitEdge) -> tuple[LineEnds, LineEnds]:
-        """The two ends of a leg, one row each."""
+        """Return the two ends of a leg, one row each."""
         a, b = leg.ways
         match leg.kind:
             case "begin":
@@ -191,13 +194,13 @@ class TransitCosts:
         return self.places[leg.numbers[0]].row(a), self.home
 
     def close_line(self, station: CubePlacement, way: int, by: CubePlacement | None) -> None:
-        """A choice's line is blocked: always, or as long as `by` stands."""
+        """Record that the line of a grasp is blocked: always, or while the cube `by` is there."""
         self._lines.setdefault(station, set()).add((way, by))
 
     def block(self, leg: TransitEdge, by: CubePlacement | None, time: float | None, body: str = "") -> None:
-        """The straight form of a leg is blocked by `body`, and a way around takes `time` s.
+        """Record that `body` blocks the straight motion of a leg, and that a detour takes `time` s.
 
-        inf: there is none; None: none was made yet.
+        inf: no detour was found; None: none was planned yet.
         """
         group = self._of(leg)
         before = group.blocks.get((*leg.ways, by))
@@ -205,26 +208,26 @@ class TransitCosts:
         group.always = None
 
     def clear(self, leg: TransitEdge) -> None:
-        """The straight form of a leg was proved."""
+        """Record that the straight motion of a leg was certified."""
         group = self._of(leg)
         group.clear, group.always = True, None
 
     def forbid(self, leg: TransitEdge, by: CubePlacement | None) -> None:
-        """Never use a leg again, or not as long as `by` stands: its way was found and could not be proved as sent."""
+        """Exclude a leg, or while the cube `by` is there: its path could not be certified as sent."""
         self.block(leg, by, np.inf)
         self._of(leg).forbidden.add((*leg.ways, by))
 
     def is_blocked(self, leg: TransitEdge, by: CubePlacement | None) -> bool:
-        """Whether that is known already."""
+        """Return whether the leg is known to be blocked by that cube (None: a fixed body)."""
         return (*leg.ways, by) in self._of(leg).blocks
 
     def is_known(self, leg: TransitEdge) -> bool:
-        """Whether something is known of the legs between the same stations."""
+        """Return whether a leg between the same stations was checked."""
         group = self._of(leg)
         return group.clear or bool(group.blocks)
 
     def fastest_unknown(self) -> Iterator[TransitEdge]:
-        """The fastest leg between any two stations of which `is_known` says nothing."""
+        """Yield the fastest leg between each two stations without a checked leg."""
         for kind, rows in self.free.items():
             for i, row in enumerate(rows):
                 for j, times in enumerate(row):
@@ -234,11 +237,11 @@ class TransitCosts:
                         yield leg
 
     def time(self, leg: TransitEdge, by: CubePlacement | None) -> float | None:
-        """What a way around is known to take, s; None where none was made yet."""
+        """Return the time of the known detour, s; None if none was planned yet."""
         return self._of(leg).blocks[*leg.ways, by].time
 
     def found(self, leg: TransitEdge, by: CubePlacement | None, way: Array) -> bool:
-        """Put down what a way around takes; whether that is about what it was taken to take."""
+        """Record the time of a detour; return whether it is about the assumed time."""
         out, into = self.ends(leg)
         group = self._of(leg)
         block = group.blocks[*leg.ways, by]
@@ -267,7 +270,7 @@ class TransitCosts:
                     group.made = min(group.made, excess)
 
     def ask_again(self) -> None:
-        """Forget that there was no way, or no budget, for legs; what is forbidden stays so."""
+        """Forget failed and postponed detours; excluded legs stay excluded."""
         for group in self._groups.values():
             group.always = None
             for key, block in group.blocks.items():
@@ -289,7 +292,7 @@ class TransitCosts:
     def _costs(
         self, table: Table, changed: Callable[[str, tuple[int, ...], Array, Moment], Array] | None
     ) -> Costs:
-        """Times of a table for `plan.program.assignment.sequencing`, changed by what stands where."""
+        """Return the times of a table for `plan.program.assignment.sequencing`, changed by the cubes' placements."""
 
         def begin(pick: int, done: Progress) -> Array:
             time = table[BEGIN][pick][0]
@@ -341,7 +344,7 @@ class TransitCosts:
         return now
 
     def _always(self, group: _Group, kind: str, numbers: tuple[int, ...], time: Array) -> Array:
-        """Times with what always stands in the way; computed again where something was learnt since."""
+        """Return the times with fixed obstacles; they are computed again after something was learnt."""
         state = self.detours.made, self.presume
         if group.always is None or group.always[0] != state:
             now, least = np.array(time), np.inf
@@ -358,7 +361,7 @@ class TransitCosts:
         return self._assumed(leg, block) if block.time is None else block.time
 
     def _assumed(self, leg: TransitEdge, block: _Block) -> float:
-        """What a leg is taken to take whose way around was not made yet, s."""
+        """Return the assumed time of a leg whose detour was not planned yet, s."""
         straight = float(self._straight(leg.kind, leg.numbers)[leg.ways])
         least = straight + _OVERHEAD * straight + _OVERHEAD_S
         known = self.detours.known(block.body)
@@ -378,6 +381,6 @@ class TransitCosts:
         return rows[numbers[0]][numbers[1] if len(numbers) > 1 else 0]
 
     def _closed(self, station: CubePlacement, there: Moment) -> list[int]:
-        """Choices of a station whose line is blocked."""
+        """Return the grasps of a station whose line is blocked."""
         known = self._lines.get(station, set())
         return sorted({way for way, by in known if by is None or by in there})
