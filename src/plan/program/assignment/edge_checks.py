@@ -1,8 +1,8 @@
-"""Lines and ways across of a task, proved once for as many moments of it as possible.
+"""Checks of the lines and transits of a task, each valid for as many moments of the task as possible.
 
-Which cubes stand where changes from step to step. So a line or a way is first proved with a cube standing wherever one
-ever could: then it is clear at every moment. Only where such a cube is in the way is it looked at again with the cubes
-that really stand there by then.
+The placements of the cubes change from step to step. So a line or transit is first checked with a cube at every place
+where one could ever be: if it is clear, it is clear at every moment. If such a cube blocks it, it is checked again with
+the cubes that are there at that moment.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
 from plan.transit.straight import check_straight, sampled
 
-# Part of the margin that the proof of a way may lack: it is searched by samples.
+# Fraction of the search margin that the certificate of a path may lack, because the search checks samples.
 _SLACK = 0.5
-# Samples of RRT-Connect as long as other ways may do.
+# Nodes of RRT-Connect while other sequences may do.
 _FEW_SAMPLES = 150
-# Steps in which a way that will be used is made faster, and what that must save, s.
+# Optimisation steps for a detour that will be used, and the least useful saving, s.
 _POLISH, _WORTH_S = 12, 0.02
-# Steps of the first joint at which bodies that move with it alone are looked at, rad.
+# Steps of the first joint for the check of bodies that only this joint moves, rad.
 _PASSING = np.radians(0.25)
-_UNCHANGED = 1e-5  # m
-# Where nothing leads around with the whole margin, this much of it is tried, m.
+_UNCHANGED = 1e-5  # m, largest change of a distance that counts as none
+# Search margin that is tried if no detour is found with the whole margin, m.
 _LEAST_MARGIN = 1e-4
 
 Moment = frozenset[CubePlacement]
@@ -45,13 +45,13 @@ Moment = frozenset[CubePlacement]
 
 @dataclass(frozen=True)
 class Blocked:
-    """What is in the way.
+    """What blocks a line or transit.
 
     Attributes:
-        by: a cube that may be gone another time, or None for what is always there.
-        check: where it was found.
-        end: whether nothing leads around: an end of the way is itself too near, or what moves with the first joint
-            alone has to pass there.
+        by: a cube that may be elsewhere at another time; None for a fixed body.
+        check: the pair of bodies, their distance and the place.
+        end: whether no detour can exist: an end is itself too near, or a body that only the first joint moves has to
+            pass there.
     """
 
     by: CubePlacement | None
@@ -61,13 +61,13 @@ class Blocked:
 
 @dataclass(frozen=True)
 class TransitQuery:
-    """A way across to be had: between two configurations, with or without a cube.
+    """A transit to plan: between two configurations, with or without a cube.
 
     Attributes:
         q_from, q_to: (n,) rad.
-        ends: velocities with which it is entered and left.
+        ends: velocities at both ends.
         pick: number of the transfer whose cube is carried, or None.
-        own: cubes that stand wherever it is used, at its own stations.
+        own: cubes at its own stations, which are there whenever it is used.
     """
 
     q_from: Array
@@ -78,11 +78,11 @@ class TransitQuery:
 
 
 class EdgeChecks:
-    """What was proved of a task, and what was found in the way.
+    """Checks of one task, with their results kept.
 
     Args:
         stages: its collision worlds.
-        limits: that motion is planned under.
+        limits: limits for planning.
         options: clearances, seed, budgets.
     """
 
@@ -99,20 +99,20 @@ class EdgeChecks:
         self.margin = MARGIN
 
     def least_margin(self) -> None:
-        """From now on ways are searched with hardly more than the asked clearance; what was blocked is asked again."""
+        """Search with the least margin from now on, and check blocked transits again."""
         self.margin = _LEAST_MARGIN
         self._straight.clear()
 
     def line(self, choice: GraspCandidate, station: CubePlacement, pick: int, now: Moment) -> Blocked | None:
-        """What is in the way of a line that is run with the cube of `pick` and without it; None if nothing is.
+        """Return what blocks a line, with the cube of `pick` in the jaws or without it; None if it is clear.
 
-        A line is short and its samples are near each other: they are enough to choose by. What is sent is proved.
+        A line is checked at samples: it is short, its samples are dense, and what is sent is certified later.
 
         Args:
-            choice: the line.
-            station: where it is: the pick, or the place as it is once the cube stands there.
+            choice: the grasp with its line.
+            station: the cube at the line's end: at its source, or at its place after the release.
             pick: number of the transfer.
-            now: what stands there with the jaws open: the cube included.
+            now: placements while the jaws are open, this cube included.
         """
         blocked: Blocked | None = None
         for moment in self._moments(now, frozenset()):
@@ -140,14 +140,14 @@ class EdgeChecks:
         yield stages.holding(pick, without, touches.touches)
 
     def _moments(self, now: Moment, absent: Moment) -> Iterator[Moment]:
-        """All that could ever stand, then what does."""
+        """Yield all placements that could ever be, then the present ones."""
         widest = self.everywhere - absent
         yield widest
         if widest != now:
             yield now
 
     def straight(self, leg: TransitEdge, crossing: TransitQuery, now: Moment) -> Array | Blocked:
-        """The straight way (2, n), or what is in it; for every moment if it is blocked by what always stands."""
+        """Return the certified straight motion (2, n), or what blocks it; a fixed body blocks it at every moment."""
         found: ClearanceCertificate | Blocked | None = None
         for moment in self._moments(now, self._absent(crossing)):
             known = (leg, moment)
@@ -162,18 +162,20 @@ class EdgeChecks:
             if found.by is None:
                 return found
         if not isinstance(found, Blocked):
-            raise ImpossibleError("a way across was asked for at no moment", leg=str(leg))
+            raise ImpossibleError(
+                "a transit was requested at no moment; this is a bug of the planner", leg=str(leg)
+            )
         return found
 
     def around(
         self, leg: TransitEdge, crossing: TransitQuery, now: Moment, known: Sequence[Array], thorough: bool
     ) -> Array | None:
-        """A way around what is in the straight one, or None.
+        """Return a certified detour (m, n), or None.
 
         Args:
-            leg, crossing, now: as `straight`.
-            known: corners (c, n) of ways around the same body, the most promising last.
-            thorough: whether to spend more where none is found soon.
+            leg, crossing, now: as in `straight`.
+            known: corners (c, n) of detours around the same body, the most promising last.
+            thorough: whether to use the whole budget.
         """
         for moment in self._moments(now, self._absent(crossing)):
             asked = (leg, moment)
@@ -191,11 +193,11 @@ class EdgeChecks:
     def polish(
         self, way: Array, crossing_of: Callable[[TransitEdge], TransitQuery]
     ) -> tuple[TransitEdge, Array, float]:
-        """The leg of a way around that was returned, the way made faster with more effort, and the s that this saves.
+        """Optimise a detour with more effort; return its leg, the new path and the time saved, s.
 
         Args:
-            way: as `around` returned it.
-            crossing_of: what was asked for, by its leg.
+            way: a detour returned by `around`.
+            crossing_of: returns the query of a leg.
         """
         leg, moment = next(asked for asked, known in self._ways.items() if known is way)
         if (leg, moment) in self._polished:
@@ -211,7 +213,7 @@ class EdgeChecks:
         return leg, self._ways[leg, moment], saved
 
     def clearance(self, crossing: TransitQuery, world: World) -> float:
-        """What a way is searched with, m: the asked clearance and a margin, or half of what the ends leave of it."""
+        """Return the clearance of the search, m; see `plan.collision.search_margin.searched_clearance`."""
         ends = (crossing.q_from, crossing.q_to)
         return searched_clearance(world, ends, self.options.clearance, self.margin)
 
@@ -238,10 +240,10 @@ class EdgeChecks:
     def _passed(
         self, crossing: TransitQuery, world: World, check: ClearanceCertificate
     ) -> ClearanceCertificate | None:
-        """Where every way is blocked: a body that only the first joint moves has to pass by what stands.
+        """Return where every path is blocked, because a body that only the first joint moves has to pass another one.
 
-        The first joint goes through all values between its two, whatever the others do. A body behind the second
-        joint counts too where turning that makes no difference, such as a cylinder about its axis.
+        The first joint passes all values between its ends, whatever the others do. A body on the second joint counts
+        too if that joint does not change the distance, such as a cylinder about its axis.
         """
         if sorted(map(world.joint_of, check.pair))[0] > 0 or max(map(world.joint_of, check.pair)) > 2:
             return None
@@ -260,7 +262,7 @@ class EdgeChecks:
         return ClearanceCertificate(worst, worst, check.pair, at, False, 1)
 
     def _whatever_the_others(self, world: World, q: Array, pairs: Indices, distance: float) -> bool:
-        """Whether a distance stays the same as the joints behind the first turn."""
+        """Return whether the second joint leaves a distance unchanged."""
         for second in np.linspace(self.limits.lower[1], self.limits.upper[1], 7):
             turned = np.array(q)
             turned[1] = second
@@ -306,14 +308,14 @@ class EdgeChecks:
 
 
 def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertificate | None:
-    """What is too near at samples (m, n) rad of a line, where that begins or ends; None where nothing is."""
+    """Return the closest pair at the first and last blocked samples (m, n) rad of a line; None if it is clear."""
     hits = [i for i, q in enumerate(q_line) if world.in_collision(q, clearance)]
     found = [sampled(world, q_line[i], float(i)) for i in sorted({*hits[:1], *hits[-1:]})]
     return min(found, key=lambda check: check.seen, default=None)
 
 
 def line_error(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
-    """What is in the way of a line, as an error."""
+    """Return the refusal of a line."""
     return ImpossibleError(
         f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
         f"{nearness(check.pair, check.seen, clearance)}",
@@ -326,7 +328,7 @@ def line_error(choice: GraspCandidate, check: ClearanceCertificate, clearance: f
 
 
 def leg_error(leg: TransitEdge, blocked: Blocked, clearance: float, stages: TaskWorlds) -> ImpossibleError:
-    """What is in the way of a leg, as an error."""
+    """Return the refusal of a leg."""
     check = blocked.check
     picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
     match leg.kind:
@@ -346,12 +348,12 @@ def leg_error(leg: TransitEdge, blocked: Blocked, clearance: float, stages: Task
     elif 0.0 < check.time < 1.0:
         near = f"is {seen} from" if check.seen > 0.0 else "is inside"
         text = (
-            f"nothing leads from {origin} to {goal}: joint 1 has to pass where {names[0]} {near} {names[1]}"
+            f"no path from {origin} to {goal} exists: joint 1 has to pass where {names[0]} {near} {names[1]}"
         )
     else:
         at, data["end"] = (origin, "from") if check.time == 0.0 else (goal, "to")
         near = f"are {seen} apart" if check.seen > 0.0 else "overlap"
-        text = f"{at} is itself too near for a move from or to it: {names[0]} and {names[1]} {near} there"
+        text = f"{at} is itself too near to a body: {names[0]} and {names[1]} {near} there"
     return ImpossibleError(
         f"{text} (required: {clearance * 1e3:g} mm)",
         **data,
