@@ -56,7 +56,7 @@ def test_a_budget_stops_at_the_best_complete_sequence(case: Task2, free: tuple[P
 
 
 def test_too_small_a_budget_is_reported(case: Task2) -> None:
-    with pytest.raises(ImpossibleError, match=r"budget of 0.2 s of effort is spent: no sequence") as caught:
+    with pytest.raises(ImpossibleError, match=r"budget of 0.2 s of effort is spent: no complete sequence") as caught:
         planned(case, SearchBudget(0.2))
     assert caught.value.data["budget"] == "effort"
     assert caught.value.data["rejected"]
