@@ -1,4 +1,4 @@
-"""Candidate paths over one or two corners: the tool lifted or retracted from the straight move, or random corners."""
+"""Candidate paths over one or two corners: the tool lifted or retracted from the straight motion, or random corners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Straight joint lines that are checked at samples, by coal's yes/no."""
+"""Straight joint lines that are checked at samples, by coal's collision test."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from arm.se3 import Array
 
-# Fractions of a line that are looked at first: most lines are blocked, and a few samples find that out.
+# Fractions of a line that are checked first: most lines are blocked, and a few samples show it.
 FIRST_SAMPLES = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
 
 
 class SampledEdges:
-    """Checks of configurations and of straight joint lines between them; samples prove nothing.
+    """Checks of configurations and of straight joint lines between them, at samples, which prove nothing.
 
     Args:
         too_near: returns whether a configuration lacks the clearance (`World.too_near`).

@@ -1,4 +1,4 @@
-"""Ends of a transit that are themselves nearer to a body than asked: they are left, or come to, with what they have."""
+"""Ends of a transit with less than the required clearance: the line at such an end is certified with what it has."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _ATTEMPTS = 400
 _OFFSET = 2e-3  # rad, by which the standard deviation of a way-point from the end grows with each attempt
 _FEW_JOINTS = 0.5  # share of the way-points that keep a joint where it is at the end
 _RESOLUTION = 0.05  # rad summed over the joints, of samples before a proof
-_ROUNDING = 1e-4  # m, of the end's distance that the proof of its line may lack
+_ROUNDING = 1e-4  # m, by which the certified clearance of the line may be less than the end's distance
 
 
 @dataclass(frozen=True)
 class NearEnd:
-    """An end that has less than the asked clearance.
+    """An end with less than the required clearance.
 
     Attributes:
         end: ``from`` or ``to``.
         pair: the bodies that are too near there.
         distance: between them, m.
         clearance: certified on the straight joint line between the end and `waypoint`, m.
-        waypoint: (n,) rad, the next way-point, which has the asked clearance.
+        waypoint: (n,) rad, the next way-point, which has the required clearance.
     """
 
     end: str
@@ -42,14 +42,14 @@ class NearEnd:
 def leave_near_end(
     world: World, limits: Limits, end: str, q: Array, clearance: float, rng: np.random.Generator
 ) -> NearEnd | None:
-    """Return how an end is left by a straight joint line; None if it has no clearance at all, or none was found.
+    """Return a certified straight joint line from an end; None if bodies touch there, or none was found.
 
     Args:
         world: bodies to avoid.
         limits: joint limits.
         end: ``from`` or ``to``.
         q: (n,) rad, the end.
-        clearance: asked, m; the way-point has it, the line only what the end has.
+        clearance: required clearance, m; the way-point has it, the line has only that of the end.
         rng: source of all random choices.
     """
     closest, too_near = world.distance(q), world.too_near(clearance)

@@ -30,7 +30,7 @@ from plan.budget import QP_CHECKS, spend
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, straight_time
 
-_GOOD_ENOUGH = 1.002  # optimisation ends at this multiple of the straight move's duration
+_GOOD_ENOUGH = 1.002  # optimisation ends at this multiple of the straight motion's duration
 _WORTH = 1e-3  # least useful gain of a step, relative to the path's duration
 _INFLUENCE = 0.04  # m beyond the clearance: pairs further apart do not constrain a step
 _EXTRA = 1e-3  # m added to the clearance where distances are linearised

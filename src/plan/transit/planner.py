@@ -8,8 +8,8 @@ gives the same way-points:
 2. if none of these is collision-free, RRT-Connect (`plan.transit.rrt_connect`), shortcuts (`plan.transit.shortcuts`)
    and the same optimisation.
 
-What is found is checked at samples, with coal's yes/no. What is returned is proved: every edge by
-`plan.collision.certificate`; an edge that cannot be proved gets another way-point (`plan.transit.proofs`).
+The search checks samples, by coal's collision test. Every edge of the returned path is certified
+(`plan.collision.certificate`); an edge that cannot be proved gets another way-point (`plan.transit.proofs`).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ _POOR = 1.25
 _ALMOST = 1.1
 # Number of earlier paths to reuse, and the distance of their samples, rad summed over the joints.
 _REMEMBERED, _SAMPLE_TRAVEL = 6, 0.2
-# Distances of the samples on edges of trees, rad summed over the joints: the next one is used where no proof was found.
+# Distances of the samples on edges of trees, rad summed over the joints: the next one is used if the proof fails.
 _RESOLUTIONS = 0.15, 0.05, 0.02
-_FINER = 3.0  # times, the samples of a way-point that is put into an edge
+_FINER = 3.0  # factor by which samples are denser on the edges of a way-point that is added by a proof
 _MARGINS = 1e-3, 2.5e-4  # m, added to the clearance of samples if both ends have it
 
 
@@ -57,8 +57,8 @@ class Transit:
 
     Attributes:
         waypoints: (m, n) rad.
-        clearances: certified of each line, (m - 1,) m: the asked one, or less at a near end.
-        near_ends: the ends that have less than the asked clearance.
+        clearances: certified clearance of each line, (m - 1,) m: the required one, or less at a near end.
+        near_ends: the ends with less than the required clearance.
     """
 
     waypoints: Array
@@ -78,7 +78,7 @@ def plan_transit(
 ) -> Array:
     """Return way-points (m, n) rad from `q_from` to `q_to` such that the straight lines between them are certified.
 
-    An end that has less than the asked clearance is refused here; `find_transit` leaves it with what it has.
+    An end with less than the required clearance is refused; `find_transit` accepts it.
 
     Args:
         world: bodies to avoid.
@@ -92,7 +92,7 @@ def plan_transit(
     Raises:
         InputError: an end is beyond a limit, or not one finite number per joint.
         ImpossibleError: an end itself is too near to a body, or no path was found; data: pair, distance_m (of the
-            straight move), end ("from", "to" or None).
+            straight motion), end ("from", "to" or None).
     """
     start, goal = _checked_ends(world, q_from, q_to, limits)
     for end, q in (("from", start), ("to", goal)):
@@ -111,13 +111,14 @@ def find_transit(
     budget: TransitBudget | None = None,
     ends: Ends | None = None,
 ) -> Transit:
-    """Plan as `plan_transit` does, but leave, or come to, an end with less than the asked clearance with what it has.
+    """Plan a transit as `plan_transit` does, but accept an end with less than the required clearance.
 
-    The first or last line then leads to a way-point that has the asked clearance. `Transit` says what is certified.
+    The line between such an end and the next way-point, which has the required clearance, is certified with what the
+    end has; see `Transit`.
 
     Raises:
         InputError: as `plan_transit`.
-        ImpossibleError: as `plan_transit`; an end is refused if it touches a body, or if nothing leads away from it.
+        ImpossibleError: as `plan_transit`; an end is refused if it touches a body, or if no line from it was found.
     """
     start, goal = _checked_ends(world, q_from, q_to, limits)
     rng = np.random.default_rng(integer("seed", seed, 0))
@@ -169,7 +170,7 @@ def _between(
     if found is None:
         raise ImpossibleError(
             f"no path around {straight.pair[1]}: {straight.pair[0]} comes within {straight.seen * 1e3:.1f} mm of it on "
-            f"the straight move (required: {clearance * 1e3:g} mm), and RRT-Connect found no other with "
+            f"the straight motion (required: {clearance * 1e3:g} mm), and RRT-Connect found no other path with "
             f"{search.budget.rrt} nodes; a smaller clearance or another place of the body may help",
             pair=list(straight.pair),
             distance_m=straight.seen,
@@ -183,7 +184,7 @@ def _end_blocked(world: World, end: str, q: Array, clearance: float) -> Impossib
     closest = world.distance(q)
     where = "start" if end == "from" else "end"
     return ImpossibleError(
-        f"the {where} of the move is itself too near: {closest.pair[0]} and {closest.pair[1]} are "
+        f"the {where} of the motion is itself too near: {closest.pair[0]} and {closest.pair[1]} are "
         f"{closest.value * 1e3:.1f} mm apart (required: {clearance * 1e3:g} mm)"
         + self_collision_help(world, q, clearance),
         pair=list(closest.pair),
@@ -202,7 +203,7 @@ class TransitPlanner:
         budget: budget of the search.
         ends: velocities at both ends; default: at rest.
         known: corners (c, n) of earlier paths, which are tried first; those of a new path are appended.
-        slack: paths are certified with this much less than `clearance`, m, because samples miss a little.
+        slack: paths are certified with this much less than `clearance`, m, because the search checks only samples.
     """
 
     def __init__(
@@ -244,7 +245,7 @@ class TransitPlanner:
     def by_trees(self, start: Array, goal: Array) -> Array | None:
         """Return a certified path by RRT-Connect, or None.
 
-        Trees and shortcuts are checked at samples, with a margin if both ends have it; only the path is proved. If that
+        Trees and shortcuts are checked at samples, with a margin if both ends have it. Only the path is proved; if that
         fails, the search is repeated with finer samples.
         """
         margin = 0.0 if self.slack else _margin(self.world, (start, goal), self.clearance)

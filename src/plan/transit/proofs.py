@@ -15,7 +15,7 @@ from plan.transit.edges import SampledEdges
 
 _DEEPEST = 3  # an edge is divided at most this often
 _ATTEMPTS = 24  # way-points that are tried for one edge
-_PROVED = 3  # of them, those whose two edges are clear at samples and that are proved
+_PROVED = 3  # of them, those that are clear at samples and whose proof is tried
 _OFFSET = 0.02  # rad, by which the standard deviation of a way-point from its edge grows with each attempt
 
 
@@ -26,7 +26,7 @@ class PathProof:
         world: bodies to avoid.
         limits: joint limits of new way-points.
         clearance: required, m.
-        edges: fine samples of new edges, with the clearance of the search.
+        edges: checks of new edges at finer samples, with the clearance of the search.
         rng: source of all random choices.
     """
 

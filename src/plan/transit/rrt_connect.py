@@ -1,11 +1,11 @@
 """RRT-Connect (J. Kuffner, S. LaValle, ICRA 2000) with edges that are checked at samples.
 
-Three things differ from the paper:
+It differs from the paper in three ways:
 
 - Both trees grow as far as they can, not by one step, and keep the free part of a blocked line.
 - The smaller tree grows, so that the one in the narrower place gets more attempts.
-- Every other target keeps about half of the joints where they are at the nearest node. Out of a narrow place often only
-  a few joints lead, and a random direction turns all of them.
+- Every other target keeps about half of the joints as they are at the nearest node: often only a few joints lead out of
+  a narrow place, and a random direction moves all of them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from plan.transit.edges import SampledEdges
 _SPACING = 7  # samples of an edge between two nodes on it
 _FEW_JOINTS = 0.5  # share of the targets that keep some joints
 _KEPT = 0.5  # share of the joints that they keep
-_TARGETS = 10  # random targets for each node that is allowed; in a narrow place most are blocked at once
+_TARGETS = 10  # random targets for each allowed node; in a narrow place most are blocked at the first sample
 
 
 @dataclass(eq=False)
@@ -29,8 +29,8 @@ class RrtConnect:
     """Two trees that grow towards random configurations and towards each other.
 
     Attributes:
-        limits: joint limits; distances are of travel times, so that slow joints count more.
-        edges: checks of their edges.
+        limits: joint limits; distances are travel times, so that slow joints count more.
+        edges: checks of the trees' edges.
         rng: source of all random choices.
     """
 
@@ -67,7 +67,7 @@ class RrtConnect:
         return self._follow(tree, near, target)[0]
 
     def _follow(self, tree: _Tree, node: int, target: Array) -> tuple[int | None, bool]:
-        """Grow from a node towards `target`; return the last node (None if nothing is free) and whether it is there."""
+        """Grow from a node to `target`; return the last node (None if blocked at once) and whether it is the target."""
         if np.array_equal(tree.nodes[node], target):
             return node, True
         passed, reached = self.edges.advance(tree.nodes[node], target)
@@ -79,7 +79,7 @@ class RrtConnect:
 
 
 class _Tree:
-    """Configurations with their parents; distances are of travel times."""
+    """Configurations with their parents; distances are travel times."""
 
     def __init__(self, root: Array, velocity: Array) -> None:
         self.nodes = [root]

@@ -1,4 +1,4 @@
-"""Shorter paths: corners that are left out, and straight lines between random places, as far as samples are free."""
+"""Shortcuts of paths: corners are removed, and random places joined by straight lines, if all samples are free."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def shortened(
     Args:
         path: way-points (m, n) rad.
         edges: checks of new lines.
-        limits: places on the path are drawn evenly over travel time at the velocity limits.
+        limits: joint limits; places on the path are uniform over the travel time at the velocity limits.
         time: estimates the duration of a path, s.
         rng: source of all random choices.
         attempts: number of random shortcuts that are tried.
@@ -47,7 +47,7 @@ def shortened(
 
 
 def without_needless_corners(path: Array, edges: SampledEdges) -> Array:
-    """Return the path over the farthest way-point that is free in a straight line, from each way-point on."""
+    """Return the path with each way-point joined to the farthest one that a free straight line reaches."""
     kept = [0]
     while kept[-1] < len(path) - 1:
         at, to = kept[-1], len(path) - 1

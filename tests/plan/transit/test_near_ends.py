@@ -83,5 +83,5 @@ def test_ends_with_the_clearance_are_as_ever() -> None:
 
 def test_an_end_that_touches_is_refused() -> None:
     for find, gap in ((find_transit, -0.001), (plan_transit, 0.003)):
-        with pytest.raises(ImpossibleError, match="the start of the move is itself too near"):
+        with pytest.raises(ImpossibleError, match="the start of the motion is itself too near"):
             find(world_with(plate_below(gap)), RIGHT, LEFT, LIMITS, ASKED, 0)

@@ -72,12 +72,12 @@ def test_the_same_seed_gives_the_same_way() -> None:
 def test_a_blocked_end_is_named() -> None:
     at_goal = Body("crate", Box((0.1, 0.1, 0.1)), transform(t=ROBOT.T_base_tool(LEFT)[:3, 3]), "wall")
     with pytest.raises(
-        ImpossibleError, match=r"the end of the move is itself too near: \w+ and crate"
+        ImpossibleError, match=r"the end of the motion is itself too near: \w+ and crate"
     ) as caught:
         plan_transit(world_with(at_goal), RIGHT, LEFT, LIMITS, 0.011, 0)
     assert caught.value.data["end"] == "to"
     assert caught.value.data["distance_m"] < 0.011
-    with pytest.raises(ImpossibleError, match="the start of the move") as caught:
+    with pytest.raises(ImpossibleError, match="the start of the motion") as caught:
         plan_transit(world_with(at_goal), LEFT, RIGHT, LIMITS, 0.011, 0)
     assert caught.value.data["end"] == "from"
 

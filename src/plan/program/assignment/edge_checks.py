@@ -344,7 +344,7 @@ def leg_error(leg: TransitEdge, blocked: Blocked, clearance: float, stages: Task
     data: dict[str, object] = {"from": origin, "to": goal}
     if not blocked.end:
         near = f"is {seen} from it" if check.seen > 0.0 else "would go through it"
-        text = f"no path around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight move"
+        text = f"no path around {names[1]} from {origin} to {goal}: {names[0]} {near} on the straight motion"
     elif 0.0 < check.time < 1.0:
         near = f"is {seen} from" if check.seen > 0.0 else "is inside"
         text = (
