@@ -1,12 +1,12 @@
-"""Motions from rest to rest, as they will be sent: lines and transits, joined without a stop where that is allowed.
+"""Motions from rest to rest, as they will be sent: lines and transits, joined without stops where the targets allow it.
 
 The joined path is timed, converted to integer segments and certified phase by phase, each in its own world and with its
 own clearance. A line and a transit are joined at speed (`plan.trajectory.joint_path.chained`). The corner between two
-lines is rounded, if its target allows it: both are cut short and a straight joint move connects them. Two transits that
-meet at a target become one through it, if the rounded corner passes it near enough.
+lines is rounded if its target allows it: both lines are shortened, and a straight joint motion connects them. Two
+transits that meet at a target become one, if the rounded corner passes the target closely enough.
 
-Longer blends save time but come nearer to bodies, so the longest ones that are certified are used. If none are, the arm
-stops between the phases and at every way-point.
+Longer blends save time but come nearer to bodies, so the longest blends that can be certified are used. If none can,
+the arm stops between the phases and at every way-point.
 """
 
 from __future__ import annotations
@@ -39,18 +39,21 @@ from plan.trajectory.virtual_unit import is_virtual
 _BLENDS = (1.0, 0.4, 0.15, 0.05)  # factors on the duration of blends, in the order of the attempts
 _SMALLER, _CUTS = 0.7, 4  # factor on a cut whose corner passes too far from its target, and the most attempts
 _OFF_LINE = 1e-4  # m, largest distance of the tool as it is sent from its line
-# Largest deviation of a joint from the planned motion, rad. Lines at the ends of a motion have a tolerance at the tool
-# besides; other lines need the smaller deviation. The counts of a virtual unit are so fine that they never limit.
+# Largest deviation of a joint from the planned motion, rad. Lines at the ends of a motion also have a tolerance at the
+# tool; other lines need the smaller deviation. With a virtual unit's fine counts the deviation may be much smaller.
 _DEVIATION, _ON_LINES, _VIRTUAL = 2e-4, 5e-5, 1e-6
-_BEYOND = 1e-9  # rad or m, past a limit of position, for the last bits of arithmetic
-_NOWHERE = 1e-6  # rad, a transit that is shorter is not blended
+_BEYOND = 1e-9  # rad or m, excess beyond a position limit that is accepted as an error of arithmetic
+_NOWHERE = 1e-6  # rad, length below which a transit is not blended
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """What is joined: a line, perhaps cut short, or way-points; the index of its move, and what it leads past.
+    """One part of a motion: a line, perhaps shortened, or way-points.
 
-    `via` lists the tool's positions (3,) m at targets that way-points lead past, with the largest distance.
+    Attributes:
+        move: index of its move.
+        shape: the line, or the way-points (m, n) rad.
+        via: tool positions (3,) m of targets that the path passes, each with the largest allowed distance, m.
     """
 
     move: int
