@@ -56,7 +56,9 @@ def test_a_budget_stops_at_the_best_complete_sequence(case: Task2, free: tuple[P
 
 
 def test_too_small_a_budget_is_reported(case: Task2) -> None:
-    with pytest.raises(ImpossibleError, match=r"budget of 0.2 s of effort is spent: no complete sequence") as caught:
+    with pytest.raises(
+        ImpossibleError, match=r"budget of 0.2 s of effort is spent: no complete sequence"
+    ) as caught:
         planned(case, SearchBudget(0.2))
     assert caught.value.data["budget"] == "effort"
     assert caught.value.data["rejected"]
@@ -107,8 +109,6 @@ def test_ctrl_c_before_a_complete_plan_reports_none(case: Task2, monkeypatch: py
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sequence.TaskSearch, "_proved", pressed)
-    with pytest.raises(
-        PlanningInterrupted, match="interrupted: no complete sequence was found"
-    ) as caught:
+    with pytest.raises(PlanningInterrupted, match="interrupted: no complete sequence was found") as caught:
         planned(case)
     assert caught.value.plan is None
