@@ -46,9 +46,9 @@ class PlanOptions:
             calibration. So less than the usual 5 mm must be allowed here, and every display of the plan reports it.
         line_clearance: required on approach and retract, where the jaws pass the cube and the plate, m; contacts that
             the station allows are excepted.
-        near_ends: whether a start or goal that itself has less than `clearance` is left, or come to, with what it has,
-            on one straight joint line; only where no other configuration will do. The plan says so. Else it is refused.
-            Goals of transfers are refused in any case.
+        near_ends: whether a start or goal with less than `clearance` is accepted if no other configuration will do. One
+            straight joint line to or from it is then certified with the clearance that it has, and the plan says so.
+            Transfers never accept such ends.
         offset: length of approach and retract, m.
         approach_speed: tool speed on approach and retract at speed 1, m/s.
         fraction_closed: target of the jaws when gripping, 0 open to 1 shut.

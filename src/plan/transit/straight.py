@@ -1,4 +1,4 @@
-"""The straight joint line between two configurations: proved, or where it is blocked. Samples are looked at first."""
+"""The straight joint line between two configurations: certified, or the place where it is blocked."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class StraightLine:
     """A straight line from a to b, (n,) rad, in one world.
 
     Attributes:
-        clearance: that it was searched with, m: the asked one and a margin.
-        at: fraction of it where it is blocked.
-        check: its certificate; None where a sample showed that it is blocked.
-        end: ``from`` or ``to`` where that end itself lacks the asked clearance, else None.
+        clearance: clearance of the search, m: the required one plus a margin.
+        at: fraction of the line at which it is blocked.
+        check: its certificate; None if a sample is blocked.
+        end: ``from`` or ``to`` if that end itself has less than the required clearance, else None.
     """
 
     a: Array
@@ -36,21 +36,21 @@ class StraightLine:
         return self.check is not None and self.check.proved
 
     def seen(self, world: World) -> ClearanceCertificate:
-        """Return its certificate, or the distance at the sample that shows that it is blocked.
+        """Return its certificate, or the distance at the blocked sample.
 
-        Distances are computed only here, because hundreds of lines may be blocked.
+        This distance is computed only here, because hundreds of lines may be blocked.
         """
         return self.check or sampled(world, self.a + self.at * (self.b - self.a), self.at)
 
 
 def check_straight(world: World, a: Array, b: Array, asked: float, margin: float = MARGIN) -> StraightLine:
-    """Return the straight line from a to b (n,) rad, proved or blocked.
+    """Return the straight line from a to b (n,) rad, certified or blocked. A few samples are checked first.
 
     Args:
         world: bodies to avoid.
-        a, b: its ends; they need only the asked clearance.
+        a, b: its ends; they need only the required clearance.
         asked: required clearance, m.
-        margin: added where the ends allow it, m (`plan.collision.search_margin`).
+        margin: added to it if the ends allow it, m (`plan.collision.search_margin`).
     """
     for end, at, q in (("from", 0.0, a), ("to", 1.0, b)):
         if world.in_collision(q, asked):

@@ -67,7 +67,7 @@ def test_every_planner_advises_an_srdf(tmp_path: Path) -> None:
 def test_no_srdf_advice_if_the_pairs_are_disabled(tmp_path: Path) -> None:
     robot = arm(tmp_path, SEVEN, [("l0", "l2"), ("l2", "l4"), ("l4", "l6")])
     ball = Body("ball", Sphere(0.05), robot.T_base_tool(Q), "wall")
-    with pytest.raises(ImpossibleError, match="start elsewhere, ask for less clearance") as caught:
+    with pytest.raises(ImpossibleError, match="start elsewhere, require less clearance") as caught:
         plan_poses(robot, [ball], [Target("there", robot.T_base_tool(Q + 0.1))], Q, urdf_limits(robot, 5.0))
     assert "disable_collisions" not in str(caught.value)
 

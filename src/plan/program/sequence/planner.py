@@ -274,7 +274,7 @@ class SequencePlanner:
 
 
 def _near_ends(search: PoseSearch, legs: Sequence[SequenceStep]) -> Iterator[dict[str, Any]]:
-    """Yield what `Planned.near_ends` says of a sequence."""
+    """Yield the entries of `Planned.near_ends` of a sequence."""
     places = [layer.name for layer in search.layers]
     for number, leg in enumerate(legs):
         for near in leg.near:

@@ -44,7 +44,9 @@ from plan.transit.straight import StraightLine, check_straight
 
 # Assumed excess of a detour, relative to the straight motion, until it is planned.
 _DETOUR = 0.15
-_NEAR_END_S = 60.0  # cost of each end with less than the required clearance, so that other sequences come first
+_NEAR_END_S = (
+    60.0  # cost of each end with less than the required clearance, so that other sequences come first
+)
 _BEST_SHARE = 0.5  # share of a budget for the fastest sequence; the rest is for any complete one
 
 
