@@ -96,7 +96,8 @@ def print_failure(console: Console, failure: Failure) -> None:
     console.say(f"{failure.kind}: {failure.step}")
     columns = [0, 1, 2, 3] if any(row[2] for row in rows) else [0, 3]
     header = ("where", "candidates", "for example", "rejected because")
-    console.table([header[i] for i in columns], [[row[i] for i in columns] for row in rows[:_ROWS]])
+    if [row[3] for row in rows] != [failure.headline]:  # the refusal itself follows
+        console.table([header[i] for i in columns], [[row[i] for i in columns] for row in rows[:_ROWS]])
     more = len(failure.ways) - sum(row[1] for row in rows[:_ROWS])
     if more:
         console.say(f"and {more} more candidates; --json lists all")
