@@ -65,11 +65,9 @@ class PlanOptions:
         aim: ``time``: the fastest plan with the required clearance; ``clearance``: the one with the largest clearance
             (`plan.program.aim`), which takes some ten times as long to plan.
         clearance_worth: with ``clearance``, how much longer a plan may be for more clearance, s per m; None: any time.
-        solver: of the quadratic programs of lines (`plan.cartesian.differential_ik`): ``daqp`` or ``osqp``, which takes
-            several times as long.
-        timing: of joined motions and lines: ``own``: `plan.trajectory.topp_ra`; ``toppra``: the library of this name,
-            corrected like ours (`plan.trajectory.toppra_timing`), which takes several times as long. It has no jerk
-            limits.
+        solver: solver of the quadratic programs of lines (`plan.cartesian.differential_ik`): ``daqp`` or ``osqp``.
+        timing: time parametrisation of joined motions and lines: ``own`` (`plan.trajectory.topp_ra`) or ``toppra``, the
+            library of this name with our corrections (`plan.trajectory.toppra_timing`), without jerk limits.
         seed: seed of every random choice.
         transit: budget of the transit search.
     """

@@ -1,9 +1,8 @@
-"""Lines that keep a clearance: what is free bends the path of the joints around what is near.
+"""Lines that keep a clearance: free rotations of the tool and redundant joints bend the joint path around obstacles.
 
 The plain line comes first. If it cannot be followed, or its certificate refuses it, the line is followed again with
-collision barriers (`plan.cartesian.collision_barrier`), which use what the line leaves free: turns of the tool, and
-joints that an arm has beyond those that a pose takes. Way-points are searched near a chain of clear samples
-(`plan.cartesian.line_samples`); if there is none, near the one before. The result is certified, too.
+collision barriers (`plan.cartesian.collision_barrier`). Each way-point is searched near a chain of clear samples
+(`plan.cartesian.line_samples`); if there is no chain, near the previous way-point. The result is certified too.
 """
 
 from __future__ import annotations
@@ -25,9 +24,9 @@ from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.collision.world import World
 
 _NEAR = 0.05  # m beyond the clearance: pairs further apart do not constrain a step
-# m beyond the clearance at way-points, for what lies between them; and of the samples that show a way
+# Margins beyond the clearance, m, of way-points (the path between them may come nearer) and of samples; tried in order.
 _MARGINS = ((1e-3, 1e-3), (3e-4, 0.0))
-_ROOM = 1e-3  # rad (m for a prismatic joint) from limits at way-points, for what lies between them
+_ROOM = 1e-3  # rad (m for a prismatic joint), distance of way-points from limits, as the path between may come nearer
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +34,8 @@ class ClearLine:
     """A line as it was followed.
 
     Attributes:
-        path: of the joints.
-        free_axis: what was free of the tool's rotation; see `plan.cartesian.differential_ik.LineOptions`.
+        path: the joint path.
+        free_axis: free rotations of the tool; see `plan.cartesian.differential_ik.LineOptions`.
         check: certificate of the path; see `ClearanceCertificate.proved`.
     """
 
@@ -59,20 +58,20 @@ def follow_clear_line(
 
     Args:
         world: the arm and all bodies.
-        clearance: asked for, m.
+        clearance: required clearance, m.
         q_start: (n,) rad, with the tool at the start of the line.
         line: the line.
-        limits: of position and velocity.
-        options: of the plain line.
-        free_axis: what may turn where the plain line does not do, one of `plan.kinematics.straight_line.TURNS`.
-        end_clearance: asked for at the end of the line, where it is more, m.
+        limits: limits of position and velocity.
+        options: options of the plain line.
+        free_axis: free rotations of bent lines, one of `plan.kinematics.straight_line.TURNS`.
+        end_clearance: required clearance at the end of the line, if it is larger, m.
 
     Returns:
-        The first of the plain line and the bent ones that is proved and ends with its clearance, or else the first that
-        is proved; if none is, the plain line.
+        The first line, plain or bent, that is certified and ends with the clearance for its end; else the first that is
+        certified; else the plain line.
 
     Raises:
-        ImpossibleError: the line cannot be followed in any way; data: those of the plain line, see
+        ImpossibleError: the line cannot be followed, plain or bent; data: those of the plain line, see
             `plan.cartesian.line.follow_line`.
     """
 
@@ -84,7 +83,7 @@ def follow_clear_line(
     def attempts() -> Iterator[LineOptions]:
         yield options
         if 6 - len(free_axis or "") >= len(q_start):
-            return  # nothing is free
+            return  # no free rotation and no redundant joint
         samples = LineSamples(world.robot, q_start, line, limits, free_axis)
         for margin, way_margin in _MARGINS:
             kept = searched_clearance(world, [q_start], clearance, way_margin)

@@ -1,9 +1,9 @@
-"""Which way to bend along a line: samples of what the line leaves free, chained by the least motion.
+"""Samples of the free directions along a line, chained by the least motion: an initial guess for bent lines.
 
-Barriers only stop a step that comes too near; which way around is free, they do not know. So configurations are
-sampled in stations along the line: around the start, steps along the null space of the tool's task give a row of them,
-and each is continued from station to station. Of those that are clear, dynamic programming chooses one per station (as
-in ladder graphs: Descartes, ROS-Industrial). The result is a guess for the follower with barriers, not a path.
+Barriers prevent steps that come too near, but do not show on which side of a body there is room. So configurations are
+sampled at stations along the line. At the start, steps along the null space of the tool's task give a row of samples;
+each is continued from station to station. Dynamic programming chooses one clear sample per station (as in ladder
+graphs: Descartes, ROS-Industrial). The result is a guess for the follower with barriers, not a path.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class LineSamples:
 
         Args:
             world: the arm and all bodies.
-            clearance, end_clearance: asked for on the line and at its end, m.
+            clearance, end_clearance: required clearances on the line and at its end, m.
         """
         too_near, on = world.too_near(clearance), self.reached.copy()
         for i in range(1, len(on)):
