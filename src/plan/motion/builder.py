@@ -167,7 +167,7 @@ class MotionBuilder:
             check = self._check(group[0], path)
             if not check.proved or (careful and self._off_lines(group, joins, path)):
                 return None
-            if self._beyond_limits(path).max() > _BEYOND:  # a blend out of a line may swing past its end
+            if self._beyond_limits(path).max() > _BEYOND:  # a blend at the end of a line may overshoot
                 return None
             moves.append(_move(group, path, check))
         return moves
@@ -286,7 +286,7 @@ class MotionBuilder:
         return certify_move(phase.world, path, self.unit, phase.clearance, tight)
 
     def _beyond_limits(self, path: CountPath) -> Array:
-        """Return by how much joints leave their limits of position, (n,) rad; negative within them."""
+        """Return the largest excess of each joint beyond its position limits, (n,) rad; negative within them."""
         extremes = segment_extremes(path, self.unit)
         beyond = np.maximum(self.sent.lower - extremes.lower, extremes.upper - self.sent.upper)
         return np.asarray(beyond.max(axis=0))
@@ -363,7 +363,8 @@ def _unproved(phase: MotionPhase, check: ClearanceCertificate) -> ImpossibleErro
 
 def _past_limit(phase: MotionPhase, joint: str, beyond: float) -> ImpossibleError:
     return ImpossibleError(
-        f"step {phase.name!r}: {joint} would leave its limits by {beyond:.2g} rad (m); keep goals away from them",
+        f"step {phase.name!r}: joint {joint} would exceed its position limits by {beyond:.2g} rad (m); move the goals "
+        "away from these limits",
         step=phase.name,
         role=phase.role,
         joint=joint,

@@ -159,7 +159,7 @@ def _actions(target: Target, state: AttachmentState) -> Iterator[Step]:
         at = f"{verb} at {target.name}"
         text = "close on it" if target.attach is not None else "let go" if target.detach else at
         yield GripperStep(f"{target.prefix}{text}", verb, target.cube, target.jaws, target.settle_s)
-    # jaws that serve a cube say with it what is held; all others know of no body
+    # the jaws of a step that moves a cube state what is held; other steps need a pause for it
     told = target.jaws is not None and target.cube is not None
     if target.dwell_s > 0.0 or (not told and (target.attach is not None or target.detach)):
         yield Pause(target.name, target.dwell_s, target.attach, let_go)

@@ -258,7 +258,7 @@ class TransitCosts:
         return time <= assumed * (1.0 + _NEAR)
 
     def faster(self, leg: TransitEdge, way: Array, saved: float) -> None:
-        """A way around that is known was made faster, by `saved` s."""
+        """Record that a known detour was made faster by `saved` s."""
         group = self._of(leg)
         group.always = None
         for (a, b, by), block in group.blocks.items():

@@ -1,9 +1,9 @@
-"""What no order and assignment undercuts, where there are too many to try them all.
+"""A lower bound over all orders and assignments, for tasks with too many of them to try.
 
-All orders of the picks are covered by dynamic programming over the picks that are done and the last place (M. Held,
-R. Karp, 1962). Which other places are filled is left out of the state, so a place may be used twice. A price of each
-place, which is found by subgradient steps (B. Polyak, 1969), makes that cost more (N. Christofides, A. Mingozzi,
-P. Toth, "State-space relaxation procedures for the computation of bounds to routing problems", 1981).
+Dynamic programming over the picks done and the last place covers all orders of the picks (M. Held, R. Karp, 1962). The
+state leaves out which other places are filled, so a place may be used twice. Subgradient steps (B. Polyak, 1969) find a
+price for each place that makes this cost more (N. Christofides, A. Mingozzi, P. Toth, "State-space relaxation
+procedures for the computation of bounds to routing problems", 1981).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from scipy.optimize import linear_sum_assignment
 from arm.se3 import Array, Indices
 
 _MOST_PICKS = 13
-_STEPS, _IDLE = 60, 6  # of the multipliers; steps without gain after which they become half as long
-_CLOSE = 1e-4  # s, between the bound and a sequence from which nothing is gained
+_STEPS, _IDLE = 60, 6  # number of subgradient steps; steps without gain after which the step length is halved
+_CLOSE = 1e-4  # s, gap between the bound and a sequence at which the steps end
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class LegTimes:
     Attributes:
         begin: (picks,) from the start.
         carry: (picks, places).
-        go_on: (picks, places, picks): by the number of cubes that were moved before, from place to pick.
+        go_on: (picks, places, picks): by the number of cubes moved before, from place to pick.
         end: (places,) to the end.
     """
 
@@ -41,7 +41,7 @@ class LegTimes:
 
 
 def order_bound(legs: LegTimes, upper: float) -> float:
-    """Return a lower bound of the times of all sequences, s.
+    """Return a lower bound on the times of all sequences, s.
 
     Args:
         legs: least times.
@@ -55,7 +55,7 @@ def order_bound(legs: LegTimes, upper: float) -> float:
         idle = 0 if bound > best + _CLOSE else idle + 1
         best = max(best, bound)
         oftener = np.bincount(used, minlength=places) - 1.0
-        if picks < places:  # a place that costs nothing may stay empty
+        if picks < places:  # a place with price 0 may stay empty
             oftener = np.where((price > 0.0) | (oftener > 0.0), oftener, 0.0)
         if best >= upper - _CLOSE or not oftener.any():
             break
@@ -68,7 +68,7 @@ def order_bound(legs: LegTimes, upper: float) -> float:
 
 
 def _by_assignments(legs: LegTimes) -> float:
-    """Shortest carries, and shortest ways to all picks and to the end: each place is come to and left once."""
+    """Return the sum of the shortest carries and of the shortest other legs, as two assignment problems, s."""
     n, m = legs.carry.shape
     ways = np.full((m + 1, n + 1), legs.carry.max())
     ways[0, :n], ways[1:, n] = legs.begin, legs.end
@@ -78,14 +78,14 @@ def _by_assignments(legs: LegTimes) -> float:
 
 
 def _cheapest(legs: LegTimes, price: Array) -> tuple[float, list[int]]:
-    """The fastest sequence if places may be used again, at a price (places,) s each time: its time, and the places."""
+    """Return time and places of the fastest sequence in which a place may be used again, at a price (places,) s."""
     carry = legs.carry + price
     time = legs.begin[:, None] + carry  # (sets of picks, last places) s
     layers = _layers(len(legs.begin))
     steps: list[tuple[Indices, Indices]] = []
     for count, layer in enumerate(layers, start=1):
         onward = time[:, :, None] + legs.go_on[count]
-        left = onward.argmin(axis=1)  # (sets, next pick): the place that it is best come to from
+        left = onward.argmin(axis=1)  # (sets, next pick): the best place before it
         over = np.take_along_axis(onward, left[:, None], axis=1)[:, 0]
         arrived = over[layer.before, layer.members][:, :, None] + carry[layer.members]
         member = arrived.argmin(axis=1)  # (sets, last place): the pick that was last
@@ -108,7 +108,7 @@ class _Layer:
 
     Attributes:
         members: (sets, size) picks.
-        before: (sets, size) numbers of the sets without each member, among those that are one smaller.
+        before: (sets, size) numbers of the sets without each member, in the layer before.
     """
 
     members: Indices

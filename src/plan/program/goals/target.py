@@ -158,12 +158,12 @@ class Target:
                 raise self.error(f"ranges[{name!r}]", limits, rule)
         if self.tilt > 0.0 and {"rx", "ry"} & {*free, *self.ranges}:
             raise self.error("tilt", self.tilt, "cannot be combined with rx or ry")
-        # what turns within limits would turn the axes of what is free along with it
+        # a rotation that is free within limits would rotate the axes of the other free directions
         turns = self.tilt > 0.0 or bool({"rx", "ry", "rz"} & set(self.ranges))
         every = {"x", "y", "z"}.issubset(free)
         turned = [name for name in free if name in ("rx", "ry") or (name in FREE[:3] and not every)]
         if turns and turned and not (self.by == "line" and {*turned} <= {"x", "y", "z"}):
-            rule = "cannot be free beside a tilt or ranges of turns; give it a range instead"
+            rule = "must not be free with a tilt or ranges of rotations; give it a range instead"
             raise self.error("free", turned[0], rule)
 
     @property

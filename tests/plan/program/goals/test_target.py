@@ -49,7 +49,7 @@ def test_wrong_targets(change: dict[str, object], says: str) -> None:
 )
 def test_no_axis_is_free_that_would_turn_with_what_is_free_within_limits(freedom: dict[str, object]) -> None:
     """Solutions for such a pose were up to 0.3 m away from what was asked."""
-    with pytest.raises(InputError, match="cannot be free beside a tilt or ranges of turns"):
+    with pytest.raises(InputError, match="must not be free with a tilt or ranges of rotations"):
         Target("a", np.eye(4), **freedom)  # type: ignore[arg-type]
 
 
