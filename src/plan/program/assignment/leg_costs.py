@@ -16,9 +16,9 @@ import numpy as np
 from arm.controller.unit import Limits
 from arm.se3 import Array
 from plan.options import PlanOptions
-from plan.program.assignment.leg_times import LineEnds, leg_bounds, leg_times
 from plan.program.assignment.sequencing import Costs, Progress
 from plan.program.assignment.worlds import CubePlacement
+from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times
 from plan.trajectory.time_estimates import path_time, path_times
 
 # Kinds of legs.

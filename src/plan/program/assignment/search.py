@@ -28,7 +28,6 @@ from plan.cartesian.reachability import GraspCandidate
 from plan.options import PlanOptions
 from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery, leg_error, line_error
 from plan.program.assignment.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
-from plan.program.assignment.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
 from plan.program.assignment.sequencing import (
     Choices,
     Costs,
@@ -40,6 +39,7 @@ from plan.program.assignment.sequencing import (
     lower_bound,
 )
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
+from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
 from plan.transit.optimise import Ends
 
 # Largest number of detours between one pick and one place, at first and if no sequence was found.

@@ -136,7 +136,7 @@ class SequencePlanner:
             self.options,
             self.effort.ik,
         )
-        candidates.solve(self.start.q_in[0])
+        candidates.solve(self.start.chains[0].q_in)
         self._require_clear_start()
         # plain lines first; if no plan was found, lines bend if they can
         can_bend = self.chains[True].can_bend
@@ -164,7 +164,7 @@ class SequencePlanner:
 
     def _require_clear_start(self) -> None:
         """Refuse a start that is too near to a body, unless the first target is that configuration."""
-        q, first = self.start.q_out[0], self.targets[0]
+        q, first = self.start.chains[0].q_out, self.targets[0]
         if first.q is not None and np.array_equal(first.q, q):
             return
         world = self.worlds.world(self.worlds.start)
@@ -257,7 +257,7 @@ class SequencePlanner:
                     state = self.worlds.after(state, target, item.T_base_tool)
         plan = Planned(
             setting=self.setting,
-            q_start=search.layers[0].q_in[0],
+            q_start=search.layers[0].chains[0].q_in,
             q_end=frozen(found.legs[-1].chain.q_out),
             steps=tuple(steps),
             reached=tuple(reached),

@@ -18,6 +18,7 @@ import heapq
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -31,10 +32,11 @@ from plan.collision.certificate import certify_curve
 from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
+from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times, stacked
 from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReached
 from plan.program.goals.target import Target
 from plan.program.sequence.rejections import end_blocked, line_blocked, miss, out_of_hand, straight_blocked
-from plan.program.sequence.times import ChainTime, way_bounds, way_estimates
+from plan.program.sequence.times import ChainTime
 from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.time_estimates import path_time
 from plan.transit.near_ends import NearEnd, leave_near_end
@@ -64,13 +66,19 @@ class Layer:
     chains: tuple[LineChain, ...]
     times: tuple[ChainTime, ...]
 
-    @property
-    def q_in(self) -> Array:
-        return np.stack([c.q_in for c in self.chains])
+    @cached_property
+    def arrive(self) -> LineEnds:
+        """Where legs to it end, a row each."""
+        return stacked([t.arrive for t in self.times])
 
-    @property
-    def q_out(self) -> Array:
-        return np.stack([c.q_out for c in self.chains])
+    @cached_property
+    def depart(self) -> LineEnds:
+        """Where legs from it begin, a row each."""
+        return stacked([t.depart for t in self.times])
+
+    def spent(self, what: str) -> Array:
+        """Return ``inner`` or ``between_s`` of each candidate, s."""
+        return np.array([getattr(t, what) for t in self.times])
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +165,7 @@ class PoseSearch:
         self.worlds, self.targets, self.layers = worlds, targets, layers
         self.limits, self.options, self.most_detours = limits, options, detours
         self.effort = Effort()
-        self.estimates = [
-            way_estimates(a.q_out, b.q_in, a.times, b.times, limits) for a, b in pairwise(layers)
-        ]
+        self.estimates = [leg_times(a.depart, b.arrive, limits) for a, b in pairwise(layers)]
         self.to_go = self._to_go()
         self._ways: dict[tuple[object, ...], _Way | None] = {}
         self._blocked: dict[tuple[object, ...], _Blocked] = {}
@@ -181,11 +187,9 @@ class PoseSearch:
         """Return a lower bound on the time of any motion through these chains, whatever the transits, s."""
         best = np.zeros(len(self.layers[0].chains))
         for a, b in pairwise(self.layers):
-            between = np.array([t.between_s for t in b.times])
-            best = (best[:, None] + way_bounds(a.q_out, b.q_in, a.times, b.times, self.limits)).min(
-                axis=0
-            ) + between
-        return float((best + np.array([t.tail_s for t in self.layers[-1].times])).min())
+            best = (best[:, None] + leg_bounds(a.depart, b.arrive, self.limits)).min(axis=0)
+            best = best + b.spent("between_s")
+        return float((best + self.layers[-1].depart.least).min())
 
     def best(self, meter: Meter) -> Found:
         """Return the fastest sequence; or any certified one, if its share of the budget was spent before.
@@ -244,7 +248,7 @@ class PoseSearch:
             if state.layer + 1 == len(self.layers):
                 return Found(state.legs, state.cost, self.bound())
             onward = self.estimates[state.layer][state.index]
-            inner = np.array([t.inner for t in self.layers[state.layer + 1].times])
+            inner = self.layers[state.layer + 1].spent("inner")
             totals = state.cost + onward + inner + self.to_go[state.layer + 1]
             for index, total in enumerate(totals.tolist()):
                 if (state.layer + 1, state.index, index) not in self._forbidden:
@@ -255,7 +259,7 @@ class PoseSearch:
         """Return the estimated times from the end of each chain to the end of the program, over straight motions."""
         to_go = [np.zeros(len(self.layers[-1].chains))]
         for estimate, layer in zip(reversed(self.estimates), reversed(self.layers), strict=False):
-            inner = np.array([t.inner for t in layer.times])
+            inner = layer.spent("inner")
             to_go.insert(0, (estimate + inner + to_go[0]).min(axis=1))
         return to_go
 
@@ -332,7 +336,7 @@ class PoseSearch:
             return None
         self._made[number] += 1
         self.effort.detours += 1
-        ends = Ends(before.times[state.index].leave, layer.times[index].enter)
+        ends = Ends(before.depart.velocity[state.index], -layer.arrive.velocity[index])
         rng = np.random.default_rng(self.options.seed)
         detours = TransitPlanner(
             world, self.limits, line.clearance, rng, self.options.transit, ends, self._known

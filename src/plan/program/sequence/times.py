@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits
-from arm.se3 import Array, frozen
+from arm.se3 import Array
 from plan.program.goals.blending import blend_distance
+from plan.program.goals.leg_times import LineEnds, least_from_rest, passing, standing
 from plan.program.goals.line_chains import LinearMove, LineChain, TargetReached
 from plan.program.goals.target import Target
-from plan.trajectory.time_estimates import path_times
 
 _MIDDLE = 33  # samples of a line with blended ends
 
@@ -23,37 +23,54 @@ class ChainTime:
     """Times of one chain.
 
     Attributes:
-        enter, leave: velocities (n,) rad/s at its ends; 0 if it begins or ends at rest.
+        arrive, depart: its ends, from the first stop outwards and from the last stop outwards (one row each).
         inner: estimate of the time from end to end, s.
-        head, tail: configurations (m, n) rad that every motion passes, up to the first stop and from the last stop on;
-            None if there is no stop, or a corner is blended there.
-        head_s, tail_s: lower bounds on the times of head and tail, s; without a stop `head_s` is for the whole chain.
         between_s: lower bound on the time from the first to the last stop, dwells included, s.
     """
 
-    enter: Array
-    leave: Array
+    arrive: LineEnds
+    depart: LineEnds
     inner: float
-    head: Array | None
-    tail: Array | None
-    head_s: float
-    tail_s: float
     between_s: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """Lines between stops."""
+    """Lines between stops.
+
+    Attributes:
+        points: configurations (m, n) rad along it.
+        fastest: times (m - 1,) s from one to the next at the largest speed of the tool.
+        least: lower bound on its time, s.
+        exact: whether every motion passes all points; not if a corner is blended.
+    """
 
     points: Array
+    fastest: Array
     least: float
     exact: bool
+
+    def from_rest(self, limits: Limits) -> float:
+        """Return a lower bound on its time if the arm is at rest at its first point, s."""
+        if not self.exact or len(self.points) == 1:
+            return self.least
+        steps = np.diff(self.points, axis=0)
+        return max(self.least, float(least_from_rest(steps[None], self.fastest, limits)[0]))
+
+    def reversed(self) -> _Run:
+        """Return it from its end to its begin."""
+        return replace(self, points=self.points[::-1], fastest=self.fastest[::-1])
+
+
+def _stop(q: Array) -> _Run:
+    """Return a run that ends where it begins, at q (n,) rad."""
+    return _Run(q[None], np.zeros(0), 0.0, True)
 
 
 def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> ChainTime:
     """Return estimates and bounds of one chain."""
     still = np.zeros(len(limits.velocity))
-    runs = [_Run(chain.q_in[None], 0.0, True)]
+    runs = [_stop(chain.q_in)]
     inner = dwell = 0.0
     velocity: Array | None = None
     items = chain.items
@@ -65,7 +82,7 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
             if target.stops or alone:
                 inner += target.dwell_s + (0.0 if velocity is None else _half(velocity, limits))
                 dwell += target.dwell_s
-                runs.append(_Run(runs[-1].points[-1:], 0.0, True))
+                runs.append(_stop(runs[-1].points[-1]))
                 velocity = still
             continue
         start, end = _velocities(item, limits)
@@ -76,7 +93,7 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
                 _half(start - velocity, limits) if corner else _half(velocity, limits) + _half(start, limits)
             )
             if before is not None and not corner and np.abs(velocity).max() > 0.0:
-                runs.append(_Run(runs[-1].points[-1:], 0.0, True))
+                runs.append(_stop(runs[-1].points[-1]))
         cuts = (
             0.0 if before is None else blend_distance(before, item, targets),
             0.0 if after is None else blend_distance(item, after, targets),
@@ -86,6 +103,7 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
         last = runs[-1]
         runs[-1] = _Run(
             np.concatenate([last.points, item.path.q[1:]]),
+            np.concatenate([last.fastest, np.diff(item.path.s) / item.speed]),
             last.least + least,
             last.exact and max(cuts) == 0.0,
         )
@@ -95,61 +113,20 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
     at_rest = not lines or (isinstance(first, TargetReached) and targets[first.target].stops)
     enter = still if at_rest else _velocities(lines[0], limits)[0]
     leave = velocity if lines and velocity is not None else still
-    only = len(runs) == 1
+    stops, first_run, last_run = len(runs) > 1, runs[0], runs[-1]
+    head_s = first_run.reversed().from_rest(limits) if stops else first_run.least
+    tail_s = last_run.from_rest(limits) if stops else 0.0
     return ChainTime(
-        frozen(enter),
-        frozen(leave),
+        passing(first_run.points[-1], chain.q_in, -enter, head_s, stops),
+        passing(last_run.points[0], chain.q_out, leave, tail_s, stops),
         inner,
-        runs[0].points if runs[0].exact and not only else None,
-        runs[-1].points if runs[-1].exact and not only else None,
-        runs[0].least,
-        0.0 if only else runs[-1].least,
-        dwell + sum(max(run.least, _through(run, limits)) for run in runs[1:-1]),
+        dwell + sum(max(run.from_rest(limits), _through(run, limits)) for run in runs[1:-1]),
     )
 
 
 def standing_time(q: Array) -> ChainTime:
     """Return the times of the start: a configuration (n,) rad at rest, without lines."""
-    still = frozen(np.zeros(len(q)))
-    return ChainTime(still, still, 0.0, frozen(q[None]), frozen(q[None]), 0.0, 0.0, 0.0)
-
-
-def way_estimates(
-    q_out: Array, q_in: Array, out: Sequence[ChainTime], into: Sequence[ChainTime], limits: Limits
-) -> Array:
-    """Return estimates (k, l) s of straight joint motions from q_out (k, n) to q_in (l, n)."""
-    shape = (len(q_out), len(q_in), q_out.shape[1])
-    ways = np.stack([np.broadcast_to(q_out[:, None], shape), np.broadcast_to(q_in[None], shape)], axis=2)
-    leave = np.stack([t.leave for t in out])[:, None]
-    enter = np.stack([t.enter for t in into])[None]
-    return path_times(ways, limits, leave, enter)
-
-
-def way_bounds(
-    q_out: Array, q_in: Array, out: Sequence[ChainTime], into: Sequence[ChainTime], limits: Limits
-) -> Array:
-    """Return lower bounds (k, l) s from the last stop of one chain to the first stop of the next, whatever the path."""
-    across = (np.abs(q_in[None] - q_out[:, None]) / limits.velocity).max(axis=-1)
-    bound = across + np.array([t.tail_s for t in out])[:, None] + np.array([t.head_s for t in into])
-    points = [[t.tail for t in out], [t.head for t in into]]
-    if all(
-        p is not None and len(p) == 1 for ends in points for p in ends
-    ):  # from stop to stop, without lines
-        tails, heads = (np.concatenate([p for p in ends if p is not None]) for ends in points)
-        return np.asarray(np.maximum(bound, _apart(heads[None] - tails[:, None], limits)))
-    for i, a in enumerate(out):
-        for j, b in enumerate(into):
-            if a.tail is not None and b.head is not None:
-                bound[i, j] = max(bound[i, j], rest_to_rest(np.concatenate([a.tail, b.head]), limits))
-    return np.asarray(bound)
-
-
-def _apart(steps: Array, limits: Limits) -> Array:
-    """Return the least times (...) from rest to rest over steps (..., n) rad, each joint at its own limits."""
-    way, v, a = np.abs(steps), limits.velocity, limits.acceleration
-    way = np.where(way > 1e-9, way, 0.0)
-    times = np.where(way * a >= v * v, way / v + v / a, 2.0 * np.sqrt(way / a))
-    return np.asarray(times.max(axis=-1))
+    return ChainTime(standing(q), standing(q), 0.0, 0.0)
 
 
 def rest_to_rest(points: Array, limits: Limits) -> float:

@@ -9,9 +9,9 @@ from arm.controller.unit import load_unit
 from arm.se3 import frozen
 from plan.options import PlanOptions
 from plan.program.assignment.leg_costs import CARRY, NOT_NOW, Detours, TransitCosts, TransitEdge
-from plan.program.assignment.leg_times import line_ends, standing
 from plan.program.assignment.sequencing import Progress
 from plan.program.assignment.worlds import CubePlacement
+from plan.program.goals.leg_times import line_ends, standing
 from plan.trajectory.time_estimates import path_time
 
 LIMITS = load_unit("crs93").limits()

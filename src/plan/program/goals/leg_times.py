@@ -12,13 +12,14 @@ the larger of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
 from arm.controller.unit import Limits
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 
 # Largest ratio of the velocity at the very end of a line to that over its last 5 mm; a generous upper limit.
 _FASTER = 1.1
@@ -35,6 +36,7 @@ class LineEnds:
         start: (k,) s, time lost by the acceleration at the station.
         least: (k,) s, lower bound on the time along the line, from rest at the station.
         fastest: (k, n) rad/s, upper bound on the velocity along the line at the offset point.
+        rests: (k,) whether the arm is at rest at the station.
     """
 
     station: Array
@@ -44,6 +46,7 @@ class LineEnds:
     start: Array
     least: Array
     fastest: Array
+    rests: Bools
 
     def row(self, index: int) -> LineEnds:
         """Return one of them."""
@@ -55,7 +58,28 @@ def standing(q: npt.ArrayLike) -> LineEnds:
     """Return a configuration (n,) rad at rest, as the end of a leg."""
     at = np.atleast_2d(np.asarray(q, dtype=float))
     none, still = frozen(np.zeros(len(at))), frozen(np.zeros_like(at))
-    return LineEnds(frozen(at), frozen(at), none, still, none, none, still)
+    return LineEnds(frozen(at), frozen(at), none, still, none, none, still, np.ones(len(at), dtype=bool))
+
+
+def passing(station: Array, offset: Array, velocity: Array, least: float, rests: bool) -> LineEnds:
+    """Return one end of a leg whose line's time counts elsewhere in estimates.
+
+    Args:
+        station, offset: (n,) rad.
+        velocity: (n,) rad/s at the offset point, outwards.
+        least: lower bound on the time between station and offset point, s.
+        rests: whether the arm is at rest at the station.
+    """
+    none, outwards = frozen(np.zeros(1)), frozen(velocity[None])
+    ends = frozen(station[None]), frozen(offset[None])
+    return LineEnds(
+        *ends, none, outwards, none, frozen([least]), frozen(_FASTER * outwards), np.array([rests])
+    )
+
+
+def stacked(ends: Sequence[LineEnds]) -> LineEnds:
+    """Return ends of legs as one."""
+    return LineEnds(*(np.concatenate([getattr(e, field.name) for e in ends]) for field in fields(LineEnds)))
 
 
 def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float | None) -> LineEnds:
@@ -77,8 +101,9 @@ def line_ends(q: npt.ArrayLike, length: float, limits: Limits, tool_speed: float
         frozen(times.sum(axis=1)),
         frozen(last),
         frozen(0.5 * (np.abs(first) / limits.acceleration).max(axis=-1)),
-        frozen(_from_rest(steps, least, limits)),
+        frozen(least_from_rest(steps, np.full(steps.shape[1], least), limits)),
         frozen(_FASTER * last),
+        np.ones(len(q), dtype=bool),
     )
 
 
@@ -119,24 +144,25 @@ def leg_bounds(out: LineEnds, into: LineEnds, limits: Limits) -> Array:
             ),
         ),
     )
-    return np.asarray(np.maximum(phases, joints.max(axis=-1)))
+    resting = out.rests[:, None] & into.rests[None]
+    return np.asarray(np.where(resting, np.maximum(phases, joints.max(axis=-1)), phases))
 
 
-def _from_rest(steps: Array, least: float, limits: Limits) -> Array:
-    """Return least times (k,) s from rest over `steps` (k, m, n) rad, each of which takes at least `least` s.
+def least_from_rest(steps: Array, least: Array, limits: Limits) -> Array:
+    """Return least times (k,) s from rest over `steps` (k, m, n) rad, which take at least `least` (m,) s each.
 
     A joint that starts at rest has a velocity of at most a t after time t. Each step waits for its slowest joint.
     """
     v, a = limits.velocity, limits.acceleration
     ramp = v * v / (2.0 * a)
     time = np.zeros(len(steps))
-    for step in np.moveaxis(np.abs(steps), 1, 0):
+    for step, allowed in zip(np.moveaxis(np.abs(steps), 1, 0), least.tolist(), strict=True):
         now = time[:, None]
         reach = np.where(now < v / a, 0.5 * a * now * now, v * now - ramp) + step
         arrived = np.where(reach < ramp, np.sqrt(2.0 * reach / a), reach / v + v / (2.0 * a))
         # a joint that does not move needs no time
         arrived = np.where(step > 0.0, arrived, now).max(axis=-1)
-        time = np.maximum(arrived, time + least)
+        time = np.maximum(arrived, time + allowed)
     return time
 
 

@@ -11,7 +11,7 @@ from arm.controller.unit import Limits, load_unit
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, follow_line
 from plan.cartesian.reachability import GraspCandidate, reach
-from plan.program.assignment.leg_times import LineEnds, _moving, leg_bounds, leg_times, line_ends, standing
+from plan.program.goals.leg_times import LineEnds, _moving, leg_bounds, leg_times, line_ends, standing
 from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.timing import time_curve, time_line
 from plans.joined_lines import joined
