@@ -17,7 +17,6 @@ from functools import cache
 from importlib.metadata import version
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import coal
 import numpy as np
@@ -27,10 +26,12 @@ from scipy.interpolate import CubicSpline
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
+from peers.coal_shapes import coal_shape, coal_transform  # noqa: E402
+
 from arm.controller.unit import Limits, load_unit  # noqa: E402
 from arm.errors import ImpossibleError  # noqa: E402
 from arm.robot.model import Robot, load_a465  # noqa: E402
-from arm.robot.shapes import Body, Box, Cylinder, Shape, Sphere  # noqa: E402
+from arm.robot.shapes import Body, Cylinder, Sphere  # noqa: E402
 from arm.robot.tool import urdf_limits  # noqa: E402
 from arm.se3 import Array, frozen, rot_x, rot_z, transform  # noqa: E402
 from arms.made_up import SEVEN, arm  # noqa: E402
@@ -266,7 +267,7 @@ def sampled(case: Case, line: Line, found: ClearLine) -> tuple[float, float]:
     start, end = line.T_start[:3, 3], line.T_end[:3, 3]
     along = (end - start) / np.linalg.norm(end - start)
     for one in q:
-        at = {b.name: placed(b.T_base_body) for b in (*robot.bodies_at(one), *bodies)}
+        at = {b.name: coal_transform(b.T_base_body) for b in (*robot.bodies_at(one), *bodies)}
         for a, b in pairs:
             result = coal.DistanceResult()
             distance = coal.distance(shapes[a], at[a], shapes[b], at[b], coal.DistanceRequest(), result)
@@ -274,22 +275,6 @@ def sampled(case: Case, line: Line, found: ClearLine) -> tuple[float, float]:
         tip = robot.T_base_tool(one)[:3, 3] - start
         away = max(away, float(np.linalg.norm(tip - (tip @ along) * along)))
     return least, away
-
-
-def placed(T: Array) -> Any:
-    return coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3]))
-
-
-def coal_shape(shape: Shape) -> Any:
-    """Apart from `plan.collision.world`."""
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-    raise TypeError(shape)
 
 
 def main() -> None:

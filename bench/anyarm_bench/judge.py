@@ -7,13 +7,12 @@ from itertools import pairwise
 from typing import Any
 from xml.etree import ElementTree
 
-import coal
 import numpy as np
 import pinocchio as pin
+from peers.coal_shapes import coal_shape
 
 from anyarm_bench.arms import ARMS, SHARE
 from anyarm_bench.problems import Problem
-from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.se3 import Array
 
 STEP = 0.002  # rad, of the joint that moves most
@@ -57,7 +56,7 @@ class Judge:
         joints = [int(part.parentJoint) for part in arm.geometryObjects]
         for body in problem.bodies:
             pose = pin.SE3(np.array(body.T_base_body))
-            self.geometry.addGeometryObject(pin.GeometryObject(body.name, 0, pose, _shape(body)))
+            self.geometry.addGeometryObject(pin.GeometryObject(body.name, 0, pose, coal_shape(body.shape)))
             links.append(body.name)
             joints.append(0)
         for i in range(count):
@@ -77,14 +76,3 @@ class Judge:
             if any(self.hit(a + u * (b - a)) for u in np.linspace(0.0, 1.0, count + 1)):
                 return False
         return True
-
-
-def _shape(body: Body) -> Any:
-    match body.shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-    raise TypeError(f"{body.name}: {body.shape}")

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from ompl import base, geometric, util
+from peers.ompl_path import ompl_path, seeded
 
 from anyarm_bench.problems import Problem
 from arm.controller.unit import Limits
@@ -46,11 +46,10 @@ class Ompl:
 
     def __init__(self, step: float) -> None:
         self.step = step
-        util.setLogLevel(util.LogLevel.LOG_NONE)
 
     def plan(self, robot: Robot, limits: Limits, problem: Problem, clearance: float) -> Answer:
         """From pose to pose: the solution that is nearest and clear, a path to it, and its time."""
-        util.RNG.setSeed(problem.seed + 1)
+        seeded(problem.seed)
         begin, search = time.process_time(), 0.0
         world = World(robot, problem.bodies)
         at, ways, duration = problem.q_start, list[Array](), 0.0
@@ -75,34 +74,8 @@ class Ompl:
         self, world: World, limits: Limits, q_from: Array, q_to: Array, clearance: float
     ) -> Array | None:
         """RRT-Connect unless the straight move is free, then all of the simplifier."""
-        n, too_near = len(q_from), world.too_near(clearance)
-        space = base.RealVectorStateSpace(n)
-        bounds = base.RealVectorBounds(n)
-        for k in range(n):
-            bounds.setLow(k, float(limits.lower[k]))
-            bounds.setHigh(k, float(limits.upper[k]))
-        space.setBounds(bounds)
-        space.setLongestValidSegmentFraction(self.step / space.getMaximumExtent())
-        setup = geometric.SimpleSetup(space)
-        setup.setStateValidityChecker(lambda state: not too_near(np.array([state[k] for k in range(n)])))
-        start, goal = space.allocState(), space.allocState()
-        for k in range(n):
-            start[k], goal[k] = float(q_from[k]), float(q_to[k])
-        information = setup.getSpaceInformation()
-        information.setup()
-        if information.checkMotion(start, goal):
-            return np.stack([q_from, q_to])
-        setup.setStartAndGoalStates(start, goal)
-        planner = geometric.RRTConnect(information)
-        planner.setRange(RANGE)
-        setup.setPlanner(planner)
-        setup.solve(PLAN_S)
-        if not setup.haveExactSolutionPath():
-            return None
-        setup.simplifySolution()
-        path = setup.getSolutionPath()
-        states = [path.getState(i) for i in range(path.getStateCount())]
-        return np.array([[s[k] for k in range(n)] for s in states])
+        fraction = self.step / float(np.linalg.norm(limits.upper - limits.lower))
+        return ompl_path(world.too_near(clearance), limits, (q_from, q_to), fraction, RANGE, PLAN_S)
 
 
 def _nearest(solutions: Array, at: Array, limits: Limits) -> list[Array]:

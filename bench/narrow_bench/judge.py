@@ -14,6 +14,7 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+from peers.coal_shapes import coal_shape, coal_transform
 
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere
@@ -33,8 +34,8 @@ class Judge:
             *(Body(b.name, b.shape, b.T_joint_body, "base") for b in robot.bodies if not b.joint),
             *bodies,
         ]
-        self.still = [(b.name, _shape(b.shape), _transform(b.T_base_body)) for b in still]
-        self.shapes = [_shape(b.shape) for b in self.moving]
+        self.still = [(b.name, coal_shape(b.shape), coal_transform(b.T_base_body)) for b in still]
+        self.shapes = [coal_shape(b.shape) for b in self.moving]
         self.joint = np.array([b.joint for b in self.moving])
         self.local = np.stack([b.T_joint_body for b in self.moving])
         self.radius = np.array([_radius(b.shape) for b in self.moving])
@@ -81,26 +82,8 @@ class Judge:
 
 def _placed(placed: dict[int, Any], T: Array, i: int) -> Any:
     if i not in placed:
-        placed[i] = _transform(T[i])
+        placed[i] = coal_transform(T[i])
     return placed[i]
-
-
-def _transform(T: Array) -> Any:
-    return coal.Transform3s(np.array(T[:3, :3]), np.array(T[:3, 3]))
-
-
-def _shape(shape: Shape) -> Any:
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case other:
-            raise ValueError(f"the judge has no shape for {type(other).__name__}")
 
 
 def _half(shape: Shape) -> Array:

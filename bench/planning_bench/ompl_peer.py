@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import roboplan.toppra as toppra
-from ompl import base, geometric, util
+from peers.ompl_path import ompl_path, seeded
 
 from arm.se3 import Array
 from plan.collision.world import World
@@ -39,8 +39,7 @@ class Ompl:
         """All motion of a query."""
         if self._timing is None:
             self._timing = arm_scene(query.limits, OPEN)  # without bodies: it times only
-            util.setLogLevel(util.LogLevel.LOG_NONE)
-        util.RNG.setSeed(query.seed + 1)
+        seeded(query.seed)
         return plan_chain(self, query)
 
     def answer(self, query: Query, planned: Answer) -> Answer:
@@ -83,33 +82,8 @@ class Ompl:
     def transit(self, q_from: Array, q_to: Array, holding: bool, seed: int) -> Timed | None:
         """RRT-Connect (a straight way is its first try), then all of the simplifier."""
         world, limits = self._world(holding), self._query.limits
-        space = base.RealVectorStateSpace(6)
-        bounds = base.RealVectorBounds(6)
-        for k in range(6):
-            bounds.setLow(k, float(limits.lower[k]))
-            bounds.setHigh(k, float(limits.upper[k]))
-        space.setBounds(bounds)
-        space.setLongestValidSegmentFraction(self.fraction)
-        setup = geometric.SimpleSetup(space)
-        setup.setStateValidityChecker(lambda state: not world.in_collision([state[k] for k in range(6)]))
-        start, goal = space.allocState(), space.allocState()
-        for k in range(6):
-            start[k], goal[k] = float(q_from[k]), float(q_to[k])
-        information = setup.getSpaceInformation()
-        information.setup()
-        if information.checkMotion(start, goal):
-            return self._timed([q_from, q_to], world)
-        setup.setStartAndGoalStates(start, goal)
-        planner = geometric.RRTConnect(information)
-        planner.setRange(RANGE)
-        setup.setPlanner(planner)
-        setup.solve(PLAN_S)
-        if not setup.haveExactSolutionPath():
-            return None
-        setup.simplifySolution()
-        path = setup.getSolutionPath()
-        states = [path.getState(i) for i in range(path.getStateCount())]
-        return self._timed([np.array([s[k] for k in range(6)]) for s in states], world)
+        path = ompl_path(world.in_collision, limits, (q_from, q_to), self.fraction, RANGE, PLAN_S)
+        return None if path is None else self._timed(list(path), world)
 
     def _timed(self, waypoints: list[Array], world: World) -> Timed | None:
         """Blended corners if the timed motion is free at the space's resolution and within limits, else stops."""
