@@ -16,7 +16,8 @@ from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
 from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.failure import failure_in
 from plan.program.assignment.cause import find_cause
-from plan.program.assignment.search import Found, TaskSearch
+from plan.program.assignment.found import Found
+from plan.program.assignment.search import TaskSearch
 from plan.program.assignment.sequence import sequence_steps, task_sequence
 from plan.program.assignment.sequencing import best_order
 from plan.program.assignment.worlds import TaskWorlds

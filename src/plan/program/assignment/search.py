@@ -16,7 +16,7 @@ The same search over orders, with the obstacle-free bounds of the legs, gives a 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from plan.budget import BudgetSpent
 from plan.cartesian.reachability import GraspCandidate
 from plan.options import PlanOptions
 from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery, leg_error, line_error
+from plan.program.assignment.found import Found, Stop, explained
 from plan.program.assignment.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
 from plan.program.assignment.sequencing import (
     Choices,
@@ -39,7 +40,7 @@ from plan.program.assignment.sequencing import (
     lower_bound,
 )
 from plan.program.assignment.worlds import CubePlacement, TaskWorlds
-from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times, line_ends, standing
+from plan.program.goals.leg_times import line_ends, standing
 from plan.transit.optimise import Ends
 
 # Largest number of detours between one pick and one place, at first and if no sequence was found.
@@ -47,55 +48,6 @@ _DETOURS, _DETOURS_AT_MOST = 3, 12
 _ROUNDS = 400
 # Fraction of the time that another sequence must promise to save: with exact ordering, and without.
 _GOOD_ENOUGH, _ALLOWED = 0.003, 0.025
-
-
-@dataclass(frozen=True)
-class Stop:
-    """One cube of a sequence.
-
-    Attributes:
-        visit: numbers of its pick, place and grasps.
-        pick, place: the grasps.
-        before: cubes at rest before the pick, itself included.
-        out: way-points (m, n) rad to the pick, from home or from the previous place.
-        across: way-points from the pick to the place.
-        home: way-points from the place to the start of the task; None if the arm goes on to the next pick.
-    """
-
-    visit: Visit
-    pick: GraspCandidate
-    place: GraspCandidate
-    before: frozenset[CubePlacement]
-    out: Array
-    across: Array
-    home: Array | None
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Excess of a sequence's estimated time over its lower bound by cause, s.
-
-    Attributes:
-        order: sum of the bounds of its legs, less that of the sequence with the least sum.
-        straight: excess of straight joint motions over their bounds, because joints wait for each other.
-        around: excess of detours over straight joint motions.
-        unexplored: how much faster another sequence could be, by the estimates at the end; not in the sum.
-    """
-
-    order: float = 0.0
-    straight: float = 0.0
-    around: float = 0.0
-    unexplored: float = 0.0
-
-
-@dataclass(frozen=True)
-class Found:
-    """The best sequence: its stops, its estimated time, its lower bound, and the excess by cause, s."""
-
-    stops: tuple[Stop, ...]
-    time: float
-    bound: float
-    gap: Gap = Gap()
 
 
 class TaskSearch:
@@ -158,7 +110,7 @@ class TaskSearch:
             if self.complete is None or (isinstance(stop, BudgetSpent) and stop.by == "clock"):
                 raise
             self.stopped = stop
-            return self._explained(self.complete, self.complete.time - self.complete.bound)
+            return explained(self.complete, self.costs, self.complete.time - self.complete.bound)
 
     def _best(self) -> Found:
         costs, bounds, promised = self.costs.now(), self.costs.bounds(), np.inf
@@ -189,22 +141,7 @@ class TaskSearch:
                 self._probe()
         if best is None:
             raise self._impossible()
-        return self._explained(best, best.time - promised)
-
-    def _explained(self, found: Found, unexplored: float) -> Found:
-        """Return the same sequence with the causes of its excess over the bound."""
-        costs, legs = self.costs, list[tuple[LineEnds, LineEnds]]()
-        came = costs.home  # or the previous place
-        for stop in found.stops:
-            pick = costs.picks[stop.visit.pick].row(stop.visit.pick_way)
-            place = costs.places[stop.visit.place].row(stop.visit.place_way)
-            legs += [(came, pick), (pick, place), *([] if stop.home is None else [(place, costs.home)])]
-            came = place if stop.home is None else costs.home
-        bounds, straight = (
-            sum(f(*ends, self.limits)[0, 0] for ends in legs) for f in (leg_bounds, leg_times)
-        )
-        parts = bounds - found.bound, straight - bounds, found.time - straight, max(unexplored, 0.0)
-        return replace(found, gap=Gap(*map(float, parts)))
+        return explained(best, self.costs, best.time - promised)
 
     def _polished(self, found: Found) -> Found:
         """Return the same sequence with optimised detours."""

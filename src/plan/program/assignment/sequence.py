@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from arm.se3 import Array
 from plan.options import PlanOptions
-from plan.program.assignment.search import Found
+from plan.program.assignment.found import Found
 from plan.program.assignment.worlds import TaskWorlds
 from plan.program.goals.line_chains import LineChains, SequenceStep
 from plan.program.goals.target import Target

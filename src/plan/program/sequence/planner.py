@@ -26,7 +26,8 @@ from plan.program.goals.target import Target
 from plan.program.planned import Planned, Reached
 from plan.program.sequence.candidates import Candidates
 from plan.program.sequence.cause import with_failure
-from plan.program.sequence.search import Found, Layer, PoseSearch
+from plan.program.sequence.layers import Layer
+from plan.program.sequence.search import Found, PoseSearch
 from plan.program.sequence.times import chain_time, standing_time
 from plan.program.setting import Setting
 from plan.program.writer import ClearanceLost, MotionWriter

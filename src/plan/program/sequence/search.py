@@ -18,7 +18,6 @@ import heapq
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -32,11 +31,11 @@ from plan.collision.certificate import certify_curve
 from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
-from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times, stacked
+from plan.program.goals.leg_times import leg_times
 from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReached
 from plan.program.goals.target import Target
+from plan.program.sequence.layers import Layer, lower_bound, to_go
 from plan.program.sequence.rejections import end_blocked, line_blocked, miss, out_of_hand, straight_blocked
-from plan.program.sequence.times import ChainTime
 from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.time_estimates import path_time
 from plan.transit.near_ends import NearEnd, leave_near_end
@@ -46,39 +45,9 @@ from plan.transit.straight import StraightLine, check_straight
 
 # Assumed excess of a detour, relative to the straight motion, until it is planned.
 _DETOUR = 0.15
-_NEAR_END_S = (
-    60.0  # cost of each end with less than the required clearance, so that other sequences come first
-)
+# Cost of each end with less than the required clearance, s, so that other sequences come first.
+_NEAR_END_S = 60.0
 _BEST_SHARE = 0.5  # share of a budget for the fastest sequence; the rest is for any complete one
-
-
-@dataclass(frozen=True, eq=False)
-class Layer:
-    """Candidates of one group of targets; the start is a layer with one candidate, without items.
-
-    Attributes:
-        name: name of the first target, for messages.
-        chains: the candidates.
-        times: times of each candidate.
-    """
-
-    name: str
-    chains: tuple[LineChain, ...]
-    times: tuple[ChainTime, ...]
-
-    @cached_property
-    def arrive(self) -> LineEnds:
-        """Where legs to it end, a row each."""
-        return stacked([t.arrive for t in self.times])
-
-    @cached_property
-    def depart(self) -> LineEnds:
-        """Where legs from it begin, a row each."""
-        return stacked([t.depart for t in self.times])
-
-    def spent(self, what: str) -> Array:
-        """Return ``inner`` or ``between_s`` of each candidate, s."""
-        return np.array([getattr(t, what) for t in self.times])
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +135,7 @@ class PoseSearch:
         self.limits, self.options, self.most_detours = limits, options, detours
         self.effort = Effort()
         self.estimates = [leg_times(a.depart, b.arrive, limits) for a, b in pairwise(layers)]
-        self.to_go = self._to_go()
+        self.to_go = to_go(layers, self.estimates)
         self._ways: dict[tuple[object, ...], _Way | None] = {}
         self._blocked: dict[tuple[object, ...], _Blocked] = {}
         self._near: dict[tuple[object, ...], NearEnd | None] = {}
@@ -182,14 +151,6 @@ class PoseSearch:
     def forbid(self, leg: int, before: int, index: int) -> None:
         """Exclude the edge from chain `before` of layer `leg` - 1 to chain `index` of layer `leg`."""
         self._forbidden.add((leg, before, index))
-
-    def bound(self) -> float:
-        """Return a lower bound on the time of any motion through these chains, whatever the transits, s."""
-        best = np.zeros(len(self.layers[0].chains))
-        for a, b in pairwise(self.layers):
-            best = (best[:, None] + leg_bounds(a.depart, b.arrive, self.limits)).min(axis=0)
-            best = best + b.spent("between_s")
-        return float((best + self.layers[-1].depart.least).min())
 
     def best(self, meter: Meter) -> Found:
         """Return the fastest sequence; or any certified one, if its share of the budget was spent before.
@@ -246,7 +207,7 @@ class PoseSearch:
             closed.add(key)
             self.proved_to = max(self.proved_to, state.layer)
             if state.layer + 1 == len(self.layers):
-                return Found(state.legs, state.cost, self.bound())
+                return Found(state.legs, state.cost, lower_bound(self.layers, self.limits))
             onward = self.estimates[state.layer][state.index]
             inner = self.layers[state.layer + 1].spent("inner")
             totals = state.cost + onward + inner + self.to_go[state.layer + 1]
@@ -254,14 +215,6 @@ class PoseSearch:
                 if (state.layer + 1, state.index, index) not in self._forbidden:
                     push(total, state.layer + 1, index, state, index)
         raise self._impossible()
-
-    def _to_go(self) -> list[Array]:
-        """Return the estimated times from the end of each chain to the end of the program, over straight motions."""
-        to_go = [np.zeros(len(self.layers[-1].chains))]
-        for estimate, layer in zip(reversed(self.estimates), reversed(self.layers), strict=False):
-            inner = layer.spent("inner")
-            to_go.insert(0, (estimate + inner + to_go[0]).min(axis=1))
-        return to_go
 
     def _taken(self, state: _State, index: int, postpone: bool) -> _State | float | None:
         """Return the state after the transit to a chain and the chain, both certified; None if they are refused.

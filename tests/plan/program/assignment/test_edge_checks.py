@@ -9,8 +9,8 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
+from plan.program.assignment.found import Stop
 from plan.program.assignment.leg_costs import TransitEdge
-from plan.program.assignment.search import Stop
 from plan.program.assignment.sequencing import Progress
 from plan.program.assignment.worlds import CubePlacement
 from plan.trajectory.time_estimates import path_time

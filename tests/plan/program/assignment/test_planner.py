@@ -11,8 +11,9 @@ from arm.plan_file import Step
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.budget import Meter, SearchBudget
+from plan.program.assignment.found import Found
 from plan.program.assignment.planner import AssignmentPlanner
-from plan.program.assignment.search import Found, TaskSearch
+from plan.program.assignment.search import TaskSearch
 from plan.program.tasks import plan_task
 from plan.program.writer import ClearanceLost
 from plan.scene import scene_from_json

@@ -20,7 +20,8 @@ from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program.assignment.edge_checks import _POLISH, MARGIN
-from plan.program.assignment.search import _ALLOWED, Found, Stop, TaskSearch
+from plan.program.assignment.found import Found, Stop
+from plan.program.assignment.search import _ALLOWED, TaskSearch
 from plan.program.assignment.sequencing import best_grasps, best_order
 from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer

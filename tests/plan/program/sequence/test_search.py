@@ -19,6 +19,7 @@ from plan.kinematics.numeric_ik import SearchOptions
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
+from plan.program.sequence.layers import lower_bound
 from plan.program.sequence.planner import SearchEffort, SequencePlanner
 from plan.program.sequence.search import PoseSearch
 from plan.program.setting import Setting
@@ -63,7 +64,7 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
     assert plan.detours > 0
     assert best.time == pytest.approx(min(times.values()), abs=1e-9)
     assert max(times.values()) > best.time + 0.1
-    assert search.bound() <= min(times.values())
+    assert lower_bound(search.layers, search.limits) <= min(times.values())
     assert plan.lower_bound_s <= plan.duration_s < 1.5 * plan.lower_bound_s
 
 
