@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from arm.errors import ImpossibleError
+from plan.budget import PlanningInterrupted
 from plan.options import PlanOptions
 from plan.program.planned import Planned
 
 MOST = 0.1  # m, largest clearance that is tried
 _RESOLUTION = 5e-4  # m, resolution of the bisection, or this fraction of the clearance if that is more:
 _PART = 0.05
+_FAR = "this is the plan with the largest clearance that was found by then"
 
 PlanWith = Callable[[PlanOptions], Planned]
 
@@ -46,20 +48,38 @@ def clearest(plan_with: PlanWith, options: PlanOptions) -> Planned:
         options: options of the program; their clearances are lower limits.
 
     Raises:
-        ImpossibleError: there is no plan with the required clearance.
+        ImpossibleError: there is no plan with the required clearance, or wall time is over (`SearchBudget.give_up_s`).
+        PlanningInterrupted: by Ctrl-C; with the best plan by then.
     """
     tried = [_Try(options, plan_with(options))]
+    spent: list[str] = []  # why the search for more ended early
+
+    def best() -> Planned:
+        return max(tried, key=lambda one: one.worth(options.clearance_worth)).planned
 
     def bisect(at: Callable[[float], PlanOptions], low: float) -> float:
         high = MOST
-        while high - low > max(_RESOLUTION, _PART * low):
+        while not spent and high - low > max(_RESOLUTION, _PART * low):
             middle = 0.5 * (low + high)
             asked = at(middle)
             try:
-                tried.append(_Try(asked, plan_with(asked)))
+                found = plan_with(asked)
+                if len(found.skipped) > len(
+                    tried[0].planned.skipped
+                ):  # no cube stays for the sake of clearance
+                    high = middle
+                    continue
+                tried.append(_Try(asked, found))
                 low = middle
-            except ImpossibleError:
+            except ImpossibleError as error:
+                if error.data.get("budget") == "clock":  # no plan may depend on wall time
+                    raise
+                if "budget" in error.data:
+                    spent.append(f"the budget of {error.data['budget_s']:g} s of effort is spent")
                 high = middle
+            except PlanningInterrupted as stop:
+                text = f"the search was interrupted: {_FAR}"
+                raise PlanningInterrupted(text, replace(best(), stopped=text).plan()) from stop
         return low
 
     def both(clearance: float) -> PlanOptions:
@@ -76,4 +96,4 @@ def clearest(plan_with: PlanWith, options: PlanOptions) -> Planned:
         lambda clearance: replace(options, near_ends=False, clearance=clearance, line_clearance=lines),
         both(common).clearance,
     )
-    return max(tried, key=lambda one: one.worth(options.clearance_worth)).planned
+    return replace(best(), stopped=f"{spent[0]}: {_FAR}") if spent else best()

@@ -96,10 +96,13 @@ def plan_program(
     with allowed(budget) as meter:
         if program.options.aim == "time":
             return _planned(program, program.options, effort, meter)
-        found = clearest(lambda options: _planned(program, options, effort, meter), program.options)
-    # the plan states the required clearance; its moves state their larger certified ones
-    limits = found.setting.limits
-    return replace(found, setting=Setting(program.scene, program.unit, limits, program.options))
+        limits = program.limits or program.unit.limits()
+        # every plan states the required clearance; its moves state their larger certified ones
+        required = Setting(program.scene, program.unit, limits, program.options)
+        return clearest(
+            lambda options: replace(_planned(program, options, effort, meter), setting=required),
+            program.options,
+        )
 
 
 def _planned(program: Program, options: PlanOptions, effort: SearchEffort | None, meter: Meter) -> Planned:

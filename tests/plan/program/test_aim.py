@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import Unit
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
+from plan.budget import PlanningInterrupted
 from plan.options import PlanOptions
+from plan.program.aim import clearest
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
@@ -62,3 +64,56 @@ def test_the_plan_is_bound_to_what_was_required(made: dict[str, Planned]) -> Non
 def test_wrong_aims(change: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(change))):
         PlanOptions(**change)  # type: ignore[arg-type]
+
+
+def test_a_budget_that_is_spent_on_the_way_is_told(made: dict[str, Planned]) -> None:
+    plans = iter([made["time"], made["clearance"]])
+
+    def plan_with(options: PlanOptions) -> Planned:
+        found = next(plans, None)
+        if found is None:
+            raise ImpossibleError("spent", budget="effort", budget_s=2.0)
+        return found
+
+    best = clearest(plan_with, replace(FAST, aim="clearance"))
+    assert best.clearance == made["clearance"].clearance
+    assert best.stopped.startswith("the budget of 2 s of effort is spent: this is the plan with the largest")
+
+
+def test_wall_time_refuses_even_if_there_is_a_plan(made: dict[str, Planned]) -> None:
+    plans = iter([made["time"]])
+
+    def plan_with(options: PlanOptions) -> Planned:
+        found = next(plans, None)
+        if found is None:
+            raise ImpossibleError("given up", budget="clock", budget_s=2.0)
+        return found
+
+    with pytest.raises(ImpossibleError, match="given up"):
+        clearest(plan_with, replace(FAST, aim="clearance"))
+
+
+def test_an_interrupt_on_the_way_leaves_the_best_plan(made: dict[str, Planned]) -> None:
+    plans = iter([made["time"], made["clearance"]])
+
+    def plan_with(options: PlanOptions) -> Planned:
+        found = next(plans, None)
+        if found is None:
+            raise PlanningInterrupted("interrupted")
+        return found
+
+    with pytest.raises(PlanningInterrupted, match="largest clearance that was found by then") as caught:
+        clearest(plan_with, replace(FAST, aim="clearance"))
+    plan = caught.value.plan
+    assert plan is not None
+    assert plan.steps == made["clearance"].plan().steps
+    assert plan.notes["search"].startswith("the search was interrupted")
+
+
+def test_no_cube_stays_where_it_is_for_the_sake_of_clearance(made: dict[str, Planned]) -> None:
+    fewer = replace(made["clearance"], skipped=({"cube": "cube 1", "from": "a", "reason": "too near"},))
+    best = clearest(
+        lambda options: made["time"] if options.clearance <= FAST.clearance else fewer,
+        replace(FAST, aim="clearance"),
+    )
+    assert best.skipped == ()
