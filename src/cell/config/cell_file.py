@@ -91,7 +91,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     if rule := unit.beyond_limits(keys.q_start):
         raise root.error_at("q_start_deg", rule)
     _check_padding(keys, root)
-    _check_clearance(keys, root)
+    _check_motion(keys, root)
     boards = boards_of(keys, root, keys.cube_size)
     inputs = config_inputs(root.value, LEFT_OUT, boards)
     cell = Cell(
@@ -141,8 +141,10 @@ def _check_padding(keys: CellKeys, root: Node) -> None:
         raise root.error_at("arm_compared", rule)
 
 
-def _check_clearance(keys: CellKeys, root: Node) -> None:
-    """Check the clearance of transits against the smallest value allowed for it."""
+def _check_motion(keys: CellKeys, root: Node) -> None:
+    """Check the clearance of transits against the smallest value allowed for it, and the timing against jerk limits."""
+    if keys.timing == "toppra" and keys.jerk_time > 0.0:
+        raise root.error_at("motion.timing", "must be own with a jerk limit (motion.jerk_time_s)")
     if keys.clearance < keys.least_clearance:
         unit = f"the unit is mm: 10 mm is 10, and this is {1e3 * keys.clearance:g} mm"
         exception = "less is a deliberate exception: motion.least_clearance_mm"

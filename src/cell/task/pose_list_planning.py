@@ -116,6 +116,10 @@ class _Planner:
 
     def plan(self, back: bool) -> Plan:
         places = _places(self.poses.entries)
+        for entry in self.poses.entries if back else ():
+            if entry.name == _BACK:
+                rule = "is where --back leads to; give the entry another name"
+                raise FileInputError(self.poses.file, entry.key, _BACK, rule)
         for place in places:
             if place.entry is not None and place.entry.q is not None:
                 self.require(place.entry, place.entry.q)

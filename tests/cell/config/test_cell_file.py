@@ -49,7 +49,9 @@ def test_what_times_motions_is_the_cell_files(scenes: Path) -> None:
     replace_in(scenes / "cell.toml", "[motion]", '[motion]\ntiming = "toppra"')
     assert options_of(read_task(task), 0.5).by_toppra
     replace_in(scenes / "cell.toml", "[motion]", "[motion]\njerk_time_s = 0.1")
-    with pytest.raises(InputError, match="timing = 'toppra': must be 'own' with a jerk limit"):
+    with pytest.raises(
+        InputError, match=r"cell.toml: motion.timing = 'toppra': must be own with a jerk limit"
+    ):
         options_of(read_task(task), 0.5)
 
 

@@ -31,6 +31,12 @@ from tasks.small import small_scenes
 from typed.command_line import a465, replace_in
 
 
+def test_no_entry_has_the_name_of_the_way_back(tmp_path: Path) -> None:
+    listed = written(tmp_path, [{"name": "q_start", "q_deg": CTU_DEG[1]}])
+    _, told = a465("plan-poses", CELL, listed, "-o", tmp_path / "p", "--back", code=2)
+    assert "list.json: [0] = 'q_start': is where --back leads to" in told
+
+
 def test_what_cannot_be_reached_or_is_in_the_way_names_its_entry(tmp_path: Path) -> None:
     good, far = {"q_deg": CTU_DEG[1]}, transform(rot_x(np.pi), (1.5, 0.0, 0.3)).tolist()
     inside = transform(TURNED, (0.4, 0.0, 0.002)).tolist()
