@@ -178,8 +178,11 @@ class Candidates:
             f"; all: {listed}; rotate the pose, free more directions, or approach it with allowed collisions "
             "(allowed_collisions)"
         )
+        which = f"all {len(solutions)} solutions are too near to a body; at best"
+        if target.q is not None:
+            which, help = "the configuration is too near to a body:", own or "; choose another one"
         raise ImpossibleError(
-            f"target {target.name!r}: all {len(solutions)} solutions are too near to a body; at best "
+            f"target {target.name!r}: {which} "
             f"{best.pair[0]} is {best.value * 1e3:.1f} mm from {best.pair[1]} (required: {clearance * 1e3:g} mm){help}",
             target=target.name,
             solutions=len(solutions),

@@ -47,3 +47,11 @@ def test_refusals_say_what_and_how_much(robot: Robot, crs97: Unit) -> None:
     assert "no path to other side" in str(stuck)
     assert stuck.data["pair"][1] in ("cage", "back", "lid")
     assert sum(stuck.data["refused"].values()) >= 1
+
+
+def test_a_configuration_that_is_too_near_is_told_as_such(robot: Robot, crs97: Unit) -> None:
+    """No pose of it can be turned, and it has no approach."""
+    q = np.radians([0.0, -80.0, -80.0, 0.0, -20.0, 0.0])
+    low = refusal_of(robot, crs97, [TABLE], Target("low", q=q))
+    assert "target 'low': the configuration is too near to a body: " in str(low)
+    assert str(low).endswith("choose another one")
