@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.controller.unit import Limits
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
 from plan.trajectory.joint_path import Path, polyline, smooth_path
@@ -184,7 +184,7 @@ def time_curve(path: Path, limits: Limits, rate_cap: Caps = None, by_toppra: boo
 
     Raises:
         InputError: a cap is not positive, or no joint moves along the path.
-        ImpossibleError: toppra gives no answer.
+        ImpossibleError: toppra gives no answer, or the times are not finite.
     """
     counts = _counts_of_toppra(path) if by_toppra else _counts(path)
     method, solve = ("toppra", parametrise_by_toppra) if by_toppra else ("topp", parametrise)
@@ -198,6 +198,9 @@ def time_curve(path: Path, limits: Limits, rate_cap: Caps = None, by_toppra: boo
             break
         which = np.clip(np.searchsorted(stage.s, s[:-1], side="right") - 1, 0, len(ease) - 1)
         np.maximum.at(ease, which, ease[which] * (1.0 + _ROOM * np.maximum(0.0, acceleration - 1.0)))
+    if not (np.isfinite(trajectory.times).all() and np.isfinite(acceleration).all()):
+        why = f"a path of {len(path.x) - 1} pieces cannot be timed; move its goals apart, or leave some out"
+        raise ImpossibleError(why, pieces=len(path.x) - 1)
     # a velocity that is too high at `_INSIDE` may be slightly higher between these places
     velocity = 1.0 + _ROOM * (velocity - 1.0)
     excess = max(1.0, float(velocity.max()), float(np.sqrt(acceleration.max())))

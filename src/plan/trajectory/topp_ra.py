@@ -173,7 +173,8 @@ def _with_switches(stage: Gridpoints, x: Array, push: Array, most: Array) -> tup
     top = np.minimum((x[:-1] + x[1:]) / 2.0 + push * length, most)
     with np.errstate(invalid="ignore"):
         up, down = (top - x[:-1]) / (2.0 * push), (top - x[1:]) / (2.0 * push)
-    tiny = 1e-9 * length
+    # a switch nearer to a grid point than the resolution of s would be the same point
+    tiny = np.maximum(1e-9 * length, 4.0 * np.spacing(np.abs(s[1:])))
     rise = stage.straight & (up > tiny) & (down > -tiny) & (up < length - tiny)
     fall = stage.straight & (down > tiny) & (up > -tiny) & (down < length - tiny)
     # a triangle has one switch

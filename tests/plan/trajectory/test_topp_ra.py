@@ -14,7 +14,8 @@ from arm.errors import InputError
 from arms.blended_paths import blended
 from plan.trajectory.joint_path import Path, polyline, smooth_path
 from plan.trajectory.time_estimates import straight_time
-from plan.trajectory.timing import GRID, time_curve, time_path
+from plan.trajectory.timing import GRID, rate_caps, time_curve, time_path
+from plan.trajectory.topp_ra import gridpoints, parametrise
 
 
 def _paths(seed: int, count: int, limits: Limits) -> list[Path]:
@@ -47,6 +48,20 @@ def test_limits_hold_at_every_instant() -> None:
             assert (np.abs(state.qdd) / limits.acceleration).max() <= 1.0 + 1e-9
             np.testing.assert_allclose(state.qd[[0, -1]], 0.0, atol=1e-7)
             assert timed.stretch < 1.0005
+
+
+def test_no_two_grid_points_coincide() -> None:
+    """Pieces as short as the resolution of the path parameter, and switches near their ends."""
+    limits = Limits(np.full(2, -9.0), np.full(2, 9.0), np.array([1.0, 2.0]), np.array([2.0, 3.0]))
+    for seed in range(800):
+        rng = np.random.default_rng(seed)
+        cuts = np.sort(rng.uniform(0.0, 5.0, 3))
+        x = np.sort(np.concatenate([[0.0], cuts, cuts + 10.0 ** rng.uniform(-14.0, -7.0), [5.0]]))
+        path = polyline(x[:, None] * np.array([1.0, rng.uniform(-0.5, 0.5)]))
+        one = np.ones(len(path.x) - 1, dtype=np.int64)
+        s, rate = parametrise(gridpoints(path, one, rate_caps(path, rng.uniform(0.05, 2.0))), limits)
+        assert (np.diff(s) > 0.0).all(), seed
+        assert np.isfinite(rate).all(), seed
 
 
 def _toppra_time(path: Path, limits: Limits, intervals: int) -> float:
