@@ -24,6 +24,7 @@ from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.collision.world import World
 from plan.scene import Scene
 from plan.trajectory.extremes import segment_extremes
+from plan.trajectory.rounding import vertex_jump
 
 STATED_SLACK = 1e-6  # m, by which a stated clearance may exceed the proved one
 # The same for one segment, m: the bisection here differs from the planner's and ends at a resolution of 20 um.
@@ -34,7 +35,6 @@ LINE_SAMPLE_S = 0.01
 LINE_ASIDE, LINE_TURN = 1e-4, np.radians(0.05)  # largest deviation from a line, m and rad
 # m, tolerance of a line's length; a line is entered or left at speed, at a whole millisecond
 LINE_LENGTH = 5e-4
-VERTEX_S = 5e-3  # a join may step in velocity by acceleration limit * 5 ms (the controller's rule)
 GRASP_REACH = 0.05  # from the tool frame to the centre of a cube between the jaws, m
 
 
@@ -142,9 +142,10 @@ def replay(
     """
     scaled, joints = limits.scaled(plan.speed), scene.robot_open.joint_names
     chain([move.path for move in plan.moves])
-    peaks = [_peaks(move, unit, scaled, joints) for move in plan.moves]
+    jump = vertex_jump(limits.acceleration)
+    peaks = [_peaks(move, unit, scaled, jump, joints) for move in plan.moves]
     for motion in plan.motions:
-        _require_meetings(motion, unit, scaled, joints)
+        _require_meetings(motion, unit, jump, joints)
     replayed = []
     for (move, setting), peak in zip(move_scenes(plan, scene, unit), peaks, strict=True):
         if asked is not None:
@@ -243,8 +244,8 @@ def _setting(
     return MoveScene(world, resting)
 
 
-def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> None:
-    """Require equal velocities where moves meet, and rest at both ends, to within the controller's vertex rule."""
+def _require_meetings(motion: Motion, unit: Unit, jump: Array, joints: tuple[str, ...]) -> None:
+    """Require equal velocities where moves meet, and rest at both ends, up to a `jump` (n,) rad/s."""
     scale = np.abs(unit.counts_per_rad)
     rest = np.zeros(len(scale))
     left = [rest, *(m.path.segments[-1].derivative(1.0) / scale for m in motion.moves)]
@@ -256,7 +257,7 @@ def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[
         f"{names[-1]} does not end at rest",
     ]
     for place, before, after in zip(places, left, entered, strict=True):
-        excess = np.abs(after - before) - VERTEX_S * limits.acceleration
+        excess = np.abs(after - before) - jump
         joint = int(np.argmax(excess))
         if excess[joint] > LIMIT_SLACK:
             raise ImpossibleError(
@@ -269,14 +270,16 @@ def _require_meetings(motion: Motion, unit: Unit, limits: Limits, joints: tuple[
             )
 
 
-def _peaks(move: Move, unit: Unit, limits: Limits, joints: tuple[str, ...]) -> tuple[float, float]:
+def _peaks(
+    move: Move, unit: Unit, limits: Limits, jump: Array, joints: tuple[str, ...]
+) -> tuple[float, float]:
     extremes = segment_extremes(move.path, unit)
     for what, found, allowed, in_unit in (
         ("lower limit", -extremes.lower, -limits.lower, "deg"),
         ("upper limit", extremes.upper, limits.upper, "deg"),
         ("velocity", extremes.velocity, limits.velocity, "deg/s"),
         ("acceleration", extremes.acceleration, limits.acceleration, "deg/s2"),
-        ("jump of velocity at a join", extremes.jumps, VERTEX_S * limits.acceleration, "deg/s"),
+        ("jump of velocity at a join", extremes.jumps, jump, "deg/s"),
     ):
         excess = np.max(found - allowed, axis=0, initial=-np.inf)
         joint = int(np.argmax(excess))

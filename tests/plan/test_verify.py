@@ -80,9 +80,9 @@ def _halves(move: Move) -> tuple[Move, Move]:
 
 
 def _hurried(move: Move) -> Move:
-    """The same motion, a little faster from its middle on."""
+    """The same motion, slower from its middle on."""
     first, second = _halves(move)
-    segments = (*first.path.segments, *_faster(second, 94).path.segments)
+    segments = (*first.path.segments, *_faster(second, 150).path.segments)
     return replace(move, path=CountPath(move.path.start, segments))
 
 
@@ -186,11 +186,11 @@ def test_moves_that_meet_at_speed_hold(plan: Plan, scene: Scene) -> None:
 
 
 def test_moves_that_meet_with_a_jump_of_velocity_are_found(plan: Plan, scene: Scene) -> None:
-    """The second half alone keeps every limit, but the arm would have to be faster at once."""
+    """The second half alone keeps every limit, but the arm would have to be slower at once."""
     with pytest.raises(
         ImpossibleError, match="'first half' and 'second half' do not meet at the same"
     ) as found:
-        replay(_halved(plan, second=lambda m: _faster(m, 94)), scene, UNIT, LIMITS)
+        replay(_halved(plan, second=lambda m: _faster(m, 150)), scene, UNIT, LIMITS)
     assert found.value.data["excess"] > 0.0
     merged = _changed(plan, "transit", _hurried)
     with pytest.raises(ImpossibleError, match="over its jump of velocity at a join"):

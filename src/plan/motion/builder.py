@@ -33,6 +33,7 @@ from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import time_smooth
 from plan.trajectory.joint_path import Stretch, chained, polyline, smooth_path
+from plan.trajectory.rounding import vertex_jump
 from plan.trajectory.timing import time_curve, time_line, time_path
 from plan.trajectory.virtual_unit import is_virtual
 
@@ -155,6 +156,7 @@ class MotionBuilder:
                 lines=(tolerances[0], tolerances[1]),
                 late=[isinstance(parts[i].shape, Stretch) for i in changes],
                 deviation=self._deviation(careful),
+                jump=self._jump,
             )
         except MarksTooNear:  # phases so short that no join has room, such as out of a hole and back into it
             return None
@@ -199,7 +201,13 @@ class MotionBuilder:
             limits=self.sent,
             deviation=self._deviation(on_lines),
             line=tolerance,
+            jump=self._jump,
         )
+
+    @property
+    def _jump(self) -> Array:
+        """Largest jump of velocity at a join, (n,) rad/s."""
+        return vertex_jump(self.sent.acceleration, self.options.speed)
 
     def _parts(self, groups: Sequence[Sequence[MotionPhase]], joins: Sequence[Join]) -> list[_Part] | None:
         """Return what a motion is joined from, or None if a corner cannot be cut as closely as required.

@@ -25,7 +25,7 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import Line
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.extremes import cubic_acceleration, cubic_speed
-from plan.trajectory.rounding import VERTEX_S, round_chain
+from plan.trajectory.rounding import round_chain, vertex_jump
 from plan.trajectory.timing import Trajectory
 
 SHORTEST_MS = 40  # the line sends about 25 cubics a second (docs/sources.md, "Capacity of the line")
@@ -90,6 +90,7 @@ def to_segments(
     limits: Limits | None = None,
     deviation: float = 2e-4,
     line: LineTolerance | None = None,
+    jump: Array | None = None,
 ) -> CountPath:
     """Convert a trajectory from rest to rest to integer cubic segments.
 
@@ -101,6 +102,8 @@ def to_segments(
             registers' limits, the part that the plan does not use is available for rounding.
         deviation: largest deviation of any joint from the planned motion at the same time, rad, in addition to 1 count.
         line: tolerance of the tool on its line, or None.
+        jump: largest jump of velocity at a join, (n,) rad/s; default: what the controller allows if `limits` are those
+            of its registers (`vertex_jump`). A slower motion is sent with the same registers.
 
     Returns:
         A chain from rest at ``unit.counts`` of the first configuration to rest at those of the last.
@@ -118,6 +121,7 @@ def to_segments(
         marks=(end,),
         lines=(line, None),
         deviation=deviation,
+        jump=jump,
     ).path
 
 
@@ -131,11 +135,12 @@ def to_marked_segments(
     lines: tuple[LineTolerance | None, LineTolerance | None] = (None, None),
     deviation: float = 2e-4,
     late: Sequence[bool] | None = None,
+    jump: Array | None = None,
 ) -> Marked:
     """`to_segments` for a motion that begins and ends with lines, with a join of segments at each mark.
 
     Args:
-        trajectory, unit, segment_ms, limits, deviation: see `to_segments`.
+        trajectory, unit, segment_ms, limits, deviation, jump: see `to_segments`.
         marks: increasing values of the path parameter, such as inner edges of `plan.trajectory.joint_path.Chained`.
             Each join is within 1 ms of its mark. Marks at the ends of the path need no join.
         lines: tolerance of the tool before the first mark, and after the last.
@@ -151,7 +156,8 @@ def to_marked_segments(
         raise InputError(f"segment_ms = {segment_ms}: must be at least {SHORTEST_MS}", segment_ms=segment_ms)
     if late is None:
         late = [i > 0 and i == len(marks) - 1 for i in range(len(marks))]
-    fitter = _Fitter(unit, limits, deviation, tuple(marks), tuple(late), lines)
+    jump = vertex_jump(limits.acceleration) if jump is None else jump
+    fitter = _Fitter(unit, limits, jump, deviation, tuple(marks), tuple(late), lines)
     if fitter.calm_ms(1.0) > segment_ms * _LONGEST:
         raise _too_slow(unit, int(np.argmin(fitter.acceleration())))
     calm = int(np.clip(fitter.calm_ms(0.025), segment_ms, segment_ms * _LONGEST))
@@ -207,7 +213,7 @@ class _Fit:
         knots_ms: (k + 1,) int.
         coefficients: (3, k, n) int.
         velocity, acceleration: (k, n) largest values, relative to their limits.
-        jump: (k - 1, n) jumps of velocity at joins, relative to what the vertex rule allows.
+        jump: (k - 1, n) jumps of velocity at joins, relative to the largest one allowed.
         off: (k,) deviation relative to its tolerance.
         first: for each mark, the index of the segment after it.
     """
@@ -242,6 +248,7 @@ class _Fit:
 class _Fitter:
     unit: Unit
     limits: Limits
+    jump: Array
     deviation: float
     marks: tuple[float, ...]
     late: tuple[bool, ...]
@@ -303,7 +310,7 @@ class _Fitter:
         acceleration = cubic_acceleration(a.astype(float)) / duration**2 / scale / self.limits.acceleration
 
         left = (a[0] + 2 * a[1] + 3 * a[2])[:-1] / duration[:-1]
-        jump = np.abs(left - a[0, 1:] / duration[1:]) / scale / (VERTEX_S * self.limits.acceleration)
+        jump = np.abs(left - a[0, 1:] / duration[1:]) / scale / self.jump
 
         u = _SAMPLES[:, None, None]
         executed = starts + u * (a[0] + u * (a[1] + u * a[2]))

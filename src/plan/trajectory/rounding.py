@@ -29,6 +29,16 @@ _FINE = 10_000
 _NEVER = 1e12
 
 
+def vertex_jump(acceleration: Array, speed: float = 1.0) -> Array:
+    """Return the largest jump of velocity at a join that the controller allows, (n,) rad/s: `COORDDISCONT`.
+
+    Args:
+        acceleration: limits (n,) rad/s^2 at `speed`.
+        speed: factor that they were scaled by, squared; the controller's rule knows its registers alone.
+    """
+    return np.asarray(VERTEX_S * acceleration / speed**2)
+
+
 def round_chain(
     unit: Unit, limits: Limits, knots_ms: Counts, q: Array, qd: Array, careful: bool = True
 ) -> Counts:
