@@ -14,7 +14,7 @@ from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
 from plan.trajectory.extremes import segment_extremes
-from plan.verify import VERTEX_S
+from plan.trajectory.rounding import vertex_jump
 from tasks.pose_lists import FAST, down
 from tasks.task2 import Q_START
 
@@ -25,7 +25,7 @@ LIMITS = UNIT.limits()
 
 def test_moves_meet_to_the_count_and_at_speed(plan: Plan, direct: Plan, walled_plan: Plan) -> None:
     """The arm is at rest where the jaws act, where it looks and at home; elsewhere it goes on, by the vertex rule."""
-    jump = VERTEX_S * LIMITS.scaled(plan.speed).acceleration
+    jump = vertex_jump(LIMITS.acceleration)
     scale = np.abs(UNIT.counts_per_rad)
     for made in (plan, direct, walled_plan):
         moves = list(made.moves)
