@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.controller.unit import Limits, Unit
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.plan_file import Move, Pause, Plan, Step, duration_of
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
@@ -97,7 +97,15 @@ class Planned:
         return self.setting.unit
 
     def plan(self) -> Plan:
-        """Return the plan for a file, which can be previewed, exported, verified and executed."""
+        """Return the plan for a file, which can be previewed, exported and verified.
+
+        Tasks and lists of poses of the cell's arm can be executed too (`plan.program.grammar`).
+
+        Raises:
+            ImpossibleError: nothing moves.
+        """
+        if not self.moves:
+            raise ImpossibleError("nothing moves: every goal is where the arm stands", moves=0)
         setting = self.setting
         stated = dict(self.provenance)
         stated_task: dict[str, Any] = {"cubes": [dict(cube) for cube in self.cubes], **self.task}

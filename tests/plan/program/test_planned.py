@@ -7,8 +7,13 @@ import json
 import numpy as np
 import pytest
 
+from arm.controller.unit import Unit
+from arm.errors import ImpossibleError
+from arm.robot.model import Robot
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
+from plans.waypoints import Q_START, planned
+from tasks.pose_lists import TABLE
 
 
 def test_export(row: tuple[Planned, list[Target]]) -> None:
@@ -29,3 +34,10 @@ def test_export(row: tuple[Planned, list[Target]]) -> None:
         begin += step.get("dwell_s", 0.0)
     assert begin == pytest.approx(plan.duration_s)
     np.testing.assert_allclose(plan.at(t), q, atol=1e-9)
+
+
+def test_a_program_that_goes_nowhere_has_no_plan(robot: Robot, crs97: Unit) -> None:
+    found = planned(robot, crs97, [TABLE], Target("here", q=Q_START))
+    assert found.moves == ()
+    with pytest.raises(ImpossibleError, match="nothing moves"):
+        found.plan()
