@@ -57,6 +57,7 @@ class Plan:
         scene: bodies and allowed contacts that the motion was checked against (JSON types), for preview and
             for independent checks.
         notes: versions and the like, for information only; the plan's code covers them.
+        arm: the arm itself, if it has no unit (`plan.program.stated_arm`, JSON types), or empty.
     """
 
     task: dict[str, Any]
@@ -68,6 +69,7 @@ class Plan:
     provenance: dict[str, Any]
     scene: dict[str, Any] = field(default_factory=dict)
     notes: dict[str, Any] = field(default_factory=dict)
+    arm: dict[str, Any] = field(default_factory=dict)
 
     @property
     def moves(self) -> Iterator[Move]:
@@ -92,7 +94,8 @@ class Plan:
     def to_json(self) -> str:
         """Return the text of the file."""
         steps = [_step_to_json(step) for step in self.steps]
-        return canonical_json({**vars(self), "format": FORMAT, "steps": steps}) + "\n"
+        stated = {key: value for key, value in vars(self).items() if key != "arm" or value}
+        return canonical_json({**stated, "format": FORMAT, "steps": steps}) + "\n"
 
     @property
     def sha256(self) -> str:
@@ -195,6 +198,7 @@ def _plan(root: Node) -> Plan:
         provenance=root.get("provenance", table()),
         notes=root.get("notes", table()),
         scene=_scene(root),
+        arm=root.get("arm", table(), {}),
     )
     moves = list(plan.moves)
     if not moves:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -59,7 +59,8 @@ class Robot:
         disabled_collisions: pairs of body names that are not checked against each other.
         digest: SHA-256 over URDF, SRDF, tool, locked joints and hulls of meshes.
         ideal: the nominal arm if this one is calibrated, for closed-form inverse kinematics; or None.
-        urdf: text of the URDF.
+        urdf, srdf: text of the URDF, and of the SRDF if there is one.
+        locked: positions of the joints that are locked, with those that follow them, m or rad.
     """
 
     model: Any
@@ -70,6 +71,8 @@ class Robot:
     digest: str
     ideal: Robot | None = None
     urdf: str = ""
+    srdf: str = ""
+    locked: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -218,6 +221,8 @@ def load_robot(
         disabled_collisions=read_disabled_collisions(srdf or urdf, srdf_text, by_link(bodies)),
         digest=sha256(identity),
         urdf=text,
+        srdf=srdf_text,
+        locked=locked,
     )
 
 

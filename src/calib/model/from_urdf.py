@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
 import pinocchio as pin
 
 from arm.errors import InputError
-from arm.se3 import Array, frozen
+from arm.robot.description import joint_motion
+from arm.se3 import frozen
 from calib.model.chain import Chain, Element, Fixed, Motion, Unknown, joined
-
-_AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
 
 def chain_from_root(
@@ -47,23 +45,10 @@ def chain_from_root(
         name = model.names[joint]
         if name not in reading_of:
             raise InputError(f"joint {name}: on the chain to {frame}, but it has no reading", joint=name)
-        axis, turns = _axis(model.joints[joint], name)
+        kind, axis = joint_motion(model.joints[joint], name)
         elements += [
             Fixed(frozen(model.jointPlacements[joint].homogeneous)),
-            Motion(axis, turns, reading_of[name], unknowns_of(name)),
+            Motion(axis, kind == "revolute", reading_of[name], unknowns_of(name)),
             *after(name),
         ]
     return joined([*elements, Fixed(frozen(end.placement.homogeneous))])
-
-
-def _axis(joint: pin.JointModel, name: str) -> tuple[Array, bool]:
-    """Return a joint's axis, and whether it is a rotation."""
-    kind = joint.shortname()
-    turns = kind.startswith("JointModelR")
-    if kind in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
-        return frozen(np.asarray(joint.extract().axis)), turns
-    if kind[:-1] in {"JointModelR", "JointModelP"} and kind[-1] in _AXES:
-        return frozen(_AXES[kind[-1]]), turns
-    raise InputError(
-        f"joint {name}: is a {kind}; chains support revolute and prismatic joints only", joint=name, kind=kind
-    )

@@ -211,7 +211,8 @@ def plan_poses(
     short_help="Check a plan, a scene or a configuration.",
     help="Check a plan file again: limits and clearance of every segment that would be sent. "
     "Or check the queries and motions of a scene file against its expected results. With --q, "
-    "list the closest pairs at a configuration in a scene, cell or task file.",
+    "list the closest pairs at a configuration in a scene, cell or task file. "
+    "The plan of an arm without a unit describes its arm and needs no TASK.",
     epilog=examples(
         "a465 check plan.json scenes/task2.toml",
         "a465 check scenes/fixtures/capsule.toml --q 0,10,-80,0,-60,0",
@@ -221,7 +222,9 @@ def check(
     file: Annotated[
         Path, Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE")
     ],
-    task: Annotated[Path | None, Argument(help="Task or cell file of the plan.", metavar="TASK")] = None,
+    task: Annotated[
+        Path | None, Argument(help="Task or cell file of the plan; none for an arm without a unit.", metavar="TASK")
+    ] = None,
     q: Annotated[
         str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
     ] = None,
@@ -250,7 +253,8 @@ def preview(
         Path, Argument(help="Plan file, or log of a run such as runs/task2-1/wire.jsonl.", metavar="FILE")
     ],
     task: Annotated[
-        Path | None, Argument(help="Task or cell file of the plan; a log names its own.", metavar="TASK")
+        Path | None,
+        Argument(help="Task or cell file of the plan; none for a log, or an arm without a unit.", metavar="TASK"),
     ] = None,
     output: shared.Output = None,
     as_json: shared.Json = False,
@@ -265,6 +269,7 @@ def preview(
 @app.command(
     short_help="Execute a plan in the simulated cell, or on the arm with --port.",
     help="Execute a plan file in the simulated cell, or on the arm with --port, if it matches the present cell. "
+    "A plan without a unit, of another arm, is never sent. "
     "On a terminal: space pauses, + and - change the speed, q or Ctrl-C aborts.",
     epilog=examples("a465 execute plan.json scenes/task2.toml --speed 0.5"),
 )

@@ -1,4 +1,4 @@
-"""``a465 check``: a plan with its task, or a scene file. Each branch imports only what it needs."""
+"""``a465 check``: a plan, or a scene file. Each branch imports only what it needs."""
 
 from __future__ import annotations
 
@@ -13,14 +13,11 @@ from cell.console import Console
 def check_step(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
-    """Check a plan (JSON) against its task, a scene file, or with --q a configuration in a scene, cell or task file."""
+    """Check a plan (JSON; of a cell against its task), a scene file, or with --q a configuration in such a file."""
     if not read_text(file, "JSON").lstrip().startswith("{"):
         return _check_scene(file, task_file, configuration, console)
     if configuration is not None:
         raise InputError(f"{file} is a plan; --q needs a scene, cell or task file", file=str(file))
-    if task_file is None:
-        why = f"{file} is a plan; give its task or cell file too: a465 check {file} TASK"
-        raise InputError(why, file=str(file))
     return _check_plan(file, task_file, console)
 
 
@@ -37,15 +34,32 @@ def _check_scene(
     return closest_pairs(read_surroundings(file), configuration, console)
 
 
-def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str, Any]:
+def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> dict[str, Any]:
     """Check every segment that the plan would send, independently of the clearances it states."""
     from arm.plan_file import read_plan
     from cell.commands.second_opinion import second_opinion
+    from cell.export.scene import arm_of_plan
     from cell.files.place import read_place
-    from cell.task.plan_matches import check_plan
+    from cell.task.plan_matches import check_plan, replayed_to_json
+    from cell.task.planning import options_of
+    from plan.program.setting import planned_limits
+    from plan.program.stated_arm import stated_options
+    from plan.trajectory.virtual_unit import NO_UNIT
+    from plan.verify import replay
 
-    task, plan = read_place(task_file), read_plan(plan_file)
-    result = check_plan(task, plan)
+    plan = read_plan(plan_file)
+    place = None if task_file is None else read_place(task_file)
+    if plan.unit == NO_UNIT:
+        arm = arm_of_plan(plan_file, plan, place)
+        result = replayed_to_json(plan, replay(plan, arm.scene(plan), arm.unit, arm.limits))
+        robot, unit, limits, options = arm.robot_open, arm.unit, arm.limits, stated_options(plan_file, plan)
+    elif place is None:
+        why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 check {plan_file} TASK"
+        raise InputError(why, file=str(plan_file))
+    else:
+        result = check_plan(place, plan)
+        cell = place.cell
+        robot, unit, limits, options = cell.robot(), cell.unit, cell.limits, options_of(place, plan.speed)
     console.table(
         ("move", "mm stated", "mm proved", "closest"),
         [(m["name"], m["stated_mm"], m["proved_mm"], " - ".join(m["closest"])) for m in result["moves"]],
@@ -55,7 +69,9 @@ def _check_plan(plan_file: Path, task_file: Path, console: Console) -> dict[str,
         f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "
         f"acceleration limits at speed {plan.speed:g}"
     )
-    again = result["second_opinion"] = second_opinion(task, plan)
+    again = result["second_opinion"] = second_opinion(
+        plan, robot, unit, planned_limits(limits, options, unit)
+    )
     if again["toppra_s"] is None:
         console.say(f"toppra gives no time for {', '.join(again['unanswered'])}")
     else:

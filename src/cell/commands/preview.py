@@ -1,11 +1,10 @@
-"""``a465 preview`` of a plan with its task, or of a log. Each branch imports only what it needs."""
+"""``a465 preview`` of a plan, or of a log. Each branch imports only what it needs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from arm.errors import InputError
 from arm.io.storage import keep_apart
 from cell.console import Console
 
@@ -19,11 +18,6 @@ def preview_file(file: Path, task: Path | None, output: Path | None, console: Co
         from cell.preview.of_log import preview_log
 
         return preview_log(file, task, output or file.with_suffix(".html"), console)
-    if task is None:
-        why = (
-            f"{file} is not a log; if it is a plan, give its task or cell file too: a465 preview {file} TASK"
-        )
-        raise InputError(why, file=str(file))
     from cell.commands.steps import preview_step
 
     return preview_step(file, task, output or file.with_suffix(".html"), console)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped, ImpossibleError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
@@ -22,6 +22,7 @@ from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.options import clearance_words
+from plan.trajectory.virtual_unit import NO_UNIT
 from vision.observation import Observation
 
 if TYPE_CHECKING:
@@ -202,21 +203,34 @@ def _move_to_json(move: Move) -> dict[str, Any]:
     }
 
 
-def preview_step(plan_file: Path, task_file: Path, output: Path, console: Console) -> dict[str, Any]:
-    """``a465 preview``; a plan that does not match the present cell is shown with a warning."""
+def preview_step(plan_file: Path, task_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
+    """``a465 preview``; a plan that does not match the present cell is shown with a warning.
+
+    Raises:
+        InputError: a plan of a cell needs its task file, and a plan of an arm without a unit has none.
+    """
+    from cell.export.scene import arm_of_plan
     from cell.files.place import read_place
     from cell.preview.of_plan import write_page
+    from cell.preview.page import write_preview
     from cell.task.plan_matches import require_match
 
-    task, plan = read_place(task_file), read_plan(plan_file)
-    warning = None
-    try:
-        require_match(task, plan)
-    except ImpossibleError as error:
-        if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
-            raise
-        warning = str(error)
-    write_page(task, plan, output)
+    plan, warning = read_plan(plan_file), None
+    task = None if task_file is None else read_place(task_file)
+    if plan.unit == NO_UNIT:
+        arm = arm_of_plan(plan_file, plan, task)
+        write_preview(plan, arm.robot_open, arm.robot_holding, arm.unit, output)
+    elif task is None:
+        why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 preview {plan_file} TASK"
+        raise InputError(why, file=str(plan_file))
+    else:
+        try:
+            require_match(task, plan)
+        except ImpossibleError as error:
+            if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
+                raise
+            warning = str(error)
+        write_page(task, plan, output)
     if warning is not None:
         console.say(f"WARNING: {warning}; the page shows it in the present cell, but execute would refuse it")
     console.say(f"open {output} in a browser")

@@ -19,6 +19,7 @@ from cell.console import Console
 from cell.export.ros import JOINTS, joint_trajectory
 from cell.export.series import Executed, executed, planned, unit_of
 from driver.log.read import Session, is_log, read_log
+from plan.trajectory.virtual_unit import NO_UNIT
 
 if TYPE_CHECKING:
     from cell.export.ros import Message
@@ -84,7 +85,7 @@ def _refuse_options(
 
 
 def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
-    from cell.export.plan import csv_of, messages_of, sampled, trajectory_of
+    from cell.export.plan import csv_of, joints_of, messages_of, sampled, trajectory_of
     from cell.export.scene import surroundings_of_plan, unit_of_plan
     from cell.files.place import read_place
 
@@ -106,7 +107,7 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
     period = PERIOD_S if asked.period is None else asked.period
     if form == "csv":
         samples = sampled(plan, unit, period)
-        content: bytes | str = csv_of(samples)
+        content: bytes | str = csv_of(samples, joints_of(plan))
         counted: dict[str, Any] = {"samples": len(samples.time_s)}
     elif form == "trajectory":
         content, counted = _points(trajectory_of(plan, unit))
@@ -136,7 +137,8 @@ def _write(
     number = counted.get("samples", counted.get("points", sum(counted.get("messages", {}).values())))
     what = {"csv": "samples", "trajectory": "points", "mcap": "messages"}[source["format"]]
     damaged = f"; {counted['damaged']} damaged records left out" if counted["damaged"] else ""
-    console.say(f"{number} {what} of {source['unit']} in {path}{damaged}")
+    of = "" if source["unit"] == NO_UNIT else f" of {source['unit']}"
+    console.say(f"{number} {what}{of} in {path}{damaged}")
     return {**source, "file": str(path), **counted, "bytes": path.stat().st_size}
 
 

@@ -6,7 +6,7 @@ stretch any motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +31,7 @@ class TimedStep:
     Attributes:
         step: of the plan.
         begin_s, end_s: beginning and end of the step.
-        q: joint positions at the beginning of the step, (6,) rad.
+        q: joint positions at the beginning of the step, (n,) rad (m for sliding joints).
         jaws: target of the jaws during the step, 0 open to 1 shut.
     """
 
@@ -58,7 +58,7 @@ class Samples:
 
     Attributes:
         time_s: (m,) from the beginning of the plan.
-        q, velocity: (m, 6) rad, rad/s; where two segments meet, those of the later one.
+        q, velocity: (m, n) rad, rad/s (m, m/s); where two segments meet, those of the later one.
         jaws: (m,) target, 0 open to 1 shut.
         step: (m,) names.
     """
@@ -115,7 +115,8 @@ def _at(parts: Sequence[TimedStep], unit: Unit, times: Array) -> Samples:
     """Sample at times in any order. Times are rounded to a microsecond, duplicates dropped."""
     time_s = np.unique(np.round(times, 6))
     which = np.searchsorted([part.begin_s for part in parts], time_s + TICK, side="right") - 1
-    q, velocity, jaws = np.empty((len(time_s), 6)), np.zeros((len(time_s), 6)), np.empty(len(time_s))
+    shape = len(time_s), len(parts[0].q)
+    q, velocity, jaws = np.empty(shape), np.zeros(shape), np.empty(len(time_s))
     for index, part in enumerate(parts):
         rows = which == index
         jaws[rows] = part.jaws
@@ -142,9 +143,17 @@ def _velocity(path: CountPath, times: Array) -> Array:
     return found
 
 
-def csv_of(samples: Samples) -> str:
-    """Return one line per sample."""
-    names = [*(f"{name}_rad" for name in JOINTS), *(f"{name}_rad_s" for name in JOINTS)]
+def joints_of(plan: Plan) -> dict[str, str]:
+    """Return the unit of each joint's positions by the joint's name: rad, or m where it slides."""
+    if not plan.arm:
+        return dict.fromkeys(JOINTS, "rad")
+    units = {"revolute": "rad", "prismatic": "m"}
+    return {joint["name"]: units[joint["kind"]] for joint in plan.arm["open"]["joints"]}
+
+
+def csv_of(samples: Samples, joints: Mapping[str, str]) -> str:
+    """Return one line per sample; `joints` as of `joints_of`."""
+    names = [f"{name}_{unit}{per_s}" for per_s in ("", "_s") for name, unit in joints.items()]
     lines = [",".join(["time_s", *names, "jaws_fraction_closed", "step"])]
     for i, time_s in enumerate(samples.time_s):
         numbers = [f"{v + 0.0:.9f}" for v in np.round([*samples.q[i], *samples.velocity[i]], 9)]
@@ -172,14 +181,14 @@ def trajectory_of(plan: Plan, unit: Unit) -> dict[str, Any]:
         for part in timed_steps(plan, unit)
         if isinstance(part.step, GripperStep)
     ]
-    return {**_trajectory(_lasting(plan, unit), unit), "gripper_events": events}
+    return {**_trajectory(_lasting(plan, unit), unit, tuple(joints_of(plan))), "gripper_events": events}
 
 
-def _trajectory(parts: Sequence[TimedStep], unit: Unit) -> dict[str, Any]:
+def _trajectory(parts: Sequence[TimedStep], unit: Unit, names: Sequence[str]) -> dict[str, Any]:
     """The trajectory of steps that each take time, from the first one's beginning."""
     ends = _at(parts, unit, np.concatenate([part.knots_s() for part in parts]))
     jumps = any(part.path is not None and part.path.has_velocity_jumps for part in parts)
-    return joint_trajectory(ends.time_s, ends.q, None if jumps else ends.velocity, parts[0].begin_s)
+    return joint_trajectory(ends.time_s, ends.q, None if jumps else ends.velocity, parts[0].begin_s, names)
 
 
 def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
@@ -188,19 +197,19 @@ def messages_of(plan: Plan, unit: Unit, period: float) -> list[Message]:
     Raises:
         InputError: see `sampled`.
     """
-    samples = sampled(plan, unit, period)
+    samples, names = sampled(plan, unit, period), tuple(joints_of(plan))
     found: list[Message] = []
     for time, q, velocity, jaws in zip(
         samples.time_s, samples.q, samples.velocity, samples.jaws, strict=True
     ):
         time_s = float(time)
-        found.append((nanoseconds(time_s), "/joint_states", joint_state(time_s, q, velocity)))
+        found.append((nanoseconds(time_s), "/joint_states", joint_state(time_s, q, velocity, names)))
         found.append((nanoseconds(time_s), "/jaws", {"fraction_closed": float(jaws)}))
     parts = timed_steps(plan, unit)
     for motion in plan.motions:
         moving = [p for p in parts[motion.first : motion.first + len(motion.moves)] if p.end_s > p.begin_s]
         if moving:
-            found.append((nanoseconds(moving[0].begin_s), "/planned", _trajectory(moving, unit)))
+            found.append((nanoseconds(moving[0].begin_s), "/planned", _trajectory(moving, unit, names)))
     for part in parts:
         event = {"kind": "step", "data": {"name": part.step.name, "step": _KINDS[type(part.step)]}}
         found.append((nanoseconds(part.begin_s), "/events", event))

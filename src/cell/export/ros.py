@@ -6,11 +6,12 @@ Positions in rad, velocities in rad/s.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from arm.se3 import Array
 
-JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")  # of the arm's URDF
+JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")  # of the A465's URDF
 NS = 1_000_000_000
 Message = tuple[int, str, dict[str, Any]]
 """Time in ns, topic of `cell.export.mcap.TOPICS`, and value."""
@@ -33,17 +34,20 @@ def header(time_s: float) -> dict[str, Any]:
     return {"stamp": stamp(time_s), "frame_id": ""}
 
 
-def joint_trajectory(time_s: Array, q: Array, velocity: Array | None, start_s: float) -> dict[str, Any]:
+def joint_trajectory(
+    time_s: Array, q: Array, velocity: Array | None, start_s: float, names: Sequence[str] = JOINTS
+) -> dict[str, Any]:
     """trajectory_msgs/JointTrajectory that begins at `start_s`.
 
     Args:
         time_s: (m,), strictly increasing, none before `start_s`.
-        q: (m, n) rad.
-        velocity: (m, n) rad/s, or None to leave it out.
+        q: (m, n) rad (m for sliding joints).
+        velocity: (m, n) rad/s (m/s), or None to leave it out.
+        names: of the n joints.
     """
     return {
         "header": header(start_s),
-        "joint_names": list(JOINTS),
+        "joint_names": list(names),
         "points": [
             {
                 "positions": _numbers(q[i]),
@@ -57,11 +61,11 @@ def joint_trajectory(time_s: Array, q: Array, velocity: Array | None, start_s: f
     }
 
 
-def joint_state(time_s: float, q: Array, velocity: Array) -> dict[str, Any]:
+def joint_state(time_s: float, q: Array, velocity: Array, names: Sequence[str] = JOINTS) -> dict[str, Any]:
     """sensor_msgs/JointState."""
     return {
         "header": header(time_s),
-        "name": list(JOINTS),
+        "name": list(names),
         "position": _numbers(q),
         "velocity": _numbers(velocity),
         "effort": [],

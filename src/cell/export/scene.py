@@ -22,7 +22,9 @@ from cell.files.place import POSES, read_place
 from cell.files.scene import read_scene_file
 from cell.files.task import Task
 from cell.scene.build import build_scene
-from plan.scene import Scene, scene_from_json
+from plan.program.stated_arm import StatedArm, stated_arm
+from plan.scene import Scene
+from plan.trajectory.virtual_unit import NO_UNIT
 
 _GIVE_CELL = "give --cell FILE, the cell or task file that the plan was made for"
 
@@ -44,7 +46,6 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     return Surroundings(
         robot=scene.robot,
         limits=scene.unit.limits(),
-        jaw_opening=scene.jaw_opening,
         bodies=scene.bodies,
         held=scene.held,
         T_tool_held=scene.T_tool_held,
@@ -62,13 +63,13 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
         if task.kind != POSES:
             require_boards(observation, task)
         scene = build_scene(cell, observation)
-    return _around(scene, cell.limits, cell.jaw_opening, cell.unit, cell.q_start)
+    return _around(scene, cell.limits, {"home": cell.unit.soft_home, "q_start": cell.q_start})
 
 
-def _around(scene: Scene, limits: Limits, jaw_opening: float, unit: Unit, q_start: Array) -> Surroundings:
+def _around(scene: Scene, limits: Limits, states: dict[str, Array]) -> Surroundings:
     """Return what is exported of a scene, jaws open."""
-    bodies, states = (*scene.bodies, *scene.cubes), {"home": unit.soft_home, "q_start": q_start}
-    return Surroundings(scene.robot_open, limits, jaw_opening, bodies, allowed=scene.allowed, states=states)
+    bodies = (*scene.bodies, *scene.cubes)
+    return Surroundings(scene.robot_open, limits, bodies, allowed=scene.allowed, states=states)
 
 
 def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surroundings:
@@ -82,15 +83,35 @@ def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surround
     Raises:
         InputError: the arm is not that of the plan.
     """
+    arm = arm_of_plan(path, plan, place)
+    if plan.scene.get("robot_open") != arm.robot_open.digest:
+        help = "plan again" if plan.unit == NO_UNIT else _GIVE_CELL
+        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", help)
+    states = {} if plan.unit == NO_UNIT else {"home": arm.unit.soft_home}
+    states["q_start"] = arm.unit.positions(plan.start)
+    return _around(arm.scene(plan), arm.limits, states)
+
+
+def arm_of_plan(path: Path, plan: Plan, place: Task | None) -> StatedArm:
+    """Return the arm of a plan: that of the cell, or else the one that the plan file describes.
+
+    Raises:
+        InputError: the plan is for another unit, or its file does not describe the arm.
+    """
+    if plan.unit == NO_UNIT:
+        return _stated(path, plan, place)
     unit = unit_of_plan(path, plan, place)
-    robot_open, robot_holding, jaw_opening = _arms(path, plan, place)
-    if plan.scene.get("robot_open") != robot_open.digest:
-        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", _GIVE_CELL)
-    scene = scene_from_json(plan.scene, robot_open, robot_holding)
     velocity = unit.velocity(plan.speed_registers)
     acceleration = unit.acceleration(plan.acceleration_registers)
     limits = Limits(unit.lower, unit.upper, velocity, acceleration)
-    return _around(scene, limits, jaw_opening, unit, unit.positions(plan.start))
+    return StatedArm(*_robots(path, plan, place), unit, limits)
+
+
+def _stated(path: Path, plan: Plan, place: Task | None) -> StatedArm:
+    if place is not None:
+        rule = f"is the plan's own, which needs no cell; leave out {place.file}"
+        raise FileInputError(path, "arm", None, rule)
+    return stated_arm(path, plan)
 
 
 def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
@@ -99,6 +120,8 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
     Raises:
         InputError: the plan is for another unit, or for a calibrated one and no cell is given.
     """
+    if plan.unit == NO_UNIT:
+        return _stated(path, plan, place).unit
     unit = load_unit(plan.unit) if place is None else place.cell.unit
     if plan.unit != unit.name:
         raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _GIVE_CELL)
@@ -110,11 +133,10 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
     return unit
 
 
-def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, float]:
-    """The arm with open jaws, the arm with a cube in the jaws, and the jaw opening, m."""
+def _robots(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot]:
+    """The arm with open jaws, and the arm with a cube in the jaws."""
     if place is not None:
-        cell = place.cell
-        return cell.robot(), cell.robot(cell.cube_size), cell.jaw_opening
+        return place.cell.robot(), place.cell.robot(place.cell.cube_size)
     inputs = plan.provenance.get("inputs")
     cell_keys = inputs.get("cell") if isinstance(inputs, Mapping) else None
     gripper, cube = gripper_of_inputs(cell_keys), _metres(cell_keys, "cube.size_mm")
@@ -123,7 +145,7 @@ def _arms(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot, flo
     padding = _metres(cell_keys, "arm_padding_mm")
     padding = ARM_PADDING_MM / 1e3 if padding is None else padding
     opened, holding = (padded(gripper.robot(width), padding, but=HAND) for width in (gripper.opening, cube))
-    return opened, holding, gripper.opening
+    return opened, holding
 
 
 def _metres(keys: Any, key: str) -> float | None:

@@ -1,8 +1,9 @@
 """Export an arm and the bodies around it as URDF and SRDF, with convex hulls as mesh files.
 
 The links, joints and jaws are those of the arm's own description. Joint origins are those of the exported arm, so a
-calibrated arm keeps its corrections. Joint limits are the unit's. Every body is a link fixed to the base, or to the
-tool if it is held. A capsule, which URDF does not have, becomes a cylinder and two spheres in one link.
+calibrated arm keeps its corrections. Joint limits are those of planning. Every body is a link fixed to the base, or to
+the tool if it is held, or to the end of the arm if it is part of the tool. A mesh of the arm becomes the hull that is
+checked. A capsule, which URDF does not have, becomes a cylinder and two spheres in one link.
 """
 
 from __future__ import annotations
@@ -21,18 +22,13 @@ import numpy as np
 
 from arm.controller.unit import Limits
 from arm.errors import InputError
-from arm.io.storage import data_file, read_text
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, hull_faces
-from arm.se3 import Array, rot_y, rot_z, transform
+from arm.se3 import Array, frozen, inverse, rot_y, rot_z, transform
 from plan.collision.world import World
 
-ARM = "urdf/a465/a465"  # the description that `arm.robot.model.load_a465` reads, without its suffix
 URDF, SRDF, MESHES = "cell.urdf", "cell.srdf", "meshes"
-NAME = "a465_cell"
 TOOL = "tool"
-JAWS = ("jaw_l", "jaw_r")
-HAND = ("gripper", "palm", "finger_l", "finger_r")
 _COPIED = ("origin", "geometry")  # parts that a visual element copies from a collision element
 Pair = frozenset[str]
 
@@ -42,20 +38,18 @@ class Surroundings:
     """Content of an export.
 
     Attributes:
-        robot: the arm with its tool, at the given jaw opening; its links are those of `ARM`.
+        robot: the arm with its tool and the jaws where they are locked.
         limits: of its joints.
-        jaw_opening: m.
         bodies: static bodies.
         held: body in the jaws, or None.
         T_tool_held: its pose in the tool frame, 4x4.
         allowed: allowed collisions, pairs of names.
-        states: named configurations, (6,) rad.
+        states: named configurations, (n,) rad.
         padding: subtracted from every distance in collision checks, m; URDF cannot state it.
     """
 
     robot: Robot
     limits: Limits
-    jaw_opening: float
     bodies: tuple[Body, ...]
     held: Body | None = None
     T_tool_held: Array = field(default_factory=transform)
@@ -89,27 +83,87 @@ def describe(there: Surroundings) -> Description:
     """Create the files of an export.
 
     Raises:
-        InputError: two bodies have the same name.
+        InputError: two bodies have the same name, or the arm has no URDF.
     """
-    root = ElementTree.fromstring(there.robot.urdf or read_text(data_file(f"{ARM}.urdf")))
-    root.set("name", NAME)
-    _place_joints(root, there.robot)
+    robot = there.robot
+    if not robot.urdf:
+        raise InputError("the arm is calibrated, so no URDF describes it", name="urdf")
+    root = ElementTree.fromstring(robot.urdf)
+    root.set("name", f"{root.get('name', 'arm')}_cell")
+    _place_joints(root, robot)
     _limit_joints(root, there)
-    own = {str(link.get("name")) for link in root.iter("link")}
-    if TOOL in own:
-        raise InputError(f"the arm has a link {TOOL!r}, a name that the export needs", name=TOOL)
-    _fixed(root, TOOL, there.robot.end_frame, there.robot.T_end_tool)
-    links = link_names([b.name for b in (*there.bodies, *([there.held] if there.held else []))], {*own, TOOL})
-    meshes: dict[str, bytes] = {}
-    for body in there.bodies:
-        _add_body(root, body, links[body.name], "base", body.T_base_body, meshes)
-    if there.held is not None:
-        _add_body(root, there.held, links[there.held.name], TOOL, there.T_tool_held, meshes)
+    own, base, end = {str(link.get("name")) for link in root.iter("link")}, _base(root), _end(root, robot)
+    hand = _beyond(root, end)
+    tool = link_names([TOOL], own)[TOOL]
+    _fixed(root, tool, end, robot.T_end_tool)
+    T_end_joint = inverse(robot.T_joint_end)
+    placed = [
+        *(
+            (Body(b.name, b.shape, frozen(T_end_joint @ b.T_joint_body), "tool"), end)
+            for b in robot.bodies
+            if not b.link
+        ),
+        *((body, base) for body in there.bodies),
+        *([] if there.held is None else [(there.held.at(there.T_tool_held), tool)]),
+    ]
+    links = link_names([body.name for body, _ in placed], {*own, tool})
+    meshes = _with_hulls(root, robot)
+    for body, parent in placed:
+        _add_body(root, body, links[body.name], parent, body.T_base_body, meshes)
     for link in root.iter("link"):
         _show(link)
-    disabled = _disabled(there, links)
-    files: dict[str, bytes | str] = {URDF: _text(root), SRDF: _text(_semantics(there, disabled)), **meshes}
+    disabled = _disabled(there, {**{b.name: b.link for b in robot.bodies if b.link}, **links})
+    semantics = _semantics(there, disabled, (base, end, tool), hand)
+    semantics.set("name", str(root.get("name")))
+    files: dict[str, bytes | str] = {URDF: _text(root), SRDF: _text(semantics), **meshes}
     return Description(files, links, tuple(disabled))
+
+
+def _base(root: Element) -> str:
+    children = {joint.find("child").get("link") for joint in root.iterfind("joint")}  # type: ignore[union-attr]
+    return next(name for link in root.iterfind("link") if (name := str(link.get("name"))) not in children)
+
+
+def _end(root: Element, robot: Robot) -> str:
+    """The link of the arm's end frame, which may also be named after the joint before it."""
+    joint = root.find(f"joint[@name='{robot.end_frame}']/child")
+    is_link = root.find(f"link[@name='{robot.end_frame}']") is not None
+    return robot.end_frame if is_link or joint is None else str(joint.get("link"))
+
+
+def _beyond(root: Element, link: str) -> dict[str, str]:
+    """The links that hang on a link, each with the joint before it."""
+    parents = {
+        str(joint.find("child").get("link")): (str(joint.find("parent").get("link")), str(joint.get("name")))  # type: ignore[union-attr]
+        for joint in root.iterfind("joint")
+    }
+
+    def hangs(name: str) -> bool:
+        return name in parents and (parents[name][0] == link or hangs(parents[name][0]))
+
+    names = (str(element.get("name")) for element in root.iterfind("link"))
+    return {name: parents[name][1] for name in names if hangs(name)}
+
+
+def _with_hulls(root: Element, robot: Robot) -> dict[str, bytes]:
+    """Put the hulls that are checked in place of the arm's meshes; return them as files."""
+    files: dict[str, bytes] = {}
+    names = link_names([body.name for body in robot.bodies], ())
+    for link in root.iterfind("link"):
+        bodies = [body for body in robot.bodies if body.link == link.get("name")]
+        for collision, body in zip(link.findall("collision"), bodies, strict=True):
+            geometry = collision.find("geometry")
+            mesh = None if geometry is None else geometry.find("mesh")
+            if mesh is None or not isinstance(body.shape, Convex):
+                continue
+            name = f"{MESHES}/arm/{names[body.name]}.stl"
+            files[name] = stl_of(body.shape)
+            mesh.attrib.clear()  # its scale too, which the hull has
+            mesh.set("filename", name)
+        for visual in link.findall("visual"):
+            if visual.find("geometry/mesh") is not None:  # elsewhere its file would not be found
+                link.remove(visual)
+    return files
 
 
 def link_names(names: Iterable[str], taken: Iterable[str]) -> dict[str, str]:
@@ -146,9 +200,12 @@ def _place_joints(root: Element, robot: Robot) -> None:
 def _limit_joints(root: Element, there: Surroundings) -> None:
     limits = there.limits
     for k, name in enumerate(there.robot.joint_names):
-        limit = _joint(root, name).find("limit")
+        joint = _joint(root, name)
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+        limit = joint.find("limit")
         if limit is None:
-            raise InputError(f"joint {name}: has no limits in {ARM}.urdf", joint=name)
+            limit = SubElement(joint, "limit", {"effort": "0"})
         for key, value in (("lower", limits.lower), ("upper", limits.upper), ("velocity", limits.velocity)):
             limit.set(key, repr(float(value[k])))
 
@@ -156,7 +213,7 @@ def _limit_joints(root: Element, there: Surroundings) -> None:
 def _joint(root: Element, name: str) -> Element:
     found = root.find(f"joint[@name='{name}']")
     if found is None:
-        raise InputError(f"{ARM}.urdf: has no joint {name}", joint=name)
+        raise InputError(f"the arm's URDF has no joint {name}", joint=name)
     return found
 
 
@@ -242,29 +299,43 @@ def stl_of(shape: Convex) -> bytes:
 
 
 def _disabled(there: Surroundings, links: Mapping[str, str]) -> dict[tuple[str, str], str]:
-    """Pairs of links that `plan.collision.world.World` does not check, each with the reason."""
+    """Pairs of links of which `plan.collision.world.World` checks no bodies, each with the reason."""
     world = World(there.robot, there.bodies, there.held, there.T_tool_held, there.allowed)
-    checked = {frozenset(world.pair_names(i)) for i in range(len(world.pairs))}
-    written = ElementTree.fromstring(read_text(data_file(f"{ARM}.srdf")))
+    checked = {frozenset(links[name] for name in world.pair_names(i)) for i in range(len(world.pairs))}
+    written = ElementTree.fromstring(there.robot.srdf or "<robot/>")
     reasons = {
         frozenset((e.attrib["link1"], e.attrib["link2"])): e.attrib.get("reason", "")
         for e in written.iter("disable_collisions")
     }
-    found = {}
+    found: dict[tuple[str, str], str] = {}
     for a, b in combinations(world.names, 2):
-        pair = frozenset((a, b))
-        if pair in checked:
+        pair = links[a], links[b]
+        if len({*pair}) == 1 or frozenset(pair) in checked or (pair[1], pair[0]) in found:
             continue
         joint = world.joint_of(a)
-        reason = reasons.get(pair, "")
+        reason = reasons.get(frozenset(pair), "")
         if not reason and joint == world.joint_of(b):
             reason = "move together" if joint else "both stand still"
-        found[links.get(a, a), links.get(b, b)] = reason or "may touch"
+        found[pair] = reason or "may touch"
     return found
 
 
-def _semantics(there: Surroundings, disabled: Mapping[tuple[str, str], str]) -> Element:
-    root = Element("robot", {"name": NAME})
+def _semantics(
+    there: Surroundings,
+    disabled: Mapping[tuple[str, str], str],
+    ends: tuple[str, str, str],
+    hand: Mapping[str, str],
+) -> Element:
+    """Return the SRDF.
+
+    Args:
+        there: what is exported.
+        disabled: pairs of links with reasons.
+        ends: the links of the base, of the arm's end, and of the tool frame.
+        hand: links beyond the arm's end, each with the joint before it.
+    """
+    base, end, tool = ends
+    root, robot = Element("robot"), there.robot
     remarks = [
         f"{1e3 * padding:g} mm off every distance of {name!r}" for name, padding in there.paddings().items()
     ]
@@ -273,18 +344,23 @@ def _semantics(there: Surroundings, disabled: Mapping[tuple[str, str], str]) -> 
     for remark in remarks:
         root.append(ElementTree.Comment(f" a465 takes {remark} ".replace("--", "- -")))
     arm = SubElement(root, "group", {"name": "arm"})
-    SubElement(arm, "chain", {"base_link": "base", "tip_link": TOOL})
-    gripper = SubElement(root, "group", {"name": "gripper"})
-    for link in HAND:
-        SubElement(gripper, "link", {"name": link})
-    for joint in JAWS:
-        SubElement(gripper, "joint", {"name": joint})
-    SubElement(
-        root, "end_effector", {"name": "hand", "parent_link": there.robot.end_frame, "group": "gripper"}
-    )
+    SubElement(arm, "chain", {"base_link": base, "tip_link": tool})
+    jaws = {name: at for name, at in robot.locked.items() if name in hand.values()}
+    others = {name: at for name, at in robot.locked.items() if name not in jaws}
+    for name, parts, joints in (("gripper", hand, jaws), ("locked", (), others)):
+        if parts or joints:
+            group = SubElement(root, "group", {"name": name})
+            for link in parts:
+                SubElement(group, "link", {"name": link})
+            for joint in joints:
+                SubElement(group, "joint", {"name": joint})
+    if hand:
+        SubElement(root, "end_effector", {"name": "hand", "parent_link": end, "group": "gripper"})
     for name, q in there.states.items():
-        _state(root, name, "arm", dict(zip(there.robot.joint_names, q.tolist(), strict=True)))
-    _state(root, "jaws", "gripper", dict.fromkeys(JAWS, there.jaw_opening / 2.0))
+        _state(root, name, "arm", dict(zip(robot.joint_names, q.tolist(), strict=True)))
+    for name, group_name, at in (("jaws", "gripper", jaws), ("locked", "locked", others)):
+        if at:
+            _state(root, name, group_name, at)
     for (a, b), reason in disabled.items():
         SubElement(root, "disable_collisions", {"link1": a, "link2": b, "reason": reason})
     return root

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm.controller.unit import Unit
-from arm.plan_file import Move, Plan
+from arm.plan_file import Move, Plan, touching_pairs
 from arm.robot.model import Robot
 from arm.robot.shapes import body_from_json
 from cell.preview.overlays import ClearanceSample
@@ -23,7 +23,7 @@ def sample_clearance(
 ) -> dict[int, tuple[ClearanceSample, ...]]:
     """Sample every move; return samples by index of the plan's step. A scene without bodies has no samples.
 
-    Each cube is where the plan has placed it by then. The move states what a held cube may touch.
+    Each cube is where the plan has placed it by then. The move states what may touch.
 
     Raises:
         InputError: a move holds a cube that is not in the scene.
@@ -46,7 +46,7 @@ def sample_clearance(
             [*bodies, *(cube.at(now[cube.name].T) for cube in cubes if not now[cube.name].held)],
             held,
             now[held.name].T if held else None,
-            [frozenset((held.name, name)) for name in move.allowed_collisions] if held else [],
+            touching_pairs(move),
         )
         sampled[index] = _along(move, world, unit, every_s)
     return sampled

@@ -78,7 +78,8 @@ def page_content(
         "unit": plan.unit,
         "speed": plan.speed,
         "sha256": plan.sha256,
-        "code": None if executed else plan.code,  # the page of a log shows the past and cannot approve a plan
+        # the page of a log shows the past and cannot approve a plan; one of no unit is never sent
+        "code": None if executed or plan.arm else plan.code,
         "provenance": plan.provenance,
         "notes": plan.notes,
         "less_clearance": clearance_words(plan.provenance.get("options", {})),

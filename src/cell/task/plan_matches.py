@@ -25,6 +25,7 @@ from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cub
 from cell.task.planning import options_of, plan_fingerprint, pose_list_options
 from plan.program.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
+from plan.trajectory.virtual_unit import NO_UNIT
 from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy
@@ -96,6 +97,14 @@ def _short(value: Any) -> str:
 
 def _require_same_job(task: Task, plan: Plan) -> None:
     """Require the same task and unit. If they differ, no other difference is worth reporting."""
+    if plan.unit == NO_UNIT:
+        why = (
+            "the plan is for an arm without a controller's unit (unit none), and is never sent; a465 export gives its "
+            f"motion to other programs; {task.file.name} is of unit {task.cell.unit.name}"
+        )
+        raise ImpossibleError(
+            why, differing=["unit"], plan={"unit": NO_UNIT}, now={"unit": task.cell.unit.name}
+        )
     name, kind = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
     for what, then, now in (
         ("task", f"{name} ({kind})", f"{task.name} ({task.kind})"),
@@ -319,12 +328,16 @@ def replayed(task: Task, plan: Plan) -> tuple[ReplayedMove, ...]:
 
 
 def check_plan(task: Task, plan: Plan) -> dict[str, Any]:
-    """The output of ``a465 check``.
+    """The output of ``a465 check`` for a plan of a cell.
 
     Raises:
         ImpossibleError: see `replayed`.
     """
-    moves = replayed(task, plan)
+    return replayed_to_json(plan, replayed(task, plan))
+
+
+def replayed_to_json(plan: Plan, moves: Sequence[ReplayedMove]) -> dict[str, Any]:
+    """Return what verified moves prove of a plan, as JSON types."""
     return {
         "plan_sha256": plan.sha256,
         "holds": True,

@@ -19,6 +19,7 @@ from arm.se3 import Array, frozen
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState
 from plan.program.setting import Setting
+from plan.program.stated_arm import arm_to_json
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import is_virtual
 
@@ -132,6 +133,7 @@ class Planned:
             provenance={**stated, **resting_on(scene, setting.unit, setting.options)},
             scene=scene.to_json(),
             notes={**notes, "versions": dict(_versions())},
+            arm=arm_to_json(scene, setting.limits) if is_virtual(setting.unit) else {},
         )
 
     @property

@@ -16,6 +16,7 @@ from arm.robot.model import Robot
 from arm.se3 import frozen
 
 PER_RAD = 1e6
+NO_UNIT = "none"  # name of such a unit
 
 
 def virtual_unit(robot: Robot, limits: Limits) -> Unit:
@@ -24,7 +25,7 @@ def virtual_unit(robot: Robot, limits: Limits) -> Unit:
     at_zero = np.zeros(n, dtype=np.int64)
     at_zero.flags.writeable = False
     return Unit(
-        name="none",
+        name=NO_UNIT,
         firmware="",
         axes=robot.joint_names,
         counts_per_rad=frozen(np.full(n, PER_RAD)),

@@ -233,7 +233,7 @@ def test_plans_and_scenes_are_told_apart(monkeypatch, capsys, tmp_path: Path) ->
     plan = tmp_path / "plan.json"
     plan.write_text('{"kind": "plan"}')
     assert run(["check", str(plan)], monkeypatch) == 2
-    assert "give its task or cell file too: a465 check" in capsys.readouterr().err
+    assert "format: must be 'a465-plan/3'" in capsys.readouterr().err
     assert run(["check", str(plan), "--q", "0,0,0,0,0,0"], monkeypatch) == 2
     assert "--q needs a scene, cell or task file" in capsys.readouterr().err
     scene, task = str(FOLDER / "capsule.toml"), str(data_file("scenes/task2.toml"))

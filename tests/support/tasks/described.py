@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
 import coal
 import numpy as np
 import pinocchio as pin
+import pytest
 
+from arm.robot.model import Robot
 from cell.export.folder import write_folder
 from cell.export.urdf import Surroundings, describe
 from plan.collision.pair_geometry import GJK_TOLERANCE
+from plan.collision.world import World
+
+COUNT = 50  # configurations that are compared
 
 
 class Exported:
-    """A folder as Pinocchio reads it; the arm's joints first among its six and two."""
+    """A folder as Pinocchio reads it."""
 
     def __init__(self, folder: Path) -> None:
         urdf, srdf = str(folder / "cell.urdf"), str(folder / "cell.srdf")
@@ -37,9 +43,11 @@ class Exported:
         for i in range(len(self.geometry.collisionPairs)):
             self.distances.distanceRequests[i] = request
 
-    def q(self, q: np.ndarray, jaw_opening: float) -> np.ndarray:
-        assert list(self.model.names)[1:] == [*(f"J{n}" for n in range(1, 7)), "jaw_l", "jaw_r"]
-        return np.array([*q, jaw_opening / 2.0, jaw_opening / 2.0])
+    def q(self, q: np.ndarray, robot: Robot) -> np.ndarray:
+        """All joints of the file: those of the arm, and those that are locked."""
+        at = dict(zip(robot.joint_names, q.tolist(), strict=True)) | dict(robot.locked)
+        assert set(at) == set(list(self.model.names)[1:])
+        return np.array([at[name] for name in list(self.model.names)[1:]])
 
     def link(self, index: int) -> str:
         return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
@@ -59,6 +67,35 @@ class Exported:
         return np.array(self.data.oMf[self.model.getFrameId(frame)].homogeneous)
 
 
-def written(there: Surroundings, folder: Path) -> Exported:
-    write_folder(folder, describe(there).files)
-    return Exported(folder)
+def require_same(there: Surroundings, folder: Path, seed: int) -> None:
+    """What Pinocchio reads from an export is what it was made from."""
+    described = describe(there)
+    write_folder(folder, described.files)
+    require_read(there, described.links, Exported(folder), seed)
+
+
+def require_read(there: Surroundings, links: Mapping[str, str], exported: Exported, seed: int) -> None:
+    """Kinematics to 1e-9, the same pairs, the same distances to 1e-6 m where bodies are apart; overlaps in both."""
+    links = {body.name: body.link for body in there.robot.bodies if body.link} | dict(links)
+    world = World(there.robot, there.bodies, there.held, there.T_tool_held, there.allowed)
+    pairs = [frozenset(links[name] for name in world.pair_names(i)) for i in range(len(world.pairs))]
+    assert len(pairs) > 0
+    rng = np.random.default_rng(seed)
+    apart = 0
+    for q in rng.uniform(there.limits.lower, there.limits.upper, size=(COUNT, len(there.limits.lower))):
+        full = exported.q(q, there.robot)
+        assert np.abs(exported.T_base("tool", full) - there.robot.T_base_tool(q)).max() < 1e-9
+        ours: dict[frozenset[str], float] = {}
+        for pair, value in zip(
+            pairs, world.pair_distances(q, np.arange(len(pairs))) + world.paddings, strict=True
+        ):
+            ours[pair] = min(value, ours.get(pair, np.inf))
+        found = exported.pair_distances(full)
+        assert set(found) == set(ours)
+        for pair, value in ours.items():
+            if value > 1e-5:
+                apart += 1
+                assert found[pair] == pytest.approx(value, abs=1e-6), (pair, q)
+            else:
+                assert found[pair] < 2e-5, (pair, q)
+    assert apart > COUNT * len(set(pairs)) / 2

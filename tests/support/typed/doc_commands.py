@@ -258,9 +258,9 @@ class Reader:
             self._with_few_cubes(self.folder / words[1])
         if words[0] == "preview" and words[1].endswith(".json"):
             page = Path(_value(words, "-o") or str(Path(words[1]).with_suffix(".html")))
-            shown = re.search(r'"code": ?"(\w{4}-\w{4})"', (self.folder / page).read_text())
+            shown = re.search(r'"code": ?(?:"(\w{4}-\w{4})"|null)', (self.folder / page).read_text())
             assert shown, f"{page} shows no code"
-            self._codes[words[1]] = shown[1]
+            self._codes[words[1]] = shown[1] or ""  # none of an arm without a unit
 
     def _with_an_emulated_arm(self, words: list[str]) -> None:
         """Port, camera and code as a reader without an arm has them."""

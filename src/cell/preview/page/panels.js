@@ -23,7 +23,7 @@ function fillHeading(content, motion) {
   const moves = content.steps.filter((step) => step.kind === "move");
   const known = moves.map((step) => step.clearance).filter((c) => c !== null);
   document.getElementById("summary").textContent = [
-    content.unit,
+    content.unit === "none" ? `${motion.chain.length} joints, no unit` : content.unit,
     cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
     `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))} (${armShape(content.arm)})` : "",

@@ -8,6 +8,7 @@ const QUANTITIES = [
   { name: "acceleration", order: 2, unit: "°/s²" },
 ];
 const DEGREES = 180 / Math.PI;
+const MILLIMETRES = 1e3;
 
 class Plots {
   constructor(content, motion, onSeek) {
@@ -22,6 +23,7 @@ class Plots {
       tabs.append(tab);
     }
     this.tabs = [...tabs.children];
+    this.slides = motion.chain.map((joint) => !joint.revolute);
     this.makeReadout();
     this.show(0);
     this.drawClearance();
@@ -31,6 +33,11 @@ class Plots {
   limits(order) {
     const { velocity, acceleration } = this.motion.joints;
     return order === 1 ? velocity : acceleration;
+  }
+
+  // How many of the displayed units, degrees or mm, a joint's unit has.
+  shown(joint) {
+    return this.slides[joint] ? MILLIMETRES : DEGREES;
   }
 
   // A value as a share of its range (position: 0 lower to 1 upper) or of its limit (-1 to 1).
@@ -64,14 +71,14 @@ class Plots {
     chart.finish();
     this.choose(this.chosen);
     const unit = QUANTITIES[order].unit;
-    this.heads[1].textContent = unit;
+    this.heads[1].textContent = this.slides.includes(true) ? `${unit}, ${unit.replace("°", "mm")}` : unit;
     this.heads[3].textContent = order ? "peak" : "range";
     const peaks = order ? this.motion.peaks(order) : null;
     this.rows.forEach((row, j) => {
-      const limit = order ? this.limits(order)[j] * DEGREES : 0;
+      const limit = order ? this.limits(order)[j] * this.shown(j) : 0;
       row.peak.textContent = order
         ? `${Math.round(100 * this.share(order, j, peaks[j]))} % of ${limit.toFixed(limit < 20 ? 1 : 0)}`
-        : `${signed(joints.lower[j] * DEGREES, 0)} … ${signed(joints.upper[j] * DEGREES, 0)}`;
+        : `${signed(joints.lower[j] * this.shown(j), 0)} … ${signed(joints.upper[j] * this.shown(j), 0)}`;
     });
     this.at(this.time || 0);
   }
@@ -194,7 +201,7 @@ class Plots {
     const values = this.motion.q(t, this.order);
     const digits = this.order === 0 ? 2 : 1;
     this.rows.forEach(({ value, knob }, j) => {
-      value.textContent = signed(values[j] * DEGREES, digits);
+      value.textContent = signed(values[j] * this.shown(j), digits);
       const share = this.share(this.order, j, values[j]);
       knob.style.left = `${100 * Math.min(1, Math.max(0, this.order ? 0.5 + share / 2 : share))}%`;
     });
