@@ -6,7 +6,7 @@ The import loads Pinocchio and coal, which takes about 0.5 s. The defining modul
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import A465Error, ImpossibleError, InputError
 from arm.former import former_names
-from arm.plan_file import Pause, Plan, read_plan, write_plan
+from arm.plan_file import Pause, Plan
 from arm.robot.mesh import read_mesh_points
 from arm.robot.model import Robot, load_a465, load_robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, convex
@@ -85,7 +85,6 @@ __all__ = [
     "plan_transit",
     "reach",
     "read_mesh_points",
-    "read_plan",
     "rot_x",
     "rot_y",
     "rot_z",
@@ -95,7 +94,6 @@ __all__ = [
     "urdf_limits",
     "with_disabled_collisions",
     "with_tool",
-    "write_plan",
 ]  # fmt: skip
 
 

@@ -173,14 +173,14 @@ def plan(
     "plan-poses",
     short_help="Plan a motion through a list of poses and configurations.",
     help="Plan a collision-free motion through a list of poses and joint configurations, as used by ctu_crs programs, "
-    "and write the plan file. docs/interop.md describes the formats.",
+    "and write the plan file. docs/interop.md describes the formats, docs/adding.md the file of another arm.",
     epilog=examples(
         "a465 plan-poses scenes/cell.toml poses.json -o plan.json",
         "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
     ),
 )
 def plan_poses(
-    place: Annotated[Path, Argument(help="Cell file, or task file with its cell.", metavar="CELL")],
+    place: Annotated[Path, Argument(help="Cell file, task file with its cell, or arm file.", metavar="CELL")],
     poses: Annotated[Path, Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
     look: Annotated[Path | None, Option(help=_AVOIDED)] = None,
     output: shared.PlanOutput = Path("plan.json"),

@@ -39,7 +39,8 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from arm.plan_file import read_plan
     from cell.commands.second_opinion import second_opinion
     from cell.export.scene import arm_of_plan
-    from cell.files.place import read_place
+    from cell.files.place import place_or_arm
+    from cell.files.task import Task
     from cell.task.plan_matches import check_plan, replayed_to_json
     from cell.task.planning import options_of
     from plan.program.setting import planned_limits
@@ -48,12 +49,12 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from plan.verify import replay
 
     plan = read_plan(plan_file)
-    place = None if task_file is None else read_place(task_file)
+    place = None if task_file is None else place_or_arm(task_file)
     if plan.unit == NO_UNIT:
         arm = arm_of_plan(plan_file, plan, place)
         result = replayed_to_json(plan, replay(plan, arm.scene(plan), arm.unit, arm.limits))
         robot, unit, limits, options = arm.robot_open, arm.unit, arm.limits, stated_options(plan_file, plan)
-    elif place is None:
+    elif not isinstance(place, Task):
         why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 check {plan_file} TASK"
         raise InputError(why, file=str(plan_file))
     else:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from arm.errors import InputError
 from arm.io.storage import keep_apart
 from arm.plan_file import Move, write_plan
 from cell.commands.steps import warn_of
+from cell.config.arm_file import ArmFile
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
-from cell.files.place import POSES, read_place
+from cell.files.place import POSES, place_or_arm
 from cell.files.pose_list import Reading, read_pose_list
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.explain import explain_list_failure
 from cell.task.planning import require_above_table
-from cell.task.pose_list_planning import plan_pose_list
+from cell.task.pose_list_planning import place_of_arm, place_of_cell, plan_pose_list
 from plan.budget import SearchBudget
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 
 def plan_poses_step(
@@ -36,7 +40,7 @@ def plan_poses_step(
     """Plan from q_start through the whole list, write the plan file and return a summary as JSON types.
 
     Args:
-        place_file: task file or cell file.
+        place_file: task file, cell file or arm file.
         poses_file: the list; see `cell.files.pose_list.read_pose_list`.
         look: detected boards; None: only the table and the walls.
         output: plan file to write.
@@ -50,16 +54,25 @@ def plan_poses_step(
         ImpossibleError: an entry (named) is out of reach or has too little clearance.
     """
     keep_apart(output, place_file, poses_file, look)
-    task = read_place(place_file)
-    poses = read_pose_list(poses_file, reading)
-    seen = None if look is None else read_observation(look, task.cell.boards)
-    if seen is not None:
-        if task.kind != POSES:
-            require_boards(seen, task)
-        require_above_table(task, seen)
-    with within(budget):
+    seen, explain = None, None
+    task = place_or_arm(place_file)
+    if isinstance(task, ArmFile):
+        if look is not None:
+            raise InputError(f"--look does not go with an arm file ({place_file})", option="look")
+        place = place_of_arm(task, planning_speed(task, speed))
+        slides = any(axis.slides for axis in product_of_exponentials(task.robot).axes)
+        reading = replace(reading, joints=len(task.q_start), slides=slides)
+    else:
+        if look is not None:
+            seen = read_observation(look, task.cell.boards)
+            if task.kind != POSES:
+                require_boards(seen, task)
+            require_above_table(task, seen)
+        place = place_of_cell(task, seen, planning_speed(task.cell, speed))
         explain = partial(explain_list_failure, task, seen) if advice else None
-        plan = plan_pose_list(task, seen, poses, planning_speed(task.cell, speed), back, explain)
+    poses = read_pose_list(poses_file, reading)
+    with within(budget):
+        plan = plan_pose_list(place, poses, back, explain)
     write_plan(output, plan)
     console.table(
         ("step", "s", "mm", "closest"),
@@ -73,11 +86,11 @@ def plan_poses_step(
     least = 1e3 * min(m.clearance for m in plan.moves)
     console.say(
         f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
-        f"{tool_words(plan, task.cell)}, "
+        f"{tool_words(plan, place.scene.robot_holding, place.unit)}, "
         f"clearance at least {least:.1f} mm"
     )
     warn_of(plan, console)
-    if seen is None:
+    if seen is None and place.gripper is not None:
         console.say("this plan considers only the table and the walls; add boards and cubes with --look FILE")
     if any(entry.jaws for entry in poses.entries):
         console.say("objects in the jaws are unknown and not checked for collisions")

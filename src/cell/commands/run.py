@@ -29,6 +29,7 @@ from driver.line.signals import caught, interruptible
 from driver.mars.mars import Mars
 from driver.mars.refusals import refuse_unhomed
 from plan.budget import SearchBudget
+from plan.trajectory.virtual_unit import NO_UNIT
 
 SIMULATED = WhichCell()
 Confirm = Callable[[TaskRun], None]
@@ -103,14 +104,14 @@ def execute_plan(
             nothing moved, or the arm is at q_start.
         ExecutionStopped: motion stopped, or the cell changed during the run; the state is in the error's data.
     """
-    task, plan = read_task(task_file), read_plan(plan_file)
-    control = Control(ceiling=override_of(plan, where.speed))
+    plan, task = _plan_to_send(plan_file), read_task(task_file)
+    cell, control = task.cell, Control(ceiling=override_of(plan, where.speed))
     with console.doing("checking the plan"):
         moves = replayed(task, plan)
     require_start_at(task, plan)
     speed = f"speed {plan.speed * control.ceiling:g}"
     speed += f", lowered from the plan's {plan.speed:g}" if control.ceiling < 1.0 else ""
-    tool = f"; {tool_words(plan, task.cell, control.ceiling)}" if moves else ""
+    tool = f"; {tool_words(plan, cell.robot(cell.cube_size), cell.unit, control.ceiling)}" if moves else ""
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves verified for this cell; {speed}{tool}")
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file if plan.task["cubes"] else None
@@ -154,7 +155,7 @@ def resume_plan(
     """
     if where.port is None:
         raise InputError("--resume needs --port: every command starts a new simulated cell", port=None)
-    task, plan = read_task(task_file), read_plan(plan_file)
+    plan, task = _plan_to_send(plan_file), read_task(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
     if not plan.task.get("cubes"):
@@ -167,6 +168,22 @@ def resume_plan(
         run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
         resume(run, plan)
         return run.require_confirmed()
+
+
+def _plan_to_send(plan_file: Path) -> Plan:
+    """Read a plan.
+
+    Raises:
+        ImpossibleError: it is for an arm without a controller.
+    """
+    plan = read_plan(plan_file)
+    if plan.unit == NO_UNIT:
+        why = (
+            f"{plan_file}: unit = {NO_UNIT!r}: the plan is for an arm without a controller, and is never sent; "
+            "a465 export gives its motion to other programs"
+        )
+        raise ImpossibleError(why, file=str(plan_file), unit=NO_UNIT)
+    return plan
 
 
 def _of_plan(confirm: ConfirmPlan | None, plan: Plan) -> Confirm | None:

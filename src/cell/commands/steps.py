@@ -175,7 +175,8 @@ def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
     console.table(("move", "s", "segments", "mm", "closest"), rows)
     console.say(
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
-        f"{tool_words(plan, cell)}; no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
+        f"{tool_words(plan, cell.robot(cell.cube_size), cell.unit)}; "
+        f"no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
     )
     above, share = plan.task["above_that_s"], plan.task["no_plan_is_faster_than_s"] / plan.duration_s
     console.say(
@@ -210,17 +211,17 @@ def preview_step(plan_file: Path, task_file: Path | None, output: Path, console:
         InputError: a plan of a cell needs its task file, and a plan of an arm without a unit has none.
     """
     from cell.export.scene import arm_of_plan
-    from cell.files.place import read_place
+    from cell.files.place import place_or_arm
     from cell.preview.of_plan import write_page
     from cell.preview.page import write_preview
     from cell.task.plan_matches import require_match
 
     plan, warning = read_plan(plan_file), None
-    task = None if task_file is None else read_place(task_file)
+    task = None if task_file is None else place_or_arm(task_file)
     if plan.unit == NO_UNIT:
         arm = arm_of_plan(plan_file, plan, task)
         write_preview(plan, arm.robot_open, arm.robot_holding, arm.unit, output)
-    elif task is None:
+    elif not isinstance(task, Task):
         why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 preview {plan_file} TASK"
         raise InputError(why, file=str(plan_file))
     else:

@@ -1,4 +1,4 @@
-"""``a465 export``: convert a log, plan, scene, cell or task file to another format. Its content determines its kind."""
+"""``a465 export``: convert a log, plan, scene, cell, task or arm file, told by its content, to another format."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ExportOptions:
         planned: of a log: export the trajectory that was sent, not the sampled positions.
         unit: of a log; None: the one that the log names.
         period: between samples of a plan, s.
-        cell: cell or task file that a plan is for.
+        cell: cell, task or arm file that a plan is for.
         look: observation to add to a cell or task.
     """
 
@@ -66,7 +66,7 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
     if read_text(file, "JSON").lstrip().startswith(("{", "[")):
         _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
         return _plan_step(file, asked, console)
-    _refuse_options(file, "a scene, cell or task file", asked, ("look",), (URDF,))
+    _refuse_options(file, "a scene, cell, task or arm file", asked, ("look",), (URDF,))
     from cell.export.scene import surroundings_of_file
 
     output = asked.output or file.with_name(f"{file.stem}_{URDF}")
@@ -87,10 +87,10 @@ def _refuse_options(
 def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
     from cell.export.plan import csv_of, joints_of, messages_of, sampled, trajectory_of
     from cell.export.scene import surroundings_of_plan, unit_of_plan
-    from cell.files.place import read_place
+    from cell.files.place import place_or_arm
 
     plan, form = read_plan(file), asked.form or "csv"
-    place = None if asked.cell is None else read_place(asked.cell)
+    place = None if asked.cell is None else place_or_arm(asked.cell)
     if form == URDF:
         if asked.period is not None:
             raise InputError("--period does not go with --format urdf", option="period")

@@ -1,4 +1,4 @@
-"""Read a scene, cell, task or plan file for an export: the arm, its limits and the bodies around it."""
+"""Read a scene, cell, task, arm or plan file for an export: the arm, its limits and the bodies around it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from arm.robot.gripper import HAND
 from arm.robot.model import Robot
 from arm.robot.tool import padded
 from arm.se3 import Array
+from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell_values import ARM_PADDING_MM
 from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
@@ -22,6 +23,7 @@ from cell.files.place import POSES, read_place
 from cell.files.scene import read_scene_file
 from cell.files.task import Task
 from cell.scene.build import build_scene
+from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import NO_UNIT
@@ -30,7 +32,7 @@ _GIVE_CELL = "give --cell FILE, the cell or task file that the plan was made for
 
 
 def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
-    """Read a scene file, or a cell or task file (jaws open), with an observation if `look` is given.
+    """Read a scene or arm file, or a cell or task file (jaws open), with an observation if `look` is given.
 
     Raises:
         InputError: the file is none of them, or invalid.
@@ -38,11 +40,14 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     root = Node.of_toml(path)
     if "task" in root or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
-    scene = read_scene_file(path)
     if look is not None:
-        raise FileInputError(
-            path, "", None, "is a scene file, which already contains its bodies; leave out --look"
-        )
+        kind = "an arm" if ARM in root else "a scene"
+        rule = f"is {kind} file, which already contains its bodies; leave out --look"
+        raise FileInputError(path, "", None, rule)
+    if ARM in root:
+        arm = read_arm_file(path)
+        return Surroundings(arm.robot, arm.limits, arm.bodies, states={"q_start": arm.q_start})
+    scene = read_scene_file(path)
     return Surroundings(
         robot=scene.robot,
         limits=scene.unit.limits(),
@@ -72,7 +77,7 @@ def _around(scene: Scene, limits: Limits, states: dict[str, Array]) -> Surroundi
     return Surroundings(scene.robot_open, limits, bodies, allowed=scene.allowed, states=states)
 
 
-def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surroundings:
+def surroundings_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> Surroundings:
     """Return the bodies, cubes and arm (jaws open) of a plan, at its start.
 
     Args:
@@ -92,14 +97,16 @@ def surroundings_of_plan(path: Path, plan: Plan, place: Task | None) -> Surround
     return _around(arm.scene(plan), arm.limits, states)
 
 
-def arm_of_plan(path: Path, plan: Plan, place: Task | None) -> StatedArm:
+def arm_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> StatedArm:
     """Return the arm of a plan: that of the cell, or else the one that the plan file describes.
 
     Raises:
         InputError: the plan is for another unit, or its file does not describe the arm.
+        ImpossibleError: it is not for the arm of the arm file.
     """
     if plan.unit == NO_UNIT:
         return _stated(path, plan, place)
+    place = _cell_only(path, plan, place)
     unit = unit_of_plan(path, plan, place)
     velocity = unit.velocity(plan.speed_registers)
     acceleration = unit.acceleration(plan.acceleration_registers)
@@ -107,14 +114,23 @@ def arm_of_plan(path: Path, plan: Plan, place: Task | None) -> StatedArm:
     return StatedArm(*_robots(path, plan, place), unit, limits)
 
 
-def _stated(path: Path, plan: Plan, place: Task | None) -> StatedArm:
-    if place is not None:
+def _stated(path: Path, plan: Plan, place: Task | ArmFile | None) -> StatedArm:
+    if isinstance(place, Task):
         rule = f"is the plan's own, which needs no cell; leave out {place.file}"
         raise FileInputError(path, "arm", None, rule)
+    if place is not None:
+        require_arm(place, plan)
     return stated_arm(path, plan)
 
 
-def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
+def _cell_only(path: Path, plan: Plan, place: Task | ArmFile | None) -> Task | None:
+    if isinstance(place, ArmFile):
+        rule = f"must be {NO_UNIT} for a plan of an arm file, such as {place.file}"
+        raise FileInputError(path, "unit", plan.unit, rule, _GIVE_CELL)
+    return place
+
+
+def unit_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> Unit:
     """Return the unit in whose counts the plan is; a calibrated one requires its cell.
 
     Raises:
@@ -122,6 +138,7 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | None) -> Unit:
     """
     if plan.unit == NO_UNIT:
         return _stated(path, plan, place).unit
+    place = _cell_only(path, plan, place)
     unit = load_unit(plan.unit) if place is None else place.cell.unit
     if plan.unit != unit.name:
         raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _GIVE_CELL)

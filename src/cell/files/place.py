@@ -1,14 +1,24 @@
-"""The cell of a plan, from a task file or from a cell file without a task."""
+"""The place of a plan: a cell, from a task file or from a cell file without a task, or the arm of an arm file."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from arm.io.storage import canonical_json, sha256
+from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell_file import read_cell
 from cell.files.task import Task, read_task, task_or_cell
 
 POSES = "poses"  # kind of a task that was read from a cell file
+
+
+def place_or_arm(path: Path) -> Task | ArmFile:
+    """Read an arm file, or what `read_place` reads.
+
+    Raises:
+        InputError: the file is none of them, or is wrong.
+    """
+    return read_arm_file(path) if ARM in task_or_cell(path) else read_place(path)
 
 
 def read_place(path: Path) -> Task:

@@ -31,7 +31,7 @@ JAWS = {"open": 0.0, "close": 1.0}
 FARTHEST = 5.0  # largest coordinate in the base frame, m
 MOST = 5000  # entries
 PRINTED = 1e-3  # tolerance of a rotation matrix that was printed with few digits
-_KIND_BY_COUNT = {6: "six joint angles", 12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}
+_POSES = {12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}  # by their count of numbers
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
 _AT_A_POSE = ("by", "free", "tilt_deg", "ranges", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
 
@@ -44,11 +44,27 @@ class Reading:
         frame: frame of poses, of `FRAMES`.
         angles: unit of joint angles, of `ANGLES`.
         lengths: unit of positions in poses, of `LENGTHS`.
+        joints: number of the arm's joints; two that are as many as the numbers of a pose cannot be told from it.
+        slides: whether one of them slides; then configurations are in rad and m.
     """
 
     frame: str | None = None
     angles: str | None = None
     lengths: str = "m"
+    joints: int = 6
+    slides: bool = False
+
+    def q(self, node: Node, values: Array, angles: str) -> Array:
+        """Return a configuration, rad (m), of numbers in a unit of `ANGLES`.
+
+        Raises:
+            FileInputError: not one number for each joint, or degrees where a joint slides.
+        """
+        if len(values) != self.joints:
+            raise node.error(f"must be {self.joints} numbers, not {len(values)}")
+        if self.slides and angles != "rad":
+            raise node.error("must be in rad, and in m where a joint slides")
+        return frozen(values * ANGLES[angles])
 
 
 def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
@@ -76,7 +92,7 @@ class Entry:
         name: unique name for messages.
         frame: frame of the pose, of `FRAMES`; empty if the entry is no pose.
         T: pose, 4x4, in the base frame, m; None if the entry is no pose.
-        q: configuration (6,), rad, or None.
+        q: configuration (n,), rad (m), or None.
         by, free, tilt, ranges, approach, retract, within, speed: see `plan.program.goals.target.Target`; SI units.
         dwell_s: pause at the entry, s.
         jaws: closed fraction of the jaws' stroke at the entry, 0 open to 1 shut; None: unchanged.
@@ -188,16 +204,17 @@ def _is_number(word: str) -> bool:
 
 def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
     """Return an entry of bare numbers; their count decides its kind."""
-    if len(values) not in _KIND_BY_COUNT:
-        counts = ", ".join(f"{n} ({what})" for n, what in sorted(_KIND_BY_COUNT.items()))
+    kinds = {reading.joints: "six joint angles" if reading.joints == 6 else "joint positions", **_POSES}
+    if len(values) not in kinds:
+        counts = ", ".join(f"{n} ({what})" for n, what in sorted(kinds.items()))
         raise replace(node, value=f"{len(values)} numbers").error(f"must be one of {counts}")
     if not np.isfinite(values).all():
         raise node.error("must be finite numbers")
     bare = replace(node, value=None)  # the numbers are right
-    if len(values) == 6:
+    if len(values) not in _POSES:
         if reading.angles is None:
-            raise bare.error("has six joint angles without a unit; give --angles rad or deg")
-        return Entry(node.key, f"configuration {number}", q=frozen(values * ANGLES[reading.angles]))
+            raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg")
+        return Entry(node.key, f"configuration {number}", q=reading.q(node, values, reading.angles))
     if reading.frame is None:
         raise bare.error(
             "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)"
@@ -225,9 +242,8 @@ def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
     root = Node.of_json(path)
     if isinstance(root.value, dict):
         given = _ListKeys.read(root)
-        reading = Reading(
-            given.frame or reading.frame, given.angles or reading.angles, given.lengths or reading.lengths
-        )
+        stated = {name: value for name, value in vars(given).items() if name != "entries" and value}
+        reading = replace(reading, **stated)
         root = root["entries"]
     for place, node in enumerate(root.items(), start=1):
         yield _entry(node, place, reading)
@@ -302,8 +318,8 @@ class _EntryValues(Keys):
 class _EntryKeys(_EntryValues):
     T_base_flange: Array | None = key("T_base_flange", _flat(12, 16), None)
     T_base_tool: Array | None = key("T_base_tool", _flat(12, 16), None)
-    q_rad: Array | None = key("q_rad", _flat(6), None)
-    q_deg: Array | None = key("q_deg", _flat(6), None)
+    q_rad: Array | None = key("q_rad", _flat(), None)
+    q_deg: Array | None = key("q_deg", _flat(), None)
     name: str | None = key("name", line(), None)
 
 
@@ -327,5 +343,5 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
         named, frame = "pose", kind.removeprefix("T_base_")
         T = _pose(node[kind], getattr(keys, kind), reading.lengths)
     elif kind.startswith("q_"):
-        named, q = "configuration", frozen(getattr(keys, kind) * ANGLES[kind.removeprefix("q_")])
+        named, q = "configuration", reading.q(node[kind], getattr(keys, kind), kind.removeprefix("q_"))
     return Entry(node.key, keys.name or f"{named} {place}", frame, T, q, **keys.values_of(_EntryValues))

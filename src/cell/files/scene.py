@@ -18,6 +18,7 @@ from arm.io.rules import number, numbers, rule_of, tables, text
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, transform
+from cell.config.arm_file import ARM
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
@@ -161,6 +162,11 @@ def read_scene_file(path: Path) -> SceneFile:
         InputError: a value is wrong; names file, key, value, unit and rule.
     """
     root = Node.of_toml(path)
+    if ARM in root:
+        raise InputError(
+            f"{path}: is an arm file; check needs a plan made with it (a465 check PLAN.json {path})",
+            file=str(path),
+        )
     if "task" in root or "q_start_deg" in root:
         kind = "task" if "task" in root else "cell"
         raise InputError(

@@ -8,23 +8,26 @@ from __future__ import annotations
 
 import math
 
+from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.plan_file import Plan
+from arm.robot.model import Robot
+from cell.config.arm_file import ArmFile
 from cell.config.cell import Cell
 from cell.session.overview import overview
 
 LEAST_SPEED = 0.01
 
 
-def planning_speed(cell: Cell, asked: float | None) -> float:
-    """The speed to plan for: the requested one, or the cell file's.
+def planning_speed(cell: Cell | ArmFile, asked: float | None) -> float:
+    """The speed to plan for: the requested one, or that of the cell or arm file.
 
     Raises:
         InputError: it is not from `LEAST_SPEED` to 1.
     """
     if asked is None:
         return cell.speed
-    _require(asked, 1.0, "1 is all that the cell file's registers allow")
+    _require(asked, 1.0, "1 is all that the limits or the cell file's registers allow")
     return asked
 
 
@@ -50,9 +53,9 @@ def _require(asked: float, most: float, why: str) -> None:
         raise InputError(message, option="--speed", value=asked)
 
 
-def tool_words(plan: Plan, cell: Cell, override: float = 1.0) -> str:
+def tool_words(plan: Plan, robot: Robot, unit: Unit, override: float = 1.0) -> str:
     """Maximum tool speed of a plan executed with an override, in words; empty if nothing moves."""
     if not plan.moves:
         return ""
-    fastest = override * overview(plan, cell.robot(cell.cube_size), cell.unit).tool
+    fastest = override * overview(plan, robot, unit).tool
     return f"the tool at most {1e3 * fastest:.0f} mm/s"

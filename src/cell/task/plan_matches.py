@@ -16,6 +16,7 @@ from arm.plan_file import Plan
 from arm.poses import BoardPose
 from arm.robot.shapes import Body, Shape
 from arm.se3 import Array, apply, frozen, inverse, transform
+from cell.config.arm_file import ARM, ArmFile
 from cell.config.cell import Cell
 from cell.config.inputs import changes, shortened
 from cell.files.board_shift import board_shift
@@ -25,7 +26,6 @@ from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cub
 from cell.task.planning import options_of, plan_fingerprint, pose_list_options
 from plan.program.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
-from plan.trajectory.virtual_unit import NO_UNIT
 from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy
@@ -71,6 +71,22 @@ def require_match(task: Task, plan: Plan) -> None:
     )
 
 
+def require_arm(arm: ArmFile, plan: Plan) -> None:
+    """Require that a plan without a unit is for the arm of an arm file, among its bodies.
+
+    Raises:
+        ImpossibleError: names each difference, of the arm file key by key.
+    """
+    inputs = plan.provenance.get("inputs", {})
+    then = inputs.get(ARM) if isinstance(inputs, dict) else None
+    changed = changes(then, arm.inputs) if isinstance(then, dict) else []
+    if arm.robot.digest != plan.scene.get("robot_open"):
+        changed = changed or ["the arm, its SRDF or its meshes"]
+    if changed:
+        why = f"the plan is not for the arm of {arm.file.name}: {shortened(changed)}; plan again"
+        raise ImpossibleError(why, differing=[ARM], changed={arm.file.name: changed})
+
+
 def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
     """The fingerprint that a plan made now would have, for the same scene and at the same speed."""
     cell = task.cell
@@ -97,14 +113,6 @@ def _short(value: Any) -> str:
 
 def _require_same_job(task: Task, plan: Plan) -> None:
     """Require the same task and unit. If they differ, no other difference is worth reporting."""
-    if plan.unit == NO_UNIT:
-        why = (
-            "the plan is for an arm without a controller's unit (unit none), and is never sent; a465 export gives its "
-            f"motion to other programs; {task.file.name} is of unit {task.cell.unit.name}"
-        )
-        raise ImpossibleError(
-            why, differing=["unit"], plan={"unit": NO_UNIT}, now={"unit": task.cell.unit.name}
-        )
     name, kind = plan.task.get("name", task.name), plan.task.get("kind", task.kind)
     for what, then, now in (
         ("task", f"{name} ({kind})", f"{task.name} ({task.kind})"),

@@ -1,25 +1,31 @@
-"""Plan and certify a list of poses and configurations in a cell, as a plan file.
+"""Plan and certify a list of poses and configurations, in a cell or for the arm of an arm file, as a plan file.
 
-The obstacles are table and walls, and boards and cubes if a look is given. Every move keeps the cell's clearance.
-Poses between two configurations are planned together (`plan.program.pose_lists`).
+The obstacles are table and walls, and boards and cubes if a look is given, or the bodies of the arm file. Every move
+keeps the clearance of the cell or arm file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
 from arm.controller.segments import CountPath, Segment
+from arm.controller.unit import Limits, Unit
 from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.io.storage import read_bytes, sha256
 from arm.numerics.products import mul
 from arm.plan_file import GripperStep, Move, Pause, Plan, Step
+from arm.robot.gripper import Gripper
 from arm.robot.jaws import with_any_jaws
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
+from cell.config.arm_file import ARM, ArmFile, beyond_limits
+from cell.files.place import POSES
 from cell.files.pose_list import Entry, PoseList
 from cell.files.task import Task
 from cell.scene.build import build_scene
@@ -28,11 +34,13 @@ from plan.advice.changes import Request
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
 from plan.failure import nearness
+from plan.options import PlanOptions
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.program import Program, plan_program
 from plan.program.setting import Setting
 from plan.scene import Scene
+from plan.trajectory.virtual_unit import is_virtual, virtual_unit
 from vision.observation import Observation
 
 _LONGEST_MS = 60_000  # of a segment in a plan file
@@ -55,21 +63,76 @@ class _Place:
         return None if self.entry is None else self.entry.q
 
 
+@dataclass(frozen=True, eq=False)
+class ListPlace:
+    """What a list is planned in.
+
+    Attributes:
+        name, kind: of the task, as the plan states them.
+        scene: the arm and the bodies around it.
+        unit: in whose counts the plan is.
+        limits: at speed 1.
+        q_start: where the arm is, and returns to.
+        options: of planning; they hold the clearance of all moves.
+        gripper: whose jaws the list opens and closes; None: the arm has none that is known.
+        provenance: what the plan states besides what planning does; see `plan.program.program.Program`.
+    """
+
+    name: str
+    kind: str
+    scene: Scene
+    unit: Unit
+    limits: Limits
+    q_start: Array
+    options: PlanOptions
+    gripper: Gripper | None
+    provenance: dict[str, Any]
+
+    def beyond_limits(self, q: Array) -> str:
+        """Return in words the limit that a configuration violates; "" if it violates none."""
+        if is_virtual(self.unit):
+            beyond = beyond_limits(self.unit.axes, q, self.limits)
+            return beyond and f"in rad, m where a joint slides: {beyond}"
+        beyond = self.unit.beyond_limits(q)
+        return beyond and f"in deg: {beyond}"
+
+
+def place_of_cell(task: Task, observation: Observation | None, speed: float) -> ListPlace:
+    """Return the cell of a task, with the boards and cubes of an observation or else without any."""
+    cell = task.cell
+    scene = Scene(cell.robot(), cell.robot(cell.cube_size), cell.fixed, ())
+    return ListPlace(
+        task.name,
+        task.kind,
+        scene if observation is None else build_scene(cell, observation),
+        cell.unit,
+        cell.limits,
+        cell.q_start,
+        pose_list_options(task, speed),
+        cell.gripper,
+        plan_fingerprint(task),
+    )
+
+
+def place_of_arm(arm: ArmFile, speed: float) -> ListPlace:
+    """Return the arm of an arm file among its bodies."""
+    stated = {"notes": {"a465": version("a465")}, "inputs": {ARM: dict(arm.inputs)}}
+    unit, scene = virtual_unit(arm.robot, arm.limits), Scene(arm.robot, arm.robot, arm.bodies, ())
+    options = replace(arm.options, speed=speed)
+    return ListPlace(arm.file.stem, POSES, scene, unit, arm.limits, arm.q_start, options, None, stated)
+
+
 def plan_pose_list(
-    task: Task,
-    observation: Observation | None,
+    place: ListPlace,
     poses: PoseList,
-    speed: float,
     back: bool,
     explain: Callable[[Request, ImpossibleError], None] | None = None,
 ) -> Plan:
-    """Plan from rest at the cell's q_start through the whole list.
+    """Plan from rest at q_start through the whole list.
 
     Args:
-        task: with the cell; for a cell file alone, see `cell.files.place`.
-        observation: boards and cubes, or None for table and walls alone.
+        place: the arm, and what stands around it.
         poses: the list.
-        speed: factor on velocities.
         back: whether the arm returns to q_start at the end.
         explain: called with what could not be planned, and the error, before that is raised.
 
@@ -77,7 +140,7 @@ def plan_pose_list(
         InputError: a configuration beyond the joint limits; a value that `plan.program.goals.target.Target` refuses.
         ImpossibleError: a pose is out of reach, a body is too close, or there is no clear path; names the entry.
     """
-    return _Planner(task, observation, poses, speed, explain).plan(back)
+    return _Planner(place, poses, explain).plan(back)
 
 
 class _Planner:
@@ -92,25 +155,23 @@ class _Planner:
 
     def __init__(
         self,
-        task: Task,
-        observation: Observation | None,
+        place: ListPlace,
         poses: PoseList,
-        speed: float,
         explain: Callable[[Request, ImpossibleError], None] | None,
     ) -> None:
-        self.explain = explain
-        self.task, self.cell, self.poses = task, task.cell, poses
-        self.options = pose_list_options(task, speed)
+        self.place, self.poses, self.explain = place, poses, explain
+        self.scene, self.options, self.clearance = place.scene, place.options, place.options.clearance
+        jaws = next((entry for entry in poses.entries if entry.jaws is not None), None)
+        if jaws is not None and place.gripper is None:
+            rule = f"jaws: the arm of {place.name} has no jaws that move; leave it out"
+            raise FileInputError(poses.file, jaws.key, None, rule)
         self.closes = any(entry.jaws for entry in poses.entries)
-        self.scene = Scene(self.cell.robot(), self.cell.robot(self.cell.cube_size), self.cell.fixed, ())
-        if observation is not None:
-            self.scene = build_scene(self.cell, observation)
         # if the jaws close, their content is unknown, so the fingers are extended until they meet
         self.robot: Robot = with_any_jaws(self.scene.robot_open) if self.closes else self.scene.robot_open
         self.bodies: tuple[Body, ...] = (*self.scene.bodies, *self.scene.cubes)
         self.world = World(self.robot, self.bodies)
         self.fraction_closed = 0.0
-        self.at = self.cell.unit.counts(self.cell.q_start)
+        self.at = place.unit.counts(place.q_start)
         self.steps: list[Step] = []
         self.reached: list[tuple[str, Array]] = []
 
@@ -129,52 +190,52 @@ class _Planner:
             why = f"{self.poses.file}: nothing moves: the list leads to q_start, where the arm is"
             raise ImpossibleError(why, file=str(self.poses.file))
         task: dict[str, object] = {
-            "name": self.task.name,
-            "kind": self.task.kind,
+            "name": self.place.name,
+            "kind": self.place.kind,
             "poses": [{"name": name, "q": [round(float(v), 9) + 0.0 for v in q]} for name, q in self.reached],
         }
-        stated = plan_fingerprint(self.task)
+        stated = self.place.provenance
         stated["notes"]["poses"] = sha256(read_bytes(self.poses.file, "pose list"))
         # the file states the cell's arm, whose jaws open and close; the motions are clear for any opening of them
-        setting = Setting(self.scene, self.cell.unit, self.cell.limits, self.options)
+        setting = Setting(self.scene, self.place.unit, self.place.limits, self.options)
         return replace(found, setting=setting, steps=tuple(self.steps), provenance=stated, task=task).plan()
 
     def require(self, entry: Entry, q: Array) -> None:
         """Require that a configuration is within limits and clear."""
-        rule = self.cell.unit.beyond_limits(q)
+        rule = self.place.beyond_limits(q)
         if rule:
-            degrees = [round(float(v), 3) for v in np.degrees(q)]
-            raise FileInputError(self.poses.file, entry.key, degrees, f"in deg: {rule}")
+            values = q if is_virtual(self.place.unit) else np.degrees(q)
+            raise FileInputError(self.poses.file, entry.key, [round(float(v), 3) for v in values], rule)
         closest = self.world.distance(q)
-        if closest.value < self.cell.clearance:
+        if closest.value < self.clearance:
             raise ImpossibleError(
                 f"{self.poses.file}: {entry.key} ({entry.name}): "
-                f"{nearness(closest.pair, closest.value, self.cell.clearance)}",
+                f"{nearness(closest.pair, closest.value, self.clearance)}",
                 entry=entry.key,
                 target=entry.name,
                 pair=list(closest.pair),
                 distance_m=closest.value,
-                clearance_m=self.cell.clearance,
+                clearance_m=self.clearance,
             )
 
     def moves(self, places: Sequence[_Place], back: bool) -> Planned | None:
         """Append the moves through all places, with the actions there; return the plan, None if there is no place."""
-        cell = self.cell
-        goals = [self.target(place) for place in places]
+        place = self.place
+        goals = [self.target(goal) for goal in places]
         if back:
-            goals.append(Target(_BACK, q=cell.q_start))
+            goals.append(Target(_BACK, q=place.q_start))
         if not goals:
             return None
         scene = replace(self.scene, robot_open=self.robot, robot_holding=self.robot)
-        program = Program(scene, tuple(goals), cell.q_start, cell.unit, cell.limits, self.options)
+        program = Program(scene, tuple(goals), place.q_start, place.unit, place.limits, self.options)
         try:
             found = plan_program(program)
         except ImpossibleError as error:
             if self.explain is not None:
-                asked = scene, (), cell.q_start, cell.unit, cell.limits, self.options
+                asked = scene, (), place.q_start, place.unit, place.limits, self.options
                 self.explain(Request(*asked, goals=tuple(goals)), error)
             raise self.located(error, places) from error
-        by_name = {place.name: place for place in places}
+        by_name = {goal.name: goal for goal in places}
         for step in found.steps:
             if isinstance(step, Pause):
                 self.act(by_name[step.name])
@@ -205,14 +266,15 @@ class _Planner:
                 retract=entry.retract,
                 speed=entry.speed,
                 blend_radius=entry.within,
-                dwell_s=max(rest_s, self.cell.settle_s, 1e-3) if acts else 0.0,
+                dwell_s=max(rest_s, self.options.settle_s, 1e-3) if acts else 0.0,
             )
         except InputError as error:
             raise FileInputError(self.poses.file, entry.key, None, str(error)) from error
 
     def move(self, move: Move, name: str) -> None:
         """Append a move. A plan file calls every move that keeps the cell's clearance a transit."""
-        opening = self.cell.gripper.width(self.fraction_closed)
+        gripper = self.place.gripper
+        opening = 0.0 if gripper is None else gripper.width(self.fraction_closed)
         self.steps.append(replace(move, name=name, role="transit", cube=None, jaw_opening=opening))
         self.at = np.array(move.path.end, dtype=np.int64)
 
@@ -222,7 +284,7 @@ class _Planner:
             if action.jaws is not None:
                 word = "close" if action.jaws > 0.0 else "open"
                 self.steps.append(
-                    GripperStep(f"{word} at {place.name}", word, None, action.jaws, self.cell.settle_s)
+                    GripperStep(f"{word} at {place.name}", word, None, action.jaws, self.options.settle_s)
                 )
                 self.fraction_closed = action.jaws
             if action.dwell_s > 0.0:
@@ -236,10 +298,10 @@ class _Planner:
         path = CountPath(tuple(int(c) for c in self.at), tuple(Segment(ms, zero) for ms in lengths_ms))
         if not path.segments:
             return
-        check = certify_move(self.world, path, self.cell.unit, self.cell.clearance)
+        check = certify_move(self.world, path, self.place.unit, self.clearance)
         if not check.proved:
             raise ImpossibleError(
-                f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.cell.clearance)}",
+                f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.clearance)}",
                 target=name,
                 pair=list(check.pair),
                 distance_m=check.seen,

@@ -62,7 +62,8 @@ class TaskRun(OpenRun):
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
-        speed = tool_words(plan, self.task.cell, self.control.ceiling)
+        cell = self.task.cell
+        speed = tool_words(plan, cell.robot(cell.cube_size), cell.unit, self.control.ceiling)
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )

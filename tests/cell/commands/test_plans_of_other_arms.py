@@ -13,10 +13,10 @@ import pytest
 
 from arm.io.storage import data_file
 from arm.plan_file import read_plan, write_plan
-from cell.export.scene import surroundings_of_plan
+from cell.export.scene import surroundings_of_file, surroundings_of_plan
 from cell.export.urdf import describe
 from plan.program.planned import Planned
-from plans.other_arms import OTHER_ARMS, six_joints
+from plans.other_arms import OTHER_ARMS, OVERLAPPING, scara_files, seven_joints, six_joints
 from tasks.described import Exported, require_read
 from typed.command_line import a465, replace_in
 
@@ -122,7 +122,7 @@ def six(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_such_a_plan_is_never_sent_and_needs_no_cell(six: Path) -> None:
     task = data_file("scenes/task2.toml")
     _, told = a465("execute", six, task, code=3)
-    assert "for an arm without a controller's unit (unit none), and is never sent; a465 export" in told
+    assert "plan.json: unit = 'none': the plan is for an arm without a controller, and is never sent" in told
     for words in (("check", six, task), ("preview", six, task), ("export", six, "--cell", CELL)):
         _, told = a465(*words, code=2)
         assert f"plan.json: arm: is the plan's own, which needs no cell; leave out {words[-1]}" in told
@@ -140,3 +140,80 @@ def test_what_is_missing_is_told_by_file_key_and_value(six: Path, tmp_path: Path
     for verb in ("check", "preview", "export"):
         _, told = a465(verb, file, code=2)
         assert "plan.json: arm: is missing, and a plan with unit none needs it (plan again" in told
+
+
+def test_a_list_is_planned_from_an_arm_file(tmp_path: Path) -> None:
+    file, plan = scara_files(tmp_path), tmp_path / "plan.json"
+    said, _ = a465("plan-poses", file, tmp_path / "poses.json", "-o", plan, "--speed", "1", "--back")
+    assert "3 entries" in said
+    read = read_plan(plan)
+    assert (read.unit, read.speed, read.task["name"], read.task["kind"]) == ("none", 1.0, "scara", "poses")
+    assert [pose["name"] for pose in read.task["poses"]] == ["aside", "fetch", "leave"]
+    assert read.task["poses"][0]["q"] == pytest.approx([0.6, 0.7, 0.02, 0.0], abs=1e-6)
+    assert list(read.moves)[-1].path.end == read.start
+    assert any(move.name == "rest at fetch" and move.path.duration_s == 0.5 for move in read.moves)
+    for words in (("check", plan, file), ("preview", plan, file), ("export", plan, "--cell", file)):
+        a465(*words)
+    replace_in(file, "tool_mm = [0, 0, 80]", "tool_mm = [0, 0, 81]")
+    for words in (("check", plan, file), ("preview", plan, file), ("export", plan, "--cell", file)):
+        _, told = a465(*words, code=3)
+        assert "not for the arm of scara.toml: arm.tool_mm [0, 0, 80], now [0, 0, 81]; plan again" in told
+    replace_in(file, "tool_mm = [0, 0, 81]", "tool_mm = [0, 0, 80]")
+    replace_in(tmp_path / "scara.urdf", 'velocity="4"', 'velocity="3"')
+    _, told = a465("check", plan, file, code=3)
+    assert "not for the arm of scara.toml: the arm, its SRDF or its meshes; plan again" in told
+    a465("check", plan)  # which holds for the arm that it states
+
+
+def test_seven_joints_with_a_gripper_from_an_arm_file(tmp_path: Path) -> None:
+    seven_joints(tmp_path)
+    pairs = json.dumps([list(pair) for pair in (*OVERLAPPING, *((f"l{k}", f"l{k + 1}") for k in range(7)))])
+    (tmp_path / "seven.toml").write_text(
+        "q_start = [-0.8, 0.0, 0.0, -1.9, 0.0, 1.9, 0.8]\n"
+        '[arm]\nurdf = "gripper.urdf"\nend_frame = "hand"\ntool_mm = [0, 0, 80]\nacceleration = 4.0\n'
+        f"locked = {{ left_slide = 0.03 }}\ndisabled_collisions = {pairs}\nneighbours_may_touch = true\n"
+        '[[bodies]]\nname = "post"\nshape = "cylinder"\nradius_mm = 40\nlength_mm = 600\ncentre_mm = [500, 0, 260]\n'
+    )
+    there = {"T_base_flange": [1, 0, 0, 0.4, 0, -1, 0, 0.25, 0, 0, -1, 0.23], "free": "rz"}
+    poses = [{"q_deg": [-40, 10, 0, -100, 0, 110, 45]}, there]
+    (tmp_path / "list.json").write_text(json.dumps(poses))
+    a465("plan-poses", tmp_path / "seven.toml", tmp_path / "list.json", "-o", tmp_path / "plan.json")
+    told = json.loads(a465("check", tmp_path / "plan.json", tmp_path / "seven.toml", "--json")[0])
+    assert told["min_clearance_mm"] >= 10.0 - 1e-3
+    arm = read_plan(tmp_path / "plan.json").arm["open"]
+    assert arm["locked"] == {"left_slide": 0.03, "right_slide": 0.03}
+    folder = tmp_path / "described"
+    a465("export", tmp_path / "seven.toml", "-o", folder)
+    there_now = surroundings_of_file(tmp_path / "seven.toml", None)
+    require_read(there_now, describe(there_now).links, Exported(folder), seed=4)
+
+
+def test_what_a_list_of_another_arm_cannot_have_is_told(tmp_path: Path) -> None:
+    file, listed = scara_files(tmp_path), tmp_path / "poses.json"
+    text = listed.read_text()
+    for old, new, told in (
+        (
+            '"q_rad": [0.6',
+            '"q_deg": [0.6',
+            "entries[0].q_deg = [0.6, 0.7, 0.02, 0.0]: must be in rad, and in m",
+        ),
+        ("0.02, 0.0]", "0.02]", "entries[0].q_rad = [0.6, 0.7, 0.02]: must be 4 numbers, not 3"),
+        (
+            "0.02, 0.0]",
+            "0.2, 0.0]",
+            "entries[0] = [0.6, 0.7, 0.2, 0.0]: in rad, m where a joint slides: j3 must be",
+        ),
+        ('"dwell_s": 0.5', '"jaws": "close"', "entries[1]: jaws: the arm of scara has no jaws that move"),
+    ):
+        listed.write_text(text.replace(old, new, 1))
+        _, said = a465("plan-poses", file, listed, code=2, cwd=tmp_path)
+        assert f"poses.json: {told}" in said
+    listed.write_text("0.1,0.2,0.3,0.4,0.5\n")
+    _, said = a465("plan-poses", file, listed, code=2, cwd=tmp_path)
+    assert "row 1 = '5 numbers': must be one of 4 (joint positions), 12 (" in said
+    _, said = a465("plan-poses", file, listed, "--look", listed, code=2, cwd=tmp_path)
+    assert "--look does not go with an arm file" in said
+    _, said = a465("check", file, code=2)
+    assert "scara.toml: is an arm file; check needs a plan made with it" in said
+    _, said = a465("export", file, "--look", listed, code=2)
+    assert "is an arm file, which already contains its bodies; leave out --look" in said

@@ -26,7 +26,7 @@ from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
 from cell.files.place import read_place
 from cell.files.pose_list import read_pose_list
-from cell.task.pose_list_planning import plan_pose_list
+from cell.task.pose_list_planning import place_of_cell, plan_pose_list
 from typed.command_line import a465
 
 CELL = data_file("scenes/cell.toml")
@@ -49,7 +49,7 @@ def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plan")
     (folder / "list.json").write_text(json.dumps(LIST))
     task = read_place(CELL)
-    plan = plan_pose_list(task, None, read_pose_list(folder / "list.json"), 1.0, back=True)
+    plan = plan_pose_list(place_of_cell(task, None, 1.0), read_pose_list(folder / "list.json"), back=True)
     write_plan(folder / "plan.toml", plan)  # what it is, is told by its content
     return folder / "plan.toml"
 

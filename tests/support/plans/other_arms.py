@@ -10,7 +10,8 @@ from arm.robot.model import load_robot
 from arm.robot.shapes import Body, Box, Cylinder
 from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import transform
-from arms.made_up import PANDA, UR5, arm, urdf
+from arms.made_up import PANDA, UR5, arm
+from arms.made_up import urdf as urdf_of
 from plan.options import PlanOptions
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
@@ -23,6 +24,9 @@ AROUND = [
     Target("fetch", down(0.4, -0.25, 0.15), free="rz", approach=0.06, retract=0.06, dwell_s=0.5),
     Target("bring", down(0.4, 0.25, 0.15)),
 ]
+# links of the Panda and of its gripper that always overlap
+OVERLAPPING = [("left", "hand"), ("right", "hand"), ("l6", "hand"), ("l5", "hand")]
+OVERLAPPING += [(f"l{a}", f"l{b}") for a, b in ((0, 2), (2, 4), (3, 5), (4, 6), (5, 7), (4, 7))]
 _FINGERS = """
 <link name="hand"><collision><geometry><box size="0.05 0.16 0.04"/></geometry></collision></link>
 <joint name="hand_mount" type="fixed"><parent link="l7"/><child link="hand"/><origin xyz="0 0 0.1"/></joint>
@@ -45,21 +49,26 @@ def six_joints(folder: Path) -> Planned:
 def seven_joints(folder: Path) -> Planned:
     """The joints of a Panda with a gripper, around a post."""
     path = folder / "gripper.urdf"
-    path.write_text(urdf(PANDA).replace("</robot>", _FINGERS))
+    path.write_text(urdf_of(PANDA).replace("</robot>", _FINGERS))
     robot = load_robot(path, "hand", transform(t=(0.0, 0.0, 0.08)), {"left_slide": 0.03})
-    overlapping = [(f"l{a}", f"l{b}") for a, b in ((0, 2), (2, 4), (3, 5), (4, 6), (5, 7), (4, 7))]
-    hand = [("left", "hand"), ("right", "hand"), ("l6", "hand"), ("l5", "hand")]
-    robot = with_disabled_collisions(robot, [*overlapping, *hand], neighbours=True)
+    robot = with_disabled_collisions(robot, OVERLAPPING, neighbours=True)
     q, limits = [-0.8, 0.0, 0.0, -1.9, 0.0, 1.9, 0.8], urdf_limits(robot, 4.0)
     bodies = [TABLE, Body("post", POST.shape, transform(t=(0.5, 0.0, 0.26)), "post")]
     return plan_poses(robot, bodies, AROUND, q, limits, options=FAST, effort=EFFORT)
 
 
+def scara_files(folder: Path) -> Path:
+    """The files of the SCARA in docs/adding.md: URDF, list of poses, and arm file, which is returned."""
+    for block in blocks((ROOT / "docs/adding.md").read_text()):
+        if block.file:
+            (folder / block.file).write_text(block.text)
+    return folder / "scara.toml"
+
+
 def scara(folder: Path) -> Planned:
     """The SCARA of docs/adding.md with its cup, which carries a part past a post."""
-    block = next(b for b in blocks((ROOT / "docs/adding.md").read_text()) if b.file == "scara.urdf")
-    (folder / block.file).write_text(block.text)
-    robot = with_disabled_collisions(load_robot(folder / block.file, "flange", transform()), neighbours=True)
+    urdf = scara_files(folder).with_suffix(".urdf")
+    robot = with_disabled_collisions(load_robot(urdf, "flange", transform()), neighbours=True)
     cup = Body("cup", Cylinder(0.012, 0.03), transform(t=(0.0, 0.0, 0.065)), "tool")
     robot = with_tool(robot, transform(t=(0.0, 0.0, 0.08)), [cup])
     limits = urdf_limits(robot, {"j1": 20.0, "j2": 25.0, "j3": 8.0, "j4": 50.0})

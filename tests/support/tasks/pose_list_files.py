@@ -13,7 +13,7 @@ from arm.plan_file import Plan
 from arm.se3 import rot_x, rot_z, transform
 from cell.files.place import read_place
 from cell.files.pose_list import Reading, read_pose_list
-from cell.task.pose_list_planning import plan_pose_list
+from cell.task.pose_list_planning import place_of_cell, plan_pose_list
 
 CELL = data_file("scenes/cell.toml")
 CTU_DEG = ([-30, -20, -90, 0, -60, 10], [0, -10, -90, 0, -70, 0], [30, -15, -95, 0, -65, -20])
@@ -29,4 +29,4 @@ def written(folder: Path, content: Any, name: str = "list.json") -> Path:
 
 
 def planned(path: Path, back: bool = False, reading: Reading | None = None, place: Path = CELL) -> Plan:
-    return plan_pose_list(read_place(place), None, read_pose_list(path, reading), 1.0, back)
+    return plan_pose_list(place_of_cell(read_place(place), None, 1.0), read_pose_list(path, reading), back)

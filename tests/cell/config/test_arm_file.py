@@ -1,0 +1,74 @@
+"""The arm file: what it says becomes the arm that Python would make; what is wrong is told by file, key and value."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.robot.model import load_robot
+from arm.robot.shapes import Body, Cylinder
+from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
+from arm.se3 import transform
+from cell.config.arm_file import read_arm_file
+from plans.other_arms import scara_files
+from typed.command_line import replace_in
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return scara_files(tmp_path)
+
+
+def test_the_arm_is_the_one_that_python_makes(file: Path) -> None:
+    found = read_arm_file(file)
+    robot = load_robot(file.with_suffix(".urdf"), "flange", transform(t=(0, 0, 0.08)))
+    robot = with_tool(
+        robot, robot.T_end_tool, [Body("cup", Cylinder(0.012, 0.03), transform(t=(0, 0, 0.065)), "tool")]
+    )
+    robot = with_disabled_collisions(robot, neighbours=True)
+    assert found.robot.digest == robot.digest
+    limits = urdf_limits(robot, {"j1": 20.0, "j2": 25.0, "j3": 8.0, "j4": 50.0})
+    for name, value in vars(limits).items():
+        assert np.array_equal(getattr(found.limits, name), value)
+    assert found.q_start.tolist() == [0.9, 0.8, 0.0, 0.0]
+    assert [body.name for body in found.bodies] == ["table", "post"]
+    assert (found.speed, found.options.clearance, found.options.line_clearance) == (0.5, 0.01, 0.01)
+
+
+def test_locked_joints_and_pairs(file: Path) -> None:
+    """The last joint is beyond the frame that carries the tool, so it is locked."""
+    replace_in(file, 'end_frame = "flange"', 'end_frame = "quill"\nlocked = { j4 = 0.5 }')
+    replace_in(file, "tool_mm", 'disabled_collisions = [["base", "quill"]]\ntool_mm')
+    replace_in(file, ", j4 = 50 }", " }")
+    replace_in(file, "q_start = [0.9, 0.8, 0.0, 0.0]", "q_start = [0.9, 0.8, 0.0]")
+    found = read_arm_file(file)
+    assert dict(found.robot.locked) == {"j4": 0.5}
+    assert frozenset(("base", "quill")) in found.robot.disabled_collisions
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('urdf = "scara.urdf"', 'urdf = "none.urdf"', "arm.urdf = 'none.urdf': names a file that does not exist"),
+        ('end_frame = "flange"', 'end_frame = "hand"', "scara.urdf: no joint or frame named 'hand'"),
+        ("[0.9, 0.8, 0.0, 0.0]", "[0.9, 0.8]", "q_start = [0.9, 0.8]: must be a number for each joint: j1, j2, j3, j4"),
+        ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 0.0]", "q_start = [9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
+        (", j4 = 50 }", " }", "acceleration: joint 'j4' is missing"),
+        ("j4 = 50", "j4 = 0", "arm.acceleration = {'j1': 20, 'j2': 25, 'j3': 8, 'j4': 0}: must be a number above 0"),
+        ("clearance_mm = 10", "clearance_mm = 2", "clearance_mm = 2: must be a number in mm from 5 to 1000"),
+        ('name = "post"', 'name = "cup"', "bodies[1].name = 'cup': is used twice, or is a body of the arm"),
+        ("neighbours_may_touch", "neighbors_may_touch", "arm.neighbors_may_touch = True: is not a known key"),
+        ("tool_mm", 'disabled_collisions = [["base", "cap"]]\ntool_mm', "pairs: 'cap' is not a link or body"),
+        ("tool_mm", 'locked = { j9 = 0.0 }\ntool_mm', "scara.urdf: no joint or frame named 'j9'"),
+        ("tool_mm", 'locked = { j4 = "in" }\ntool_mm', "arm.locked.j4 = 'in'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told(file: Path, old: str, new: str, told: str) -> None:
+    replace_in(file, old, new)
+    with pytest.raises(InputError) as refusal:
+        read_arm_file(file)
+    assert str(refusal.value).startswith(str(file))
+    assert told in str(refusal.value)
