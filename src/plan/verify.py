@@ -17,7 +17,7 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, touching_pairs
-from arm.robot.jaws import with_any_jaws
+from arm.robot.jaws import after_closing
 from arm.robot.shapes import Body
 from arm.se3 import Array, angle_between, frozen, inverse
 from plan.collision.certificate import ClearanceCertificate, certify_move
@@ -65,7 +65,7 @@ class MoveScene:
 def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, MoveScene]]:
     """Yield every move with its world, in which the cubes are where the previous steps have put them.
 
-    If the jaws close on no cube of the task, their opening is unknown from then on (`with_any_jaws`).
+    If the jaws close on no cube of the task, their opening is unknown from then on (`after_closing`).
 
     Raises:
         ImpossibleError: the jaws close where no cube is, or a move states another held cube than the steps give.
@@ -77,7 +77,7 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Mo
     for step in plan.steps:
         match step:
             case GripperStep(action="close", cube=None):
-                scene = replace(scene, robot_open=with_any_jaws(scene.robot_open))
+                scene = replace(scene, robot_open=after_closing(scene.robot_open))
             case GripperStep(action="close"):
                 T_base_tool = scene.robot_open.T_base_tool(q)
                 held, T_tool_held = _gripped(cubes, T_base_tool, step.name)

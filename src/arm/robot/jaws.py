@@ -33,6 +33,15 @@ def with_any_jaws(robot: Robot) -> Robot:
     return replace(robot, bodies=bodies, digest=sha256({"robot": robot.digest, "jaws": "any"}))
 
 
+def after_closing(robot: Robot) -> Robot:
+    """Return the arm once its jaws have closed on nothing that is known, so that their opening is not.
+
+    Jaws that are not modelled as `with_any_jaws` needs them stay where they are.
+    """
+    known = {body.name for body in robot.bodies if isinstance(body.shape, Box)}
+    return with_any_jaws(robot) if known.issuperset(FINGERS) else robot
+
+
 def _extended(finger: LinkBody, T_joint_end: Array) -> LinkBody:
     """Extend a finger from its outer face to the middle."""
     T_end_finger = mul(inverse(T_joint_end), finger.T_joint_body)

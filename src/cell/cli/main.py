@@ -223,7 +223,8 @@ def check(
         Path, Argument(help="Plan file, or scene file such as scenes/fixtures/capsule.toml.", metavar="FILE")
     ],
     task: Annotated[
-        Path | None, Argument(help="Task or cell file of the plan; none for an arm without a unit.", metavar="TASK")
+        Path | None,
+        Argument(help="Task or cell file of the plan; none for an arm without a unit.", metavar="TASK"),
     ] = None,
     q: Annotated[
         str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
@@ -254,7 +255,9 @@ def preview(
     ],
     task: Annotated[
         Path | None,
-        Argument(help="Task or cell file of the plan; none for a log, or an arm without a unit.", metavar="TASK"),
+        Argument(
+            help="Task or cell file of the plan; none for a log, or an arm without a unit.", metavar="TASK"
+        ),
     ] = None,
     output: shared.Output = None,
     as_json: shared.Json = False,

@@ -10,9 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from anyarm_bench.arms import ARMS, SHARE, load
+from anyarm_bench.problems import draw
 
 from arm.io.storage import data_file
 from arm.plan_file import read_plan, write_plan
+from cell.config.arm_file import read_arm_file
 from cell.export.scene import surroundings_of_file, surroundings_of_plan
 from cell.export.urdf import describe
 from plan.program.planned import Planned
@@ -217,3 +220,29 @@ def test_what_a_list_of_another_arm_cannot_have_is_told(tmp_path: Path) -> None:
     assert "scara.toml: is an arm file; check needs a plan made with it" in said
     _, said = a465("export", file, "--look", listed, code=2)
     assert "is an arm file, which already contains its bodies; leave out --look" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARMS)
+def test_arms_as_pip_installs_them(name: str, tmp_path: Path) -> None:
+    """With the extra `bench`: URDF, SRDF and meshes as their packages ship them, planned from an arm file."""
+    arm, file = ARMS[name], tmp_path / "arm.toml"
+    if not (SHARE / arm.urdf).is_file():
+        pytest.skip("no arms: pip install 'a465[bench]'")
+    problem = draw(name, 2)
+    locked = ", ".join(f"{joint} = {at}" for joint, at in arm.locked.items())
+    file.write_text(
+        f"q_start = {problem.q_start.tolist()}\nclearance_mm = 5\nspeed = 1\n[arm]\nacceleration = 4\n"
+        f'urdf = "{SHARE / arm.urdf}"\nsrdf = "{SHARE / arm.srdf}"\nend_frame = "{arm.end_frame}"\n'
+        f"tool_mm = [0, 0, {1e3 * arm.tool}]\nlocked = {{ {locked} }}\n"
+    )
+    assert read_arm_file(file).robot.digest == load(name)[0].digest
+    entries = [{"T_base_tool": T.tolist()} for T in problem.poses]
+    (tmp_path / "poses.json").write_text(json.dumps(entries))
+    plan, folder = tmp_path / "plan.json", tmp_path / "described"
+    a465("plan-poses", file, tmp_path / "poses.json", "-o", plan)
+    assert json.loads(a465("check", plan, file, "--json")[0])["min_clearance_mm"] >= 5.0 - 1e-3
+    a465("preview", plan)
+    a465("export", plan, "--format", "urdf", "-o", folder)
+    there = surroundings_of_plan(plan, read_plan(plan), None)
+    require_read(there, describe(there).links, Exported(folder), seed=5)

@@ -156,7 +156,10 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     shutil.copy(scene, named)
     assert export_file(named, ExportOptions(output=tmp_path / "by content"), console)["format"] == "urdf"
     for asked, rule in (
-        (ExportOptions(form="csv"), "--format csv: must be one of urdf, as .* is a scene, cell, task or arm file"),
+        (
+            ExportOptions(form="csv"),
+            "--format csv: must be one of urdf, as .* is a scene, cell, task or arm file",
+        ),
         (ExportOptions(planned=True), "--planned does not go with a scene"),
         (ExportOptions(period=0.1), "--period does not go with"),
         (ExportOptions(cell=scene), "--cell does not go with"),

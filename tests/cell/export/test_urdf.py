@@ -8,9 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from arm.robot.mesh import read_mesh_points
-from arm.robot.shapes import convex
-from arm.se3 import rot_x, rot_y, rot_z, rotation
-from cell.export.urdf import link_names, rpy_of, stl_of
+from arm.robot.model import load_robot
+from arm.robot.shapes import Body, Sphere, convex
+from arm.robot.tool import urdf_limits, with_tool
+from arm.se3 import rot_x, rot_y, rot_z, rotation, transform
+from arms.made_up import BOX_OBJ, MESH_ARM
+from cell.export.urdf import Surroundings, describe, link_names, rpy_of, stl_of
+from tasks.described import require_same
 
 
 def test_roll_pitch_yaw_also_where_the_pitch_is_a_right_angle() -> None:
@@ -42,3 +46,26 @@ def test_link_names_are_plain_and_differ() -> None:
     found = link_names(["a b", "a.b", "a_b", "", "č", "base"], {"base", "a_b_2"})
     assert len(set(found.values()) | {"base", "a_b_2"}) == 8
     assert all(name.isascii() and name.replace("_", "a").isalnum() for name in found.values() if name)
+
+
+def test_an_arm_of_meshes_is_exported_with_the_hulls_that_are_checked(tmp_path: Path) -> None:
+    """Scaled and placed as in its URDF; its files are not needed, and a link named tool keeps its name."""
+    (tmp_path / "box.obj").write_text(BOX_OBJ)
+    shown = '<visual><geometry><mesh filename="box.obj"/></geometry></visual></link>\n<joint name="J1"'
+    wrist = (
+        '<link name="tool"/><joint name="fixed" type="fixed"><parent link="rod"/><child link="tool"/></joint>'
+    )
+    text = MESH_ARM.format(mesh="box.obj").replace("</robot>", f"{wrist}</robot>")
+    (tmp_path / "arm.urdf").write_text(text.replace('</link>\n<joint name="J1"', shown))
+    robot = load_robot(tmp_path / "arm.urdf", "fixed", transform(rot_x(0.4), (0.0, 0.1, 0.3)))
+    robot = with_tool(
+        robot, robot.T_end_tool, [Body("tip", Sphere(0.02), transform(t=(0.0, 0.1, 0.3)), "tool")]
+    )
+    (tmp_path / "box.obj").unlink()
+    ball = Body("ball", Sphere(0.1), transform(t=(0.9, 0.3, 0.5)), "wall")
+    described = describe(Surroundings(robot, urdf_limits(robot, 1.0), (ball,)))
+    assert "meshes/arm/foot.stl" in described.files
+    assert "box.obj" not in str(described.files["cell.urdf"])
+    assert 'tip_link="tool_2"' in str(described.files["cell.srdf"])
+    there = Surroundings(robot, urdf_limits(robot, 1.0), (ball,))
+    require_same(there, tmp_path / "out", seed=9)

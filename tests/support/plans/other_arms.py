@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,8 @@ def seven_joints(folder: Path) -> Planned:
     robot = with_disabled_collisions(robot, OVERLAPPING, neighbours=True)
     q, limits = [-0.8, 0.0, 0.0, -1.9, 0.0, 1.9, 0.8], urdf_limits(robot, 4.0)
     bodies = [TABLE, Body("post", POST.shape, transform(t=(0.5, 0.0, 0.26)), "post")]
-    return plan_poses(robot, bodies, AROUND, q, limits, options=FAST, effort=EFFORT)
+    around = [replace(AROUND[0], jaws=1.0), AROUND[1]]
+    return plan_poses(robot, bodies, around, q, limits, options=FAST, effort=EFFORT)
 
 
 def scara_files(folder: Path) -> Path:

@@ -36,6 +36,8 @@ class Exported:
         self.geometry.addAllCollisionPairs()
         pin.removeCollisionPairs(self.model, self.geometry, srdf)
         pin.loadReferenceConfigurations(self.model, srdf)
+        tip = ElementTree.parse(srdf).find("group[@name='arm']/chain")
+        self.tool = "" if tip is None else tip.attrib["tip_link"]
         self.states = {s.attrib["name"]: s for s in ElementTree.parse(srdf).iter("group_state")}
         self.data, self.distances = self.model.createData(), pin.GeometryData(self.geometry)
         request = coal.DistanceRequest()
@@ -84,7 +86,7 @@ def require_read(there: Surroundings, links: Mapping[str, str], exported: Export
     apart = 0
     for q in rng.uniform(there.limits.lower, there.limits.upper, size=(COUNT, len(there.limits.lower))):
         full = exported.q(q, there.robot)
-        assert np.abs(exported.T_base("tool", full) - there.robot.T_base_tool(q)).max() < 1e-9
+        assert np.abs(exported.T_base(exported.tool, full) - there.robot.T_base_tool(q)).max() < 1e-9
         ours: dict[frozenset[str], float] = {}
         for pair, value in zip(
             pairs, world.pair_distances(q, np.arange(len(pairs))) + world.paddings, strict=True

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.numerics.products import mul
-from arm.robot.jaws import FINGERS, with_any_jaws
+from arm.robot.jaws import after_closing
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Sphere
 from arm.se3 import Array, frozen, inverse
@@ -135,8 +135,7 @@ class AttachmentWorlds:
     @cached_property
     def _closed(self) -> Robot:
         """The arm with the fingers of jaws at any opening, as in `plan.verify`."""
-        own = {body.name for body in self.robot.bodies}
-        return with_any_jaws(self.robot) if own.issuperset(FINGERS) else self.robot
+        return after_closing(self.robot)
 
     def at_least(self, allowed_collisions: Pairs = frozenset()) -> World:
         """Return the world without movable bodies: a collision in it is one in every state."""
