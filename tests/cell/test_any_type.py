@@ -26,8 +26,10 @@ from arm.plan_file import read_plan
 from calib.nao.chain import NaoUnknowns
 from calib.nao.recording import read_nao_recording
 from calib.recordings.arm import read_arm_recording, write_arm_recording
+from cell.config.arm_file import read_arm_file
 from cell.config.cell_file import read_cell
 from cell.export.scene import surroundings_of_plan
+from cell.export.urdf import describe
 from cell.files.hand_target import read_hand_target
 from cell.files.observation import read_observation
 from cell.files.pose_list import read_pose_list
@@ -37,6 +39,8 @@ from cell.files.world import read_world
 from cell.task.plan_matches import require_match, require_scene, require_start_at, scene_of_now
 from driver.emulator.faults.file import read_faults
 from pictures.boards import lab_board, lab_camera, random_pose, seen_corners
+from plan.program.stated_arm import stated_options
+from plans.other_arms import scara_files, six_joints
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 from recorded.nao import as_json, nao_recording
 from recorded.sets import recorded_set
@@ -62,6 +66,7 @@ TOMLS: dict[str, Callable[[Path], object]] = {
     "crs93.toml": load_unit,
     "faults/bad-day.toml": read_faults,
     "fixtures/mesh.toml": read_scene_file,
+    "scara.toml": read_arm_file,
 }
 
 
@@ -74,6 +79,7 @@ def whole(planned_scenes: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     whole_camera(folder)
     whole_world(folder)
     shutil.copy(data_file("urdf/a465/crs93.toml"), folder / "crs93.toml")
+    scara_files(folder)
     hand = (folder / "targets/hand.toml").read_text()
     (folder / "target.toml").write_text(hand[: hand.index("[hand]")])
     return folder
@@ -136,7 +142,7 @@ POSES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["look", "plan", "poses", "detections", "arm", "nao"])
+@pytest.mark.parametrize("name", ["look", "plan", "plan of an arm", "poses", "detections", "arm", "nao"])
 def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = whole.parent / "plain"  # which the plan was made for
     task = read_task(plain / "task2.toml")
@@ -149,6 +155,11 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
         scene_of_now(task, plan)
         require_start_at(task, plan)
         require_scene(task.cell, plan, seen)
+
+    def judge_plan_of_an_arm(path: Path) -> None:
+        plan = read_plan(path)
+        describe(surroundings_of_plan(path, plan, None))
+        stated_options(path, plan)
 
     file, reader = tmp_path / "file.json", read_nao_recording
     match name:
@@ -164,6 +175,11 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
                 "cell.task.plan_matches._require_placed", lambda *_: None
             )  # of a plan that is cut short
             content["steps"] = [next(s for s in steps if s["step"] == kind) for kind in ("move", "gripper")]
+        case "plan of an arm":
+            content = json.loads(six_joints(tmp_path).plan().to_json())
+            content["steps"] = content["steps"][:1]
+            content["task"] = {}
+            reader = judge_plan_of_an_arm
         case "poses":
             content, reader = POSES, read_pose_list
         case "detections":

@@ -25,6 +25,7 @@ from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, hull_faces
 from arm.se3 import Array, frozen, inverse, rot_y, rot_z, transform
+from cell.export.link_tree import base_link, end_link, links_beyond, urdf_root
 from plan.collision.world import World
 
 URDF, SRDF, MESHES = "cell.urdf", "cell.srdf", "meshes"
@@ -83,17 +84,19 @@ def describe(there: Surroundings) -> Description:
     """Create the files of an export.
 
     Raises:
-        InputError: two bodies have the same name, or the arm has no URDF.
+        InputError: two bodies have the same name, or the arm has no URDF that describes it.
     """
     robot = there.robot
-    if not robot.urdf:
-        raise InputError("the arm is calibrated, so no URDF describes it", name="urdf")
-    root = ElementTree.fromstring(robot.urdf)
+    root = urdf_root(robot)
     root.set("name", f"{root.get('name', 'arm')}_cell")
     _place_joints(root, robot)
     _limit_joints(root, there)
-    own, base, end = {str(link.get("name")) for link in root.iter("link")}, _base(root), _end(root, robot)
-    hand = _beyond(root, end)
+    own, base, end = (
+        {str(link.get("name")) for link in root.iter("link")},
+        base_link(root),
+        end_link(root, robot),
+    )
+    hand = links_beyond(root, end)
     tool = link_names([TOOL], own)[TOOL]
     _fixed(root, tool, end, robot.T_end_tool)
     T_end_joint = inverse(robot.T_joint_end)
@@ -119,39 +122,17 @@ def describe(there: Surroundings) -> Description:
     return Description(files, links, tuple(disabled))
 
 
-def _base(root: Element) -> str:
-    children = {joint.find("child").get("link") for joint in root.iterfind("joint")}  # type: ignore[union-attr]
-    return next(name for link in root.iterfind("link") if (name := str(link.get("name"))) not in children)
-
-
-def _end(root: Element, robot: Robot) -> str:
-    """The link of the arm's end frame, which may also be named after the joint before it."""
-    joint = root.find(f"joint[@name='{robot.end_frame}']/child")
-    is_link = root.find(f"link[@name='{robot.end_frame}']") is not None
-    return robot.end_frame if is_link or joint is None else str(joint.get("link"))
-
-
-def _beyond(root: Element, link: str) -> dict[str, str]:
-    """The links that hang on a link, each with the joint before it."""
-    parents = {
-        str(joint.find("child").get("link")): (str(joint.find("parent").get("link")), str(joint.get("name")))  # type: ignore[union-attr]
-        for joint in root.iterfind("joint")
-    }
-
-    def hangs(name: str) -> bool:
-        return name in parents and (parents[name][0] == link or hangs(parents[name][0]))
-
-    names = (str(element.get("name")) for element in root.iterfind("link"))
-    return {name: parents[name][1] for name in names if hangs(name)}
-
-
 def _with_hulls(root: Element, robot: Robot) -> dict[str, bytes]:
     """Put the hulls that are checked in place of the arm's meshes; return them as files."""
     files: dict[str, bytes] = {}
     names = link_names([body.name for body in robot.bodies], ())
     for link in root.iterfind("link"):
         bodies = [body for body in robot.bodies if body.link == link.get("name")]
-        for collision, body in zip(link.findall("collision"), bodies, strict=True):
+        collisions = link.findall("collision")
+        if len(collisions) != len(bodies):
+            why = f"the arm's URDF: link {link.get('name')} has {len(collisions)} bodies, the arm has {len(bodies)}"
+            raise InputError(why, link=link.get("name"))
+        for collision, body in zip(collisions, bodies, strict=True):
             geometry = collision.find("geometry")
             mesh = None if geometry is None else geometry.find("mesh")
             if mesh is None or not isinstance(body.shape, Convex):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -52,9 +53,8 @@ def test_an_arm_of_meshes_is_exported_with_the_hulls_that_are_checked(tmp_path: 
     """Scaled and placed as in its URDF; its files are not needed, and a link named tool keeps its name."""
     (tmp_path / "box.obj").write_text(BOX_OBJ)
     shown = '<visual><geometry><mesh filename="box.obj"/></geometry></visual></link>\n<joint name="J1"'
-    wrist = (
-        '<link name="tool"/><joint name="fixed" type="fixed"><parent link="rod"/><child link="tool"/></joint>'
-    )
+    wrist = '<link name="tool"/><joint name="fixed" type="fixed"><parent link="rod"/><child link="tool"/>'
+    wrist += '<origin xyz="0.05 0 0.2" rpy="0.3 0 0"/></joint>'
     text = MESH_ARM.format(mesh="box.obj").replace("</robot>", f"{wrist}</robot>")
     (tmp_path / "arm.urdf").write_text(text.replace('</link>\n<joint name="J1"', shown))
     robot = load_robot(tmp_path / "arm.urdf", "fixed", transform(rot_x(0.4), (0.0, 0.1, 0.3)))
@@ -65,7 +65,10 @@ def test_an_arm_of_meshes_is_exported_with_the_hulls_that_are_checked(tmp_path: 
     ball = Body("ball", Sphere(0.1), transform(t=(0.9, 0.3, 0.5)), "wall")
     described = describe(Surroundings(robot, urdf_limits(robot, 1.0), (ball,)))
     assert "meshes/arm/foot.stl" in described.files
-    assert "box.obj" not in str(described.files["cell.urdf"])
+    urdf = str(described.files["cell.urdf"])
+    assert "box.obj" not in urdf
+    assert (
+        re.findall("<mesh .*?>", urdf) == ['<mesh filename="meshes/arm/foot.stl" />'] * 2
+    )  # collision, visual
     assert 'tip_link="tool_2"' in str(described.files["cell.srdf"])
-    there = Surroundings(robot, urdf_limits(robot, 1.0), (ball,))
-    require_same(there, tmp_path / "out", seed=9)
+    require_same(Surroundings(robot, urdf_limits(robot, 1.0), (ball,)), tmp_path / "out", seed=9)
