@@ -18,9 +18,11 @@ from cell.console import Console
 from cell.preview.clearance import sample_clearance
 from cell.preview.of_log import preview_log
 from cell.preview.overlays import ExecutedMove
+from cell.preview.page import write_preview
 from cell.preview.timeline import cube_tracks, timed_steps
 from pages.browsers import keep_screenshot, picture_of
 from pages.preview import opened, write_case
+from plans.other_arms import scara
 from wire.logged_session import logged_run
 
 
@@ -294,3 +296,22 @@ def test_a_scene_without_boards_or_cubes_is_shown(browser, preview_case, tmp_pat
     with opened(browser, tmp_path / "bare.html") as page:
         assert page.locator("#title").inner_text() == "plan"
         assert picture_of(page).std() > 5
+
+
+@pytest.mark.slow
+def test_an_arm_with_a_sliding_joint_moves_and_is_shown_in_mm(browser, tmp_path: Path) -> None:
+    planned = scara(tmp_path)
+    robots = planned.robot, planned.robot
+    write_preview(planned.plan(), *robots, planned.unit, tmp_path / "page.html")
+    with opened(browser, tmp_path / "page.html") as page:
+        for t in np.random.default_rng(4).uniform(0.0, planned.duration_s, 20):
+            shown = page.evaluate("(t) => a465.motion.toolPose(a465.motion.q(t)).elements", t)
+            expected = planned.robot.T_base_tool(planned.at([t])[0])
+            assert np.abs(np.reshape(shown, (4, 4)).T - expected).max() < 2e-6
+        assert page.inner_text("#readout th:nth-child(2)") == "°, mm"
+        ranges = page.evaluate(
+            "[...document.querySelectorAll('#readout tbody tr')].map((row) => row.cells[3].textContent)"
+        )
+        assert [text.replace("\u2212", "-") for text in ranges[1:3]] == ["-143 … 143", "-100 … 120"]
+        assert page.inner_text("#summary").startswith("4 joints, no unit · ")
+        assert page.is_hidden("#code")
