@@ -14,7 +14,7 @@ from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
 _LOG = "Log to write: every line received and sent, faults and protocol violations."
-_EXPORTED = "Log of a run, or plan, scene, cell or task file; recognised by its content."
+_EXPORTED = "Log of a run, or plan, scene, cell, task or arm file; recognised by its content."
 _FORM = "csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
 
 
@@ -83,7 +83,7 @@ def render(
 @tools.command(
     short_help="Export a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
     help="Export a log or a plan as a table of samples, a ROS 2 JointTrajectory, or MCAP. "
-    "Or export the arm and its surroundings from a plan, scene, cell or task file as a folder with URDF and SRDF.",
+    "Or export the arm and its surroundings from a plan, scene, cell, task or arm file as a folder with URDF and SRDF.",
     epilog=examples(
         "a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv",
         "a465 export scenes/cell.toml -o cell_description",
@@ -103,7 +103,10 @@ def export(
     ] = None,
     period: Annotated[float | None, Option(help="For a plan: sampling period in s; default: 0.02.")] = None,
     cell: Annotated[
-        Path | None, Option(help="For a plan of a calibrated arm: its cell or task file.")
+        Path | None,
+        Option(
+            help="For a plan of a calibrated arm: its cell or task file; or the arm file to compare with."
+        ),
     ] = None,
     look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,
     as_json: shared.Json = False,
