@@ -115,7 +115,7 @@ def refuse_swapped(verb: str, plan: Path, task: Path | None) -> None:
         task: second argument: the plan's task file, if any.
 
     Raises:
-        InputError: `plan` is a task or cell file, and `task` is JSON.
+        InputError: `plan` is a task, cell or arm file, and `task` is JSON.
     """
     from arm.io.storage import begins_as_object
     from arm.io.toml_reader import read_toml
@@ -123,7 +123,7 @@ def refuse_swapped(verb: str, plan: Path, task: Path | None) -> None:
     keys: set[str] = set()
     with suppress(InputError):
         keys = set() if task is None or not begins_as_object(task) else set(read_toml(plan))
-    if keys & {"task", "camera"}:
+    if keys & {"task", "camera", "arm"}:
         raise InputError(
             f"{plan} and {task} are swapped: the plan comes first, then its task; give a465 {verb} {task} {plan}",
             plan=str(task),

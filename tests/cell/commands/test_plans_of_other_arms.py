@@ -191,7 +191,7 @@ def test_seven_joints_with_a_gripper_from_an_arm_file(tmp_path: Path) -> None:
     require_read(there_now, describe(there_now).links, Exported(folder), seed=4)
 
 
-def test_what_a_list_of_another_arm_cannot_have_is_told(tmp_path: Path) -> None:
+def test_what_a_list_of_another_arm_cannot_have_is_told(six: Path, tmp_path: Path) -> None:
     file, listed = scara_files(tmp_path), tmp_path / "poses.json"
     text = listed.read_text()
     for old, new, told in (
@@ -216,6 +216,9 @@ def test_what_a_list_of_another_arm_cannot_have_is_told(tmp_path: Path) -> None:
     assert "row 1 = '5 numbers': must be one of 4 (joint positions), 12 (" in said
     _, said = a465("plan-poses", file, listed, "--look", listed, code=2, cwd=tmp_path)
     assert "--look does not go with an arm file" in said
+    for verb in ("check", "preview", "execute"):
+        _, said = a465(verb, file, six, code=2)
+        assert f"are swapped: the plan comes first, then its task; give a465 {verb} {six} {file}" in said
     _, said = a465("check", file, code=2)
     assert "scara.toml: is an arm file; check needs a plan made with it" in said
     _, said = a465("export", file, "--look", listed, code=2)
