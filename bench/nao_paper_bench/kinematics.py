@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from arm.se3 import Array
 from calib.nao.backlash import torque_sigmas
@@ -64,7 +64,7 @@ class NaoKinematics:
         elif self.sure:
             lies = np.sign(torque)
         else:
-            lies = 2.0 * norm.cdf(torque / torque_sigmas(side, straight, gravity)) - 1.0
+            lies = 2.0 * ndtr(torque / torque_sigmas(side, straight, gravity)) - 1.0
         bent = straight + self._of(side, "compliance_deg_per_Nm") * torque
         return np.asarray(bent + self._of(side, "backlash_half_deg") * lies)
 

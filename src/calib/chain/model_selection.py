@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtri
 
 from arm.se3 import Array
 from calib.chain.fit import MOST_STEPS, ChainFit, Problem, Sightings, fit_chains
+from calib.model.chi_square import chi2_limit, chi2_quantile
 
 MEANINGLESS = 1e-3  # probability of keeping a part that is not there
 WRONG_IMAGE = 1e-6  # probability of rejecting a correct image
@@ -29,8 +30,8 @@ def largest_rise(chance: float, unknowns: int, noise_freedom: float) -> float:
     It follows Fisher's F distribution, as the noise was estimated from `noise_freedom` measurements.
     """
     if np.isinf(noise_freedom):
-        return float(stats.chi2.isf(chance, unknowns))
-    return unknowns * float(stats.f.isf(chance, unknowns, max(noise_freedom, 1.0)))
+        return float(chi2_limit(chance, unknowns))
+    return unknowns * float(fdtri(unknowns, max(noise_freedom, 1.0), 1.0 - chance))
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ def _off(problem: Problem, fit: ChainFit) -> list[Array]:
         size = np.sqrt(np.nanmean((r / s.sigma(problem.pixel_sigma)) ** 2, axis=(1, 2)))
         count = np.isfinite(s.pixels).sum(axis=(1, 2))
         sizes.append(size)
-        used.append((size * np.sqrt(count / stats.chi2.median(count)))[w > 0.0])
+        used.append((size * np.sqrt(count / chi2_quantile(0.5, count)))[w > 0.0])
     typical = max(1.0, float(np.median(np.concatenate(used))))
     return [size / typical for size in sizes]
 

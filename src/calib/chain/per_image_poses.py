@@ -8,12 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from arm.errors import InputError
 from arm.se3 import Array, Bools
 from calib.camera.bundle_adjustment import View
 from calib.camera.initial_guess import pose_of
+from calib.model.chi_square import chi2_limit, chi2_quantile
 from calib.model.projection import Projection
 from vision.camera.model import Camera
 
@@ -24,6 +25,7 @@ _MANY = 8  # corners needed to identify wrong ones
 _FEW_IMAGES, _SURE = 6, 3.0
 _PER_AXIS = 16  # corners needed to estimate x and y separately
 _FINEST = 1e-6  # px; rendered images have no noise, and weights need some
+_QUARTILES = 1.3489795003921634  # between the quartiles of a normal distribution of unit variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +117,9 @@ def _sigma(residuals: Array, left_share: Array, used: Bools) -> tuple[Array, flo
     freedom = left.sum(axis=(1, 2))
     usable = freedom > 0.5
     mean = squares.sum(axis=(1, 2))[usable] / freedom[usable]
-    typical = np.median(mean) / np.median(stats.chi2.median(freedom[usable]) / freedom[usable])
+    typical = np.median(mean) / np.median(chi2_quantile(0.5, freedom[usable]) / freedom[usable])
     good = usable.copy()
-    good[usable] = mean * freedom[usable] < typical * stats.chi2.isf(1e-4, freedom[usable])
+    good[usable] = mean * freedom[usable] < typical * chi2_limit(1e-4, freedom[usable])
     total = squares[good].sum(axis=(0, 1)), left[good].sum(axis=(0, 1))
     if np.median(used.sum(axis=1)) < _PER_AXIS:
         return np.full(2, max(np.sqrt(total[0].sum() / total[1].sum()), _FINEST)), float(total[1].sum())
@@ -137,7 +139,8 @@ def _noise(whitened: Array, left_share: Array) -> Array:
     if usable.sum() < _FEW_IMAGES:
         return np.ones(len(freedom))
     logs = np.log(np.maximum(total[usable], 1e-12) / freedom[usable])
-    spread = float(stats.iqr(logs, scale="normal")) ** 2
+    low, high = np.percentile(logs, [25.0, 75.0])
+    spread = float((high - low) / _QUARTILES) ** 2
     chance = float(np.mean(special.polygamma(1, freedom[usable] / 2.0)))
     surplus = spread - chance
     if surplus <= _SURE * chance * np.sqrt(2.0 / usable.sum()):

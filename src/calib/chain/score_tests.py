@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from arm.se3 import Array, Bools, Indices
 from calib.chain.fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
 from calib.chain.model_selection import largest_rise
 from calib.chain.scatter import Sizes, equations_of, estimate_sizes, reduced
 from calib.model.chain import Evaluated
+from calib.model.chi_square import chi2_limit
 from calib.model.least_squares import inverse_scaled
 from calib.model.projection import Projection, along
 from calib.model.score_test import score_test
@@ -233,7 +234,7 @@ def sudden_change(wrong: Bools) -> int | None:
     gain = _log_likelihood(before, k) + _log_likelihood(total - before, n - k)
     drop = 2.0 * (gain - _log_likelihood(total, np.array([n])))
     best = int(np.argmax(drop))
-    return best + 1 if drop[best] > stats.chi2.isf(SURE / n, 1) else None
+    return best + 1 if drop[best] > chi2_limit(SURE / n, 1) else None
 
 
 def _log_likelihood(wrong: Indices, of: Indices) -> Array:

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from arm.se3 import Array
 from calib.chain.fit import Problem, Sightings, fit_chains
 from calib.chain.result import ChainCalibration
+from calib.model.chi_square import chi2_quantile
 
 TWINS = 4
 BY_CHANCE = 1e-3  # probability that a sound calibration fails
@@ -63,7 +63,7 @@ def self_test(c: ChainCalibration, twins: int = TWINS, seed: int = 0) -> SelfTes
         sigma = np.sqrt(np.diag(fit.covariance(problem.free)))[free]
         worst = max(worst, float(np.abs(off / sigma).max()))
     count = twins * len(free)
-    low, high = stats.chi2.ppf([BY_CHANCE / 2.0, 1.0 - BY_CHANCE / 2.0], count) / count
+    low, high = chi2_quantile([BY_CHANCE / 2.0, 1.0 - BY_CHANCE / 2.0], count) / count
     return SelfTest(squares / count, (float(low), float(high)), worst)
 
 

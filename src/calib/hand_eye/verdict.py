@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import stats
 
 from arm.calibration_file import LARGEST_LINK, LARGEST_ZERO
 from arm.se3 import Array
@@ -16,6 +15,7 @@ from calib.chain.score_tests import SURE
 from calib.chain.verdict import describe
 from calib.hand_eye.result import HandEye, ToolError
 from calib.hand_eye.tool_error import TOOL, tool_error
+from calib.model.chi_square import chi2_limit
 from calib.model.intrinsics import NAMES
 
 _CURES = {
@@ -89,7 +89,7 @@ def _beyond_priors(found: HandEye) -> Iterator[str]:
     c = found.chain
     k = found.lens_factor.shape[1]
     lens = c.fit.unknowns[len(c.names) - k - 2 : len(c.names) - 2]
-    if k and float(lens @ lens) > stats.chi2.isf(SURE, k):
+    if k and float(lens @ lens) > chi2_limit(SURE, k):
         change = found.lens_factor @ lens
         sigma = np.linalg.norm(found.lens_factor, axis=1)
         worst = int(np.argmax(np.abs(change) / np.where(sigma > 0.0, sigma, np.inf)))

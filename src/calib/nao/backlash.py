@@ -18,7 +18,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from arm.se3 import Array, Indices
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains, whitened
@@ -164,7 +164,7 @@ def _fit_abrupt(
     improbable = 0.0
     for s, lie, t, w in zip(problem.sightings, signs, torque, sigma, strict=True):
         _, once = np.unique(s.stances, return_index=True)
-        improbable -= 2.0 * float(norm.logcdf((lie * t / w)[once]).sum())
+        improbable -= 2.0 * float(log_ndtr((lie * t / w)[once]).sum())
     return problem, fit, improbable, steps
 
 
@@ -212,7 +212,7 @@ def _likelier_sides(
             moved = rows - N[:, :6] @ (half * (lie - signs[at]))
             g = N.T @ moved - now / sigma**2
             cost = float(moved @ moved + ((now / sigma) ** 2).sum() - g @ solve @ g)
-            cost -= 2.0 * float(norm.logcdf(lie[doubtful] * score[at, doubtful]).sum())
+            cost -= 2.0 * float(log_ndtr(lie[doubtful] * score[at, doubtful]).sum())
             if cost < least - 1e-9:
                 least, best = cost, lie
         then[s.stances == stance] = best

@@ -12,16 +12,17 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from scipy.stats import chi
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, Bools, frozen, transform
+from calib.model.chi_square import chi2_quantile
 
 FEWEST = 3  # pairs: two motions about different axes
 _SETS, _SET = 500, 3
 _POLISHED = 8  # number of best sets that are refined
 _ROUNDS = 12
 _AGREE = 0.4  # quantile of the pairs used as score; must be below the fraction of inliers
+_LENGTH = np.sqrt(chi2_quantile(_AGREE, 3))  # the same quantile of the length of a normal 3-vector
 _TRUSTED = 6.0  # inlier limit, standard deviations; wrong joint offsets give errors that are not normal
 SCATTER = 0.15  # rad about each axis, limit for consensus; random pairs differ by up to half a revolution
 _EXACT = 1e-9  # m and rad: added to all scales, so that poses this close always agree
@@ -141,7 +142,7 @@ def _polished(A: Array, B: Array, X: Array, Y: Array) -> InitialGuess:
         sizes = residual_sizes(A, B, X, Y)
         k = max(FEWEST, int(np.ceil(share * n))) - 1
         fitted = _fitted(FEWEST if not inliers.any() else int(inliers.sum()))
-        scales = [np.partition(s, k)[k] / chi.ppf(_AGREE, 3) * fitted + _EXACT for s in sizes]
+        scales = [np.partition(s, k)[k] / _LENGTH * fitted + _EXACT for s in sizes]
         now: Bools = np.logical_and.reduce([s < _TRUSTED * c for s, c in zip(sizes, scales, strict=True)])
         if now.sum() < FEWEST:
             break

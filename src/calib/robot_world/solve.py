@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from arm.errors import CalibrationRefused, InputError
 from arm.se3 import Array, Bools, frozen
+from calib.model.chi_square import chi2_limit
 from calib.robot_world.initial_guess import initial_guess
 from calib.robot_world.noise_model import NoiseModel
 from calib.robot_world.observability import MotionAxes, refuse_parallel_axes
@@ -197,7 +197,7 @@ def _right(fit: PairFit) -> Bools:
     def within(rows: slice) -> Bools:
         e = r[:, rows]
         squares = np.einsum("ni,nij,nj->n", e, np.linalg.inv(S[:, rows, rows]), e)
-        return np.asarray(squares < chi2.isf(_WRONG, e.shape[1]))
+        return np.asarray(squares < chi2_limit(_WRONG, e.shape[1]))
 
     whole, shift, turn = within(slice(0, 6)), within(slice(0, 3)), within(slice(3, 6))
     return np.stack([whole | (shift & ~turn), whole | (turn & ~shift)], axis=1)

@@ -15,7 +15,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import qmc
 
 from arm.arguments import poses
 from arm.errors import InputError
@@ -210,6 +209,8 @@ def _pool(
     arm: ProductOfExponentials, lower: tuple[float, ...], upper: tuple[float, ...], starts: int, seed: int
 ) -> _Pool:
     """Return a Halton sequence of `_CHOICE` configurations for every start; cached, since all poses share it."""
+    from scipy.stats import qmc  # slow to import
+
     low, high = np.array(lower), np.array(upper)
     sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(seed))
     q = low + (high - low) * sequence.random(_CHOICE * starts)

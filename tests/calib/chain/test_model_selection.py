@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from calib.chain.model_selection import Part, choose_model, largest_rise
 from calib.hand_eye.calibrate import calibrate_hand_eye, hand_eye_problem
+from calib.model.chi_square import chi2_limit
 from recorded.arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 
 LINKS = tuple(range(18, 36))
@@ -25,7 +25,7 @@ def test_a_part_is_kept_only_if_the_images_show_it():
     choice = choose_model(plain, parts[:1])
     assert [trial.needed for trial in choice.trials] == [False]
     assert not choice.problem.free[list(LINKS)].any()
-    assert choice.trials[0].rise < choice.trials[0].limit == pytest.approx(stats.chi2.isf(1e-3, 18))
+    assert choice.trials[0].rise < choice.trials[0].limit == pytest.approx(chi2_limit(1e-3, 18))
     off, _ = problem(2, True)
     choice = choose_model(off, parts[:1])
     assert [trial.needed for trial in choice.trials] == [True]
@@ -45,8 +45,8 @@ def test_the_part_that_is_worth_least_goes_first():
 
 
 def test_a_rise_allows_for_the_noise_being_estimated():
-    assert largest_rise(1e-3, 18, np.inf) == pytest.approx(stats.chi2.isf(1e-3, 18))
-    assert largest_rise(1e-3, 18, 1e6) == pytest.approx(stats.chi2.isf(1e-3, 18), rel=1e-3)
+    assert largest_rise(1e-3, 18, np.inf) == pytest.approx(chi2_limit(1e-3, 18))
+    assert largest_rise(1e-3, 18, 1e6) == pytest.approx(chi2_limit(1e-3, 18), rel=1e-3)
     rng = np.random.default_rng(4)
     ratio = rng.chisquare(18, 200_000) / (rng.chisquare(24, 200_000) / 24)
     assert (ratio > largest_rise(1e-3, 18, 24.0)).mean() == pytest.approx(1e-3, rel=0.3)

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, norm
@@ -44,6 +43,8 @@ class Freedom:
         if dimensions == 1:
             unit = np.linspace(0.0, 1.0, count)[:, None]
         else:
+            from scipy.stats import qmc  # slow to import
+
             unit = qmc.Halton(dimensions, seed=seed).random(count)
         coordinates = np.zeros((count + 1, 6))
         columns = [FREE.index(name) for name in names]
