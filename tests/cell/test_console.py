@@ -127,8 +127,7 @@ def test_how_a_command_ended_is_told_by_its_code_though_nobody_reads(
 def test_a_closed_or_full_output_makes_no_traceback(
     tmp_path: Path, output: str, code: int, words: str
 ) -> None:
-    task = small_scenes(tmp_path) / "task2.toml"
-    ended = _a465(f'look "{task}" {output}', tmp_path)
+    ended = _a465(f"new-cell mine --unit crs93 {output}", tmp_path)
     assert ended.returncode == code, ended.stderr
     assert "Traceback" not in ended.stderr
     assert words in ended.stderr

@@ -206,6 +206,8 @@ def fit_chains(
         x[problem.free] = begin.unknowns[problem.free]
         errors = [e.copy() for e in begin.errors]
 
+    shares = [_share(s, w) for s, w in zip(problem.sightings, weights, strict=True)]
+
     def linearise(at: _State) -> Step[_State]:
         S, g, stances = _system(problem, *at, weights)
 
@@ -223,7 +225,7 @@ def fit_chains(
         return step
 
     (x, errors), iterations = levenberg_marquardt(
-        (x, errors), lambda at: _cost(problem, *at, weights), linearise, MOST_STEPS
+        (x, errors), lambda at: _cost(problem, *at, weights, shares), linearise, MOST_STEPS
     )
     residuals = tuple(
         s.pixels - s.predicted(problem.camera, x, e) for s, e in zip(problem.sightings, errors, strict=True)
@@ -234,7 +236,7 @@ def fit_chains(
         x,
         tuple(errors),
         residuals,
-        _cost(problem, x, errors, weights),
+        _cost(problem, x, errors, weights, shares),
         _system(problem, x, errors, weights)[0],
         iterations,
         measured - int(problem.free.sum()) + priors,
@@ -273,16 +275,18 @@ def normal_equations(
     return NormalEquations(prior, np.array([e.S for e in each]), np.array([e.g for e in each]))
 
 
-def _cost(problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array]) -> float:
+def _cost(
+    problem: Problem, x: Array, errors: Sequence[Array], weights: Sequence[Array], shares: Sequence[Array]
+) -> float:
     off = (x - problem.start) / problem.prior_sigma
     total = float((off**2).sum())
     exact = problem.reading_sigma <= 0.0
-    for s, e, w in zip(problem.sightings, errors, weights, strict=True):
+    for s, e, w, share in zip(problem.sightings, errors, weights, shares, strict=True):
         r = s.pixels - s.predicted(problem.camera, x, e)
         if not np.array_equal(np.isfinite(r), np.isfinite(s.pixels)):
             return float("inf")  # a point behind the camera
         total += float(np.nansum(w[:, None, None] * (r / s.sigma(problem.pixel_sigma)) ** 2))
-        total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * _share(s, w)[:, ~exact]).sum())
+        total += float(((e[:, ~exact] / problem.reading_sigma[~exact]) ** 2 * share[:, ~exact]).sum())
     return total
 
 
@@ -352,11 +356,11 @@ def _stances(
         columns = [
             (int(j), together[s.reading_ids[together, j] == i])
             for j in inexact
-            for i in np.unique(s.reading_ids[images, j])
+            for i in sorted(set(s.reading_ids[images, j].tolist()))
         ]
         N = np.zeros((*r[images].shape, len(columns)))
         for k, (j, shared) in enumerate(columns):
-            of = np.isin(images, shared)
+            of = s.reading_ids[images, j] == s.reading_ids[shared[0], j]
             N[of, ..., k] = by_reading[images[of], ..., j]
         sigma = problem.reading_sigma[[j for j, _ in columns]]
         now = np.array([e[shared[0], j] for j, shared in columns])

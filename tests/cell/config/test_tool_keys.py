@@ -22,6 +22,7 @@ from cell.files.task import read_task
 from cell.task.plan_matches import replayed
 from cell.task.planning import Rest, options_of, plan_rest, reach_of
 from driver.mars.startup import gripper_lines
+from tasks.small import leave_cubes
 from typed.command_line import a465, replace_in
 
 OTHER = """length_mm = 150
@@ -56,6 +57,7 @@ def test_the_shipped_cell_describes_the_shipped_gripper(scenes: Path) -> None:
 
 
 def test_a_task_is_planned_checked_and_described_with_another_gripper(scenes: Path) -> None:
+    leave_cubes(scenes, 1, 3)
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     _other_gripper(scenes)
     task = read_task(scenes / "task2.toml")

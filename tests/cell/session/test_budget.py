@@ -17,7 +17,7 @@ from cell.session.budget import budget_of, within
 from plan.budget import BudgetSpent, SearchBudget
 from plan.program.assignment import search as sequence
 from plans.interrupted import stop_when_complete
-from tasks.small import small_scenes
+from tasks.small import quick_scenes, small_scenes
 from typed.command_line import a465
 
 POSE = {"T_base_tool": transform(rot_x(np.pi), (0.42, 0.1, 0.3)).tolist(), "free": "rz"}
@@ -26,7 +26,7 @@ POSE = {"T_base_tool": transform(rot_x(np.pi), (0.42, 0.1, 0.3)).tolist(), "free
 @pytest.fixture(scope="module")
 def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A task file and its look; no test may change them."""
-    scenes = small_scenes(tmp_path_factory.mktemp("looked"))
+    scenes = quick_scenes(tmp_path_factory.mktemp("looked"), 1, 3)
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     return scenes / "task2.toml", scenes / "look.json"
 

@@ -32,8 +32,8 @@ def depths(curve: Curve, count: int = 4) -> list[CurveIntervals]:
 
 
 def beside(hull: Array, q: Array) -> Array:
-    """How far each joint of q (s, n) is from the box of the control points (4, n); (s, n) rad."""
-    return np.maximum(np.maximum(hull.min(axis=0) - q, q - hull.max(axis=0)), 0.0)
+    """How far each joint of q (s, pieces, n) is from the box of its control points (pieces, 4, n); the same, rad."""
+    return np.maximum(np.maximum(hull.min(axis=1) - q, q - hull.max(axis=1)), 0.0)
 
 
 @pytest.mark.parametrize("kind", MOTIONS)
@@ -44,14 +44,13 @@ def test_the_curve_stays_within_reach_of_the_middle_and_near_the_hull(kind: str)
         for pieces in depths(curve):
             runs += int(pieces.runs().sum())
             parts += int((~pieces.runs()).sum())
-            for i in range(len(pieces)):
-                q = place(curve, np.linspace(pieces.begin[i], pieces.end[i], SAMPLES))
-                away = np.abs(q - pieces.middle[i]).max(axis=0)
-                assert np.all(away <= pieces.reach[i] + ROUNDING)
-                assert np.all(beside(pieces.control[i], q).max(axis=0) <= pieces.spread[i] + ROUNDING)
-                moving = pieces.reach[i] > 1e-6
-                if moving.any():
-                    fullest = max(fullest, float((away[moving] / pieces.reach[i][moving]).max()))
+            at = np.linspace(pieces.begin, pieces.end, SAMPLES)
+            q = place(curve, at.ravel()).reshape(*at.shape, -1)
+            away = np.abs(q - pieces.middle).max(axis=0)
+            assert np.all(away <= pieces.reach + ROUNDING)
+            assert np.all(beside(pieces.control, q).max(axis=0) <= pieces.spread + ROUNDING)
+            moving = pieces.reach > 1e-6
+            fullest = max(fullest, float((away[moving] / pieces.reach[moving]).max(initial=0.0)))
     assert parts > 1000
     assert runs > 0 or kind not in ("run", "straight")
     assert fullest > 0.99  # the reach is no larger than it must be

@@ -17,3 +17,17 @@ def small_scenes(folder: Path) -> Path:
     write_camera(scenes / "cameras/lab.toml", smaller(lab_camera(), 0.5))
     replace_in(scenes / "cell.toml", "photographs = 5", "photographs = 2")
     return scenes
+
+
+def leave_cubes(scenes: Path, *holes: int) -> None:
+    """Leave cubes in these holes alone of the board that holds them, in all worlds of a folder."""
+    for world in scenes.rglob("*.world.toml"):
+        replace_in(world, "cubes = [1, 2, 3, 4]", f"cubes = {list(holes)}")
+
+
+def quick_scenes(folder: Path, *holes: int) -> Path:
+    """Small scenes with fewer cubes and twice the speed: what a run decides after a cube does not depend on them."""
+    scenes = small_scenes(folder)
+    leave_cubes(scenes, *holes)
+    replace_in(scenes / "cell.toml", "speed = 0.5", "speed = 1.0")
+    return scenes

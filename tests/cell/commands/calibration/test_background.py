@@ -15,6 +15,7 @@ from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.files.task import read_task
 from cell.session.connection import camera_at_start
+from typed.command_line import replace_in
 from watched.specked import specked_world
 
 
@@ -48,6 +49,7 @@ def test_a_turned_camera_is_corrected_or_refused(scenes: Path, capsys: pytest.Ca
 
 def test_what_is_given_is_checked_and_nothing_is_written(scenes: Path) -> None:
     task = scenes / "task2.toml"
+    replace_in(scenes / "cell.toml", "photographs = 5", "photographs = 2")
     with pytest.raises(InputError, match=r"must end in \.npz"):
         background_step(task, BackgroundSource(), scenes / "background.toml", True, Console())
     with pytest.raises(ImpossibleError, match="clear the table"):  # the plain table of the ideal world
@@ -60,11 +62,11 @@ def test_a_table_that_shows_too_little_does_not_spoil_a_calibration(
     scenes: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     task = read_task(scenes / "task2.toml")
-    plain = camera_at_start(task, None).grab(5)
+    plain = camera_at_start(task, None).grab(2)
     background_after_hand_eye(scenes / "task2.toml", plain, scenes / "b.npz", Console())
     assert "no background was recorded, so a camera that moves is not noticed: " in capsys.readouterr().out
     assert not (scenes / "b.npz").exists()
-    specked = camera_at_start(task, specked_world(scenes)).grab(5)
+    specked = camera_at_start(task, specked_world(scenes)).grab(2)
     background_after_hand_eye(scenes / "task2.toml", specked, scenes / "b.npz", Console())
     assert 'now has: background = "b.npz"' in capsys.readouterr().out
     assert read_cell(scenes / "cell.toml").background_file == scenes / "b.npz"
