@@ -24,7 +24,7 @@ PIP := "$(PYTHON)" -m pip --python $(BIN)/python install --quiet
 # whatever the environment says: each test process, and each command that tests start, would compile everything again.
 # BLAS gets one thread: matrices are small, and the threads of all test processes would spin beside each other.
 PYTEST = env -u PYTHONDONTWRITEBYTECODE OPENBLAS_NUM_THREADS=1 PYTHONPYCACHEPREFIX="$$(cd "$(VENV)" && pwd)"/pycache $(BIN)/pytest
-IN_PARALLEL := -n 3 --dist loadgroup
+IN_GROUPS := --dist loadgroup --no-loadscope-reorder
 
 # $(call require_version,PYTHON): the oldest that pyproject.toml allows, told before pip looks for libraries in vain.
 require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -37,11 +37,11 @@ run: $(AT)/installed
 	$(BIN)/a465 run $(TASK)
 
 test: $(AT)/installed-test lint
-	$(PYTEST) $(IN_PARALLEL) -m "not slow"
+	$(PYTEST) -n 3 $(IN_GROUPS) -m "not slow"
 
 # Slow tests wait longer than they compute, for ports, clocks, browsers and commands: six of them keep two processors busy.
 test-all: test
-	$(PYTEST) -n 6 --dist loadgroup -m slow
+	$(PYTEST) -n 6 $(IN_GROUPS) -m slow
 
 docs: $(AT)/installed-docs
 	$(BIN)/sphinx-build -W --keep-going --quiet docs docs/_build/html
