@@ -23,6 +23,7 @@ PIP := "$(PYTHON)" -m pip --python $(BIN)/python install --quiet
 # One process more than a small computer has processors: tests of ports and clocks wait. What Python compiles is kept in VENV,
 # whatever the environment says: each test process, and each command that tests start, would compile everything again.
 # BLAS gets one thread: matrices are small, and the threads of all test processes would spin beside each other.
+# Groups of tests begin in the order of collection, which is that of files with the long tests first.
 PYTEST = env -u PYTHONDONTWRITEBYTECODE OPENBLAS_NUM_THREADS=1 PYTHONPYCACHEPREFIX="$$(cd "$(VENV)" && pwd)"/pycache $(BIN)/pytest
 IN_GROUPS := --dist loadgroup --no-loadscope-reorder
 

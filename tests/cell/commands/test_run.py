@@ -18,7 +18,7 @@ from cell.console import Console
 from cell.preview.of_log import preview_log
 from cell.scene.bodies import plate_body, stand_body
 from driver.log.read import read_log
-from tasks.small import small_scenes
+from tasks.small import leave_cubes, quick_scenes
 from tasks.whole_run import WholeRun, executed, homed_ms, run_whole
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("main_job")]
@@ -239,24 +239,24 @@ def test_the_log_tells_task_and_plan_and_is_shown_over_it(task2: WholeRun, tmp_p
 
 
 def test_without_looks_the_arm_stops_only_where_the_jaws_act(tmp_path: Path) -> None:
-    task = small_scenes(tmp_path) / "task2.toml"
+    task = quick_scenes(tmp_path, 1, 3) / "task2.toml"
     task.write_text(task.read_text().replace('look_after = "each"', 'look_after = "never"'))
     run = run_whole(task, tmp_path / "run")
     assert run.error is None, run.said
-    assert [c["placed"] for c in run.report["cubes"]] == [True] * 4
+    assert [c["placed"] for c in run.report["cubes"]] == [True] * 2
     assert max(c["error_mm"] for c in run.report["cubes"]) <= 1.0
     plan = run.plan()
-    assert len(plan.motions) == 9  # four to a cube, four with it, and the way home
+    assert len(plan.motions) == 5  # two to a cube, two with it, and the way home
     lines = [line.split(":")[1] for _, line in run.sent if line.startswith("COORDSPLINET")]
     sent = [tuple(int(v) for v in line.split(",")) for line in lines]
     dwells = [n for n in sent if not any(n[2:])]
-    streams = 9 + len(run.plan("to-start").motions)
+    streams = 5 + len(run.plan("to-start").motions)
     assert len(dwells) == streams
     times, q = executed(run, homed_ms(run))
     moving = times[1:][np.any(np.diff(q, axis=0) != 0.0, axis=1)]
     rests = [b - a for a, b in pairwise(moving.tolist()) if b - a > 100]
     assert 1 + len(rests) == streams
-    assert sum(rest > 1500 for rest in rests) == 8  # each cube is gripped and let go
+    assert sum(rest > 1500 for rest in rests) == 4  # each cube is gripped and let go
     assert sum(c["motion_s"] for c in run.report["cubes"]) == pytest.approx(plan.duration_s, abs=0.01)
 
 
@@ -266,6 +266,7 @@ def _plate(plan: Plan) -> np.ndarray:
 
 def test_the_plan_follows_the_image_not_the_file(task2: WholeRun, scenes: Path, tmp_path: Path) -> None:
     """Only the world file is changed; nothing that the stack reads says where the board went."""
+    leave_cubes(scenes, 1, 3)
     world = scenes / "task2.world.toml"
     world.write_text(world.read_text().replace("centre_mm = [460, 110, 40]", "centre_mm = [450, 117, 45]"))
     run = run_whole(scenes / "task2.toml", tmp_path / "run")

@@ -15,7 +15,7 @@ from arm.errors import ExecutionStopped
 from arm.se3 import transform
 from cell.files.world import board_placement
 from cell.session.connection import Connection
-from tasks.small import small_scenes
+from tasks.small import quick_scenes
 from tasks.whole_run import run_whole
 
 pytestmark = pytest.mark.xdist_group("disturbed_runs")
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.xdist_group("disturbed_runs")
 @pytest.fixture(scope="module")
 def task2(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The task that all these runs begin to do; nothing changes its files."""
-    return small_scenes(tmp_path_factory.mktemp("disturbed")) / "task2.toml"
+    return quick_scenes(tmp_path_factory.mktemp("disturbed"), 1, 3) / "task2.toml"
 
 
 @pytest.mark.slow
@@ -50,12 +50,12 @@ def test_a_board_that_moves_on_the_way_makes_the_rest_be_planned_anew(task2: Pat
 
     run = run_whole(task2, tmp_path, meddle=meddle)
     assert isinstance(run.error, ExecutionStopped), run.said
-    assert "1 of 4 cubes not confirmed" in str(run.error)
+    assert "1 of 2 cubes not confirmed" in str(run.error)
     report = run.error.data
     # of its farthest point, which noise moves by some hundredths of a mm
     assert any(re.search(r"board 03-04 moved by 7\.[123] mm", remark) for remark in report["remarks"])
     assert len(report["plans_sha256"]) == 2
-    assert [c["placed"] for c in report["cubes"]] == [False, True, True, True]
+    assert [c["placed"] for c in report["cubes"]] == [False, True]
     assert max(c["error_mm"] for c in report["cubes"]) <= 1.0
 
 
@@ -99,7 +99,7 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path
         assert emulator is not None
 
         def note(kind: str, **data: object) -> None:
-            if kind == "step" and str(data["name"]).endswith("to 03-04/1"):
+            if kind == "step" and ": to 03-04/" in str(data["name"]):
                 emulator.machine.jaws._at -= 100.0
             frames(kind, **data)
 
@@ -117,7 +117,7 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path
         simulated._open = lambda T, target: 1.0 - simulated.jaw_opening / simulated.cell.jaw_opening  # type: ignore
 
     for meddle, step, words in (
-        (lose, "to 03-04/1", "was lost: the jaws were"),
+        (lose, ": to 03-04/", "was lost: the jaws were"),
         (slip, "let go", "was lost: the jaws were"),
         (jam, "", "the jaws do not open to release"),
     ):
@@ -139,23 +139,23 @@ def test_jaws_that_fail_to_hold_a_cube_leave_it_and_go_on(task2: Path, tmp_path:
 
         def slipping(T_base_tool: np.ndarray, target: float) -> float:
             count[0] += 1
-            return target if count[0] == 2 else close(T_base_tool, target)
+            return target if count[0] == 1 else close(T_base_tool, target)
 
         simulated._close = slipping  # type: ignore[method-assign]
 
     run = run_whole(task2, tmp_path, meddle=meddle)
     assert run.error is None, run.said
     cubes = run.report["cubes"]
-    assert [c["placed"] for c in cubes] == [True, False, True, True]
-    assert {c["from"] for c in cubes} == {f"01-02/{n}" for n in (1, 2, 3, 4)}
+    assert [c["placed"] for c in cubes] == [False, True]
+    assert {c["from"] for c in cubes} == {"01-02/1", "01-02/3"}
     assert any(
-        f"{cubes[1]['from']} is not gripped: the jaws closed on nothing" in remark
+        f"{cubes[0]['from']} is not gripped: the jaws closed on nothing" in remark
         for remark in run.report["remarks"]
     )
 
 
 @pytest.mark.slow
-def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(task2: Path, tmp_path: Path) -> None:
+def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(tmp_path: Path) -> None:
     taken_from: list[str] = []
 
     def meddle(connection: Connection) -> None:
@@ -172,10 +172,10 @@ def test_a_cube_taken_away_before_its_turn_is_told_and_left_out(task2: Path, tmp
 
         connection.frames.grab = taken  # type: ignore[method-assign]
 
-    run = run_whole(task2, tmp_path, meddle=meddle)
+    run = run_whole(quick_scenes(tmp_path, 1, 2, 3) / "task2.toml", tmp_path / "run", meddle=meddle)
     assert run.error is None, run.said
     (hole,) = taken_from
-    assert {c["from"] for c in run.report["cubes"]} == {f"01-02/{n}" for n in (1, 2, 3, 4)} - {hole}
+    assert {c["from"] for c in run.report["cubes"]} == {f"01-02/{n}" for n in (1, 2, 3)} - {hole}
     assert any(f"hole {hole} looks empty, not cube" in remark for remark in run.report["remarks"])
 
 
@@ -205,7 +205,7 @@ def test_jaws_that_stop_narrower_or_wider_than_a_cube_have_not_gripped_one(
         run = run_whole(task2, tmp_path / f"{at_mm:g}", meddle=stopping(at_mm))
         assert run.error is None, run.said
         cubes = run.report["cubes"]
-        assert [c["placed"] for c in cubes] == [False, True, True, True]
+        assert [c["placed"] for c in cubes] == [False, True]
         assert words in cubes[0]["remarks"][0]
         assert f"the jaws stopped {at_mm:.1f} mm apart, a cube is 40 +- 3.1 mm wide" in run.said
         assert run.simulated is not None

@@ -21,7 +21,7 @@ from typing import Any
 
 from pictures.boards import smaller
 from pictures.cameras import SERIAL
-from tasks.small import small_scenes
+from tasks.small import leave_cubes, small_scenes
 from typed.command_line import a465, replace_in
 from vision.camera.model import read_camera, write_camera
 
@@ -183,17 +183,12 @@ class Reader:
         scenes = small_scenes(self.folder)
         replace_in(scenes / "cell.toml", "photographs = 2", "photographs = 5")  # as a reader has it
         self._cheapen(scenes / "uncalibrated")
-        self._with_few_cubes(scenes)
+        leave_cubes(scenes, 1)
 
     def _cheapen(self, cell_folder: Path) -> None:
         """A cell whose camera costs less."""
         write_camera(cell_folder / "camera.toml", smaller(read_camera(cell_folder / "camera.toml"), 0.5))
         replace_in(cell_folder / "cell.toml", "photographs = 5", "photographs = 2")
-
-    def _with_few_cubes(self, scenes: Path) -> None:
-        """One to a board, and not four."""
-        for world in scenes.rglob("*.world.toml"):
-            replace_in(world, "cubes = [1, 2, 3, 4]", "cubes = [1]")
 
     def type(self, command: Command) -> None:
         """Do what a line says, unless a page before has said the same word for word.
@@ -255,7 +250,7 @@ class Reader:
             self._real = None
         if words[0] == "new-cell":
             self._cheapen(self.folder / words[1])
-            self._with_few_cubes(self.folder / words[1])
+            leave_cubes(self.folder / words[1], 1)
         if words[0] == "preview" and words[1].endswith(".json"):
             page = Path(_value(words, "-o") or str(Path(words[1]).with_suffix(".html")))
             shown = re.search(r'"code": ?(?:"(\w{4}-\w{4})"|null)', (self.folder / page).read_text())

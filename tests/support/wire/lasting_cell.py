@@ -26,7 +26,7 @@ from driver.execution.progress import Progress
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
-from tasks.small import small_scenes
+from tasks.small import leave_cubes, small_scenes
 
 
 class LastingCell:
@@ -43,7 +43,7 @@ class LastingCell:
         scenes = small_scenes(folder)
         self.folder, self.file = folder, scenes / f"{task}.toml"
         world = scenes / f"{task}.world.toml"
-        world.write_text(world.read_text().replace("cubes = [1, 2, 3, 4]", "cubes = [1, 3]"))
+        leave_cubes(scenes, 1, 3)
         self.task = read_task(self.file)
         cell_ = self.task.cell
         truth = read_world(world, cell_.boards[0].marker_size)
