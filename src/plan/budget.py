@@ -57,7 +57,7 @@ class TransitBudget:
     shortcuts: int = 40
     starts: int = 2
     more_starts: int = 4
-    steps: int = 6
+    steps: int = 4
 
     def __post_init__(self) -> None:
         for field in fields(self):

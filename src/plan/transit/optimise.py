@@ -11,8 +11,13 @@ changes at way-points. Each step solves
                 joint limits, and a trust region about the present path
 
 with signed distances at places along the edges (J. Schulman et al., "Motion planning with sequential convex
-optimization and convex collision checking", IJRR 2014, with time as the objective). Samples check the result of a step,
-which is cheap and nearly always right; the caller certifies the final path.
+optimization and convex collision checking", IJRR 2014, with time as the objective).
+
+Samples check the result of a step. Where it is blocked, half of the step is tried, which costs no program. If that is
+blocked too, distances at the blocked places join the model, measured where the step and its half lead: what is met
+there may be too far from the present path to be seen from it. The next step has a smaller trust region.
+
+The samples of the final path are finer, so that nearly all of these paths can be certified, which the caller does.
 """
 
 from __future__ import annotations
@@ -25,7 +30,7 @@ import numpy as np
 import qpsolvers
 
 from arm.controller.unit import Limits
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Indices, frozen
 from plan.budget import QP_CHECKS, spend
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, straight_time
@@ -37,9 +42,17 @@ _EXTRA = 1e-3  # m added to the clearance where distances are linearised
 _PENALTY = 1e3  # s per m of missing clearance
 _SMALL = 1e-3  # weight of |y|^2, which keeps the quadratic program well conditioned
 _SAMPLE_TRAVEL = 0.3  # rad summed over the joints, between the places of a step's constraints
-_CHECK_TRAVEL = 0.15  # rad summed over the joints, between the samples of its result
+_CHECK_TRAVEL, _FINE_TRAVEL = (
+    0.15,
+    0.05,
+)  # rad summed over the joints, between samples of its result, of the final path
 _MOST_SAMPLES = 6  # samples in collision that become constraints at once
 _REGION, _LEAST_REGION = 1.0, 0.03  # s of travel, first and smallest trust region
+_REPAIRS, _REPAIR_REGION = (
+    2,
+    0.1,
+)  # steps that free the final path at its finer samples, and their trust region
+_MOST_ON_EDGE = 120  # samples
 _MOST_CORNERS = 4
 
 
@@ -69,47 +82,36 @@ class TransitOptimiser:
         return path_time(path, self.limits, self.ends.enter, self.ends.leave)
 
     def shorten(self, path: Array, steps: int) -> Array:
-        """Optimise a path (m, n) in at most `steps` steps; the result is checked at samples, not certified."""
-        floor = _GOOD_ENOUGH * float(straight_time(path[-1] - path[0], self.limits))
-        region, time = _REGION, self.time(path)
-        model: _Model | None = None
-        for _ in range(steps):
-            if len(path) < 3 or time <= floor:
-                break
-            if region < _LEAST_REGION:
-                finer = self.with_corner(path)
-                if finer is None:
-                    break
-                path, region, model = finer, _REGION / 2.0, None
-            spend(QP_CHECKS)
-            model = model or _Model(self, path)
-            trial = model.step(region)
-            gained = 0.0 if trial is None else time - self.time(trial)
-            if trial is None or gained < _WORTH * time:
-                region = 0.0
-                continue
-            blocked = self.blocked(path, trial)
-            if not blocked:
-                path, time, model = trial, time - gained, None
-                region *= 1.5
-            else:
-                model.constrain(blocked)
-                region *= 0.5
-        return path
+        """Optimise a path (m, n) in at most `steps` steps; the result is checked at fine samples, not certified."""
+        shortening = Shortening(self, path)
+        shortening.run(steps)
+        return shortening.settled()
 
-    def blocked(self, path: Array, trial: Array) -> list[tuple[int, float]]:
-        """Return samples of the moved edges without the clearance: edge, and place on it (0 to 1)."""
-        found, too_near = [], self.world.too_near(self.clearance)
-        for i in range(len(trial) - 1):
-            a, b = trial[i], trial[i + 1]
-            if np.array_equal(trial[i : i + 2], path[i : i + 2]):
+    def blocked(
+        self,
+        path: Array,
+        travel: float = _CHECK_TRAVEL,
+        most: int = _MOST_SAMPLES,
+        known: Array | None = None,
+    ) -> list[tuple[int, float]]:
+        """Return samples of a path (m, n) without the clearance: edge, and place on it (0 to 1).
+
+        Args:
+            path: way-points.
+            travel: between samples, rad summed over the joints.
+            most: no more than these are looked for.
+            known: a path whose edges are clear; where the two are the same, nothing is looked at.
+        """
+        found, too_near = list[tuple[int, float]](), self.world.too_near(self.clearance)
+        for i in range(len(path) - 1):
+            if known is not None and np.array_equal(path[i : i + 2], known[i : i + 2]):
                 continue
-            step = b - a
-            count = min(max(ceil(np.abs(step).sum() / _CHECK_TRAVEL), 2), 40)
-            for j in range(1, count + (i < len(trial) - 2)):
-                if too_near(a + (j / count) * step):
+            step = path[i + 1] - path[i]
+            count = min(max(ceil(np.abs(step).sum() / travel), 2), _MOST_ON_EDGE)
+            for j in range(1, count + (i < len(path) - 2)):
+                if too_near(path[i] + (j / count) * step):
                     found.append((i, j / count))
-                    if len(found) >= _MOST_SAMPLES:
+                    if len(found) >= most:
                         return found
         return found
 
@@ -120,6 +122,91 @@ class TransitOptimiser:
         times = (np.abs(np.diff(path, axis=0)) / self.limits.velocity).max(axis=1)
         longest = int(np.argmax(np.round(times, 9)))
         return np.insert(path, longest + 1, (path[longest] + path[longest + 1]) / 2.0, axis=0)
+
+
+class Shortening:
+    """A path that is made faster in steps.
+
+    Args:
+        of: what it is optimised by.
+        path: way-points (m, n) rad, clear at samples.
+
+    Attributes:
+        time: estimated duration of the present path, s.
+    """
+
+    def __init__(self, of: TransitOptimiser, path: Array) -> None:
+        self.of, self.time = of, of.time(path)
+        self._accepted = [path]
+        self._floor = _GOOD_ENOUGH * float(straight_time(path[-1] - path[0], of.limits))
+        self._region = _REGION
+        self._model: _Model | None = None
+
+    @property
+    def path(self) -> Array:
+        """The present path (m, n) rad."""
+        return self._accepted[-1]
+
+    def run(self, steps: int) -> None:
+        """Do at most `steps` steps; further calls go on where the last one ended."""
+        for _ in range(steps):
+            if len(self.path) < 3 or self.time <= self._floor:
+                return
+            if self._region < _LEAST_REGION:
+                finer = self.of.with_corner(self.path)
+                if finer is None:
+                    return
+                self._accepted[-1], self._region, self._model = finer, _REGION / 2.0, None
+            spend(QP_CHECKS)
+            self._step()
+
+    def settled(self) -> Array:
+        """Return the present path, freed at its finer samples; or the last one before it that is free there."""
+        first, *later = self._accepted
+        if not later:
+            return first
+        before = self.of.time(self._accepted[-2])
+        path = later.pop()
+        for repair in range(_REPAIRS + 1):
+            blocked = self.of.blocked(path, _FINE_TRAVEL)
+            if not blocked:
+                return path
+            if repair == _REPAIRS:
+                break
+            model = _Model(self.of, path)
+            model.constrain(blocked)
+            trial = model.step(_REPAIR_REGION)
+            if trial is None or not self._faster(trial, before):
+                break
+            path = trial
+        return next((p for p in reversed(later) if not self.of.blocked(p, _FINE_TRAVEL, 1)), first)
+
+    def _step(self) -> None:
+        """Solve one quadratic program and accept its result, or half of its step, if that is clear and faster."""
+        path = self.path
+        model = self._model = self._model or _Model(self.of, path)
+        trial = model.step(self._region)
+        if trial is None or not self._faster(trial, self.time):
+            self._region = 0.0
+            return
+        blocked = self.of.blocked(trial, known=path)
+        half = path + 0.5 * (trial - path)
+        if not blocked:
+            self._accept(trial)
+            self._region *= 1.5
+        elif self._faster(half, self.time) and not self.of.blocked(half, most=1, known=path):
+            self._accept(half)
+        else:
+            model.constrain(blocked, trial, half)
+            self._region *= 0.5
+
+    def _accept(self, path: Array) -> None:
+        self._accepted.append(path)
+        self.time, self._model = self.of.time(path), None
+
+    def _faster(self, path: Array, time: float) -> bool:
+        """Return whether a path takes so much less than `time` s that it is worth its change."""
+        return time - self.of.time(path) >= _WORTH * time
 
 
 class _Model:
@@ -139,21 +226,32 @@ class _Model:
         self.room = np.zeros(0)
         self.constrain(places)
 
-    def constrain(self, places: list[tuple[int, float]]) -> None:
-        """Add distances at these places: edge, and place on it (0 to 1)."""
-        edge, place = np.array([i for i, _ in places]), np.array([u for _, u in places])
-        path, n = self.path, self.path.shape[1]
-        u = place[:, None]
-        near = self.of.world.near((1 - u) * path[edge] + u * path[edge + 1], self.of.clearance + _INFLUENCE)
-        corners = len(path) - 2
-        rows = np.zeros((len(near.row), corners + 2, n))
-        index = np.arange(len(near.row))
-        e, f = edge[near.row], place[near.row][:, None]
-        rows[index, e] = -(1 - f) * near.gradient
-        rows[index, e + 1] = -f * near.gradient
+    def constrain(self, places: list[tuple[int, float]], *trials: Array) -> None:
+        """Add distances at these places: edge, and place on it (0 to 1).
+
+        Args:
+            places: k of them.
+            trials: further paths on which the distances at the same places are measured too.
+        """
+        edges, fractions = np.array([i for i, _ in places]), np.array([u for _, u in places])
+        paths, n = (self.path, *trials), self.path.shape[1]
+        edge, u = np.tile(edges, len(paths)), np.tile(fractions, len(paths))[:, None]
+        q = np.concatenate([_at(path, edges, fractions) for path in paths])
+        near = self.of.world.near(q, self.of.clearance + _INFLUENCE)
+        # the direction out of a body that is met is not to be trusted, because walls are thin
+        trusted = (near.row < len(places)) | (near.distance > 0.0)
+        row, gradient, distance = near.row[trusted], near.gradient[trusted], near.distance[trusted]
+        moved = np.tile(q[: len(places)], (len(paths), 1)) - q
+        corners = len(self.path) - 2
+        rows = np.zeros((len(row), corners + 2, n))
+        index = np.arange(len(row))
+        e, f = edge[row], u[row]
+        rows[index, e] = -(1 - f) * gradient
+        rows[index, e + 1] = -f * gradient
         inner = (rows[:, 1:-1] * self.of.limits.velocity).reshape(len(index), corners * n)
         self.rows = np.concatenate([self.rows, inner])
-        self.room = np.concatenate([self.room, near.distance - (self.of.clearance + _EXTRA)])
+        here = distance + (gradient * moved[row]).sum(axis=1)
+        self.room = np.concatenate([self.room, here - (self.of.clearance + _EXTRA)])
 
     def step(self, region: float) -> Array | None:
         """Return the path after the best step within `region` s of travel of each joint; None if the solver fails."""
@@ -206,6 +304,12 @@ class _Model:
         trial = path.copy()
         trial[1:-1] = np.clip(inner + x[:moves].reshape(corners, n) * v, limits.lower, limits.upper)
         return trial
+
+
+def _at(path: Array, edges: Indices, fractions: Array) -> Array:
+    """Return configurations (k, n) of a path at places on its edges."""
+    u = fractions[:, None]
+    return np.asarray((1 - u) * path[edges] + u * path[edges + 1])
 
 
 @lru_cache(maxsize=32)

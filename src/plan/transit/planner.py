@@ -34,7 +34,7 @@ from plan.kinematics.configuration import check_configuration
 from plan.transit.corners import FewCorners
 from plan.transit.edges import SampledEdges
 from plan.transit.near_ends import NearEnd, leave_near_end
-from plan.transit.optimise import Ends, TransitOptimiser
+from plan.transit.optimise import Ends, Shortening, TransitOptimiser
 from plan.transit.proofs import PathProof
 from plan.transit.rrt_connect import RrtConnect
 from plan.transit.shortcuts import shortened
@@ -270,13 +270,17 @@ class TransitPlanner:
 
         No further path is optimised once one takes at most `enough` s.
         """
-        steps, rough = self.budget.steps, list[Array]()
+        steps, rough = self.budget.steps, list[Shortening]()
+        first = max(steps // 3, 2)
         for path in paths:
-            rough.append(self.optimiser.shorten(path, max(steps // 3, 2)))
-            if self.time(rough[-1]) <= enough:
+            rough.append(Shortening(self.optimiser, path))
+            rough[-1].run(first)
+            if rough[-1].time <= enough:
                 break
-        for path in sorted(rough, key=lambda w: round(self.time(w), 6)):
-            for trial in (self.optimiser.shorten(path, steps), path):
+        for shortening in sorted(rough, key=lambda s: round(s.time, 6)):
+            begun = shortening.path
+            shortening.run(steps - first)
+            for trial in (shortening.settled(), begun):
                 if self.proved(trial):
                     return trial
         return None

@@ -18,7 +18,7 @@ from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time
-from plan.transit.optimise import Ends
+from plan.transit.optimise import Ends, Shortening, TransitOptimiser
 from plan.transit.planner import plan_transit
 from tasks.task2 import TABLE
 
@@ -100,6 +100,43 @@ def test_the_same_query_has_the_same_way() -> None:
         assert (again is None) == (known is None)
         if again is not None and known is not None:
             assert np.array_equal(again, known)
+
+
+@cache
+def rough_paths() -> tuple[tuple[TransitOptimiser, Array], ...]:
+    """Paths around a box through two random corners each, clear at samples; each with its optimiser."""
+    rng, still = np.random.default_rng(22), Ends(np.zeros(6), np.zeros(6))
+    found: list[tuple[TransitOptimiser, Array]] = []
+    while len(found) < 8:
+        world = world_of("holding", [TABLE, *_around(rng, 4)])
+        optimiser = TransitOptimiser(world, LIMITS, CLEARANCE, still)
+        path = rng.uniform(0.5 * LIMITS.lower, 0.5 * LIMITS.upper, (4, 6))
+        if optimiser.blocked(path[[0, 3]]) and not (
+            world.in_collision(path[0], CLEARANCE) or optimiser.blocked(path, 0.05)
+        ):
+            found.append((optimiser, path))
+    return tuple(found)
+
+
+def test_steps_go_on_where_they_ended() -> None:
+    for optimiser, path in rough_paths()[:3]:
+        at_once, in_parts = Shortening(optimiser, path), Shortening(optimiser, path)
+        at_once.run(5)
+        in_parts.run(2)
+        in_parts.run(3)
+        assert np.array_equal(at_once.path, in_parts.path)
+        assert at_once.time == in_parts.time < optimiser.time(path)
+
+
+def test_settled_paths_are_free_between_the_samples_of_the_steps() -> None:
+    grazed = 0
+    for optimiser, path in rough_paths():
+        shortening = Shortening(optimiser, path)
+        shortening.run(8)
+        grazed += bool(optimiser.blocked(shortening.path, 0.05))
+        assert not optimiser.blocked(shortening.settled(), 0.05)
+        assert optimiser.time(shortening.settled()) <= optimiser.time(path)
+    assert grazed
 
 
 @pytest.mark.parametrize("name", ARMS)
