@@ -212,9 +212,13 @@ class Axes:
         step[..., 3] = self.point - mul(turn, self.point[..., None])[..., 0] + q[..., None] * self._slide
         placed = np.empty((m, n + 1, 3, 4))
         placed[:, 0] = np.eye(3, 4)
-        for k in range(n):
-            placed[:, k + 1] = mul(placed[:, k, :, :3], step[:, k])
-            placed[:, k + 1, :, 3] += placed[:, k, :, 3]
+        product, count = step, 1  # of up to `count` joints: of all up to each, once `count` is n
+        while count < n:
+            longer = mul(product[:, :-count, :, :3], product[:, count:])
+            longer[..., 3] += product[:, :-count, :, 3]
+            product = np.concatenate([product[:, :count], longer], axis=1)
+            count *= 2
+        placed[:, 1:] = product
         return placed[..., :3], placed[..., 3]
 
     def lines(self, R: Array, t: Array) -> tuple[Array, Array]:

@@ -123,9 +123,14 @@ class PairGeometry:
 
 
 def _geometry_object(part: Part) -> Any:
-    return pin.GeometryObject(
-        part.name, part.joint, pin.SE3(np.array(part.T_joint_body)), coal_shape(part.shape)
-    )
+    return _known_object(part.name, part.joint, part.shape, part.T_joint_body.tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _known_object(name: str, joint: int, shape: Shape, pose: bytes) -> Any:
+    """Return a body as a geometry object; models copy it."""
+    T_joint_body = np.frombuffer(pose).reshape(4, 4).copy()
+    return pin.GeometryObject(name, joint, pin.SE3(T_joint_body), coal_shape(shape))
 
 
 def _geometry_model(objects: Sequence[Any]) -> Any:

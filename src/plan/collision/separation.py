@@ -67,6 +67,9 @@ class Separation:
         # in the axes of each box
         self.middle = mul(poses[still, None, :3, 3], self.turn)[:, 0] + middle
         self.half = np.array([B[1] + (B[2], B[2], 0.0) for B in boxes]).reshape(-1, 3)
+        # axis after axis of box after box, as columns
+        self.columns = np.swapaxes(self.turn, 0, 1).reshape(3, -1, 1)
+        self.middles, self.halves = self.middle.reshape(-1, 1), self.half.reshape(-1, 1)
         self.extra = np.array([B[3] for B in boxes])
 
         # for each pair: the balls of one body against a box, or every ball of one against every ball of the other
@@ -91,12 +94,21 @@ class Separation:
         self.pair_of, self.padding = np.zeros(shape, dtype=np.intp), np.zeros(shape)
         self.checked[self.boxes], self.pair_of[self.boxes] = True, self.box_pairs
         self.padding[self.boxes] = paddings[self.box_pairs]
-        self.ball_padding = paddings[self.ball_pairs]
+        self.ball_padding, self.box_padding = paddings[self.ball_pairs], paddings[self.box_pairs]
+        if len(still) > _FEW_BODIES:
+            self._cover_joints(joints[moving], size, poses[still], middle)
 
-        # one ball around all bodies on a joint, and one around each body that stands still
+    def _cover_joints(self, joints: Indices, size: Array, T_base_still: Array, middle: Array) -> None:
+        """Put one ball around all bodies on a joint, and one around each body that stands still.
+
+        Args:
+            joints: of the moving bodies.
+            size: radius of each ball, m.
+            T_base_still, middle: poses of the bodies that stand still, and the middles of their boxes.
+        """
         self.joints = np.unique(self.joint)
-        self.by_joint = np.argsort(joints[moving], kind="stable")
-        self.first_of_joint = np.searchsorted(joints[moving][self.by_joint], self.joints)
+        self.by_joint = np.argsort(joints, kind="stable")
+        self.first_of_joint = np.searchsorted(joints[self.by_joint], self.joints)
         of_joint = [self.joint == k for k in self.joints.tolist()]
         middles = [(self.centres[on].min(axis=0) + self.centres[on].max(axis=0)) / 2.0 for on in of_joint]
         self.joint_middle = np.array(middles).reshape(-1, 3)
@@ -104,7 +116,7 @@ class Separation:
             float((np.linalg.norm(self.centres[on] - centre, axis=1) + size[on]).max())
             for on, centre in zip(of_joint, middles, strict=True)
         ]
-        self.still_middle = mul(poses[still, :3, :3], middle[..., None])[..., 0] + poses[still, :3, 3]
+        self.still_middle = mul(T_base_still[:, :3, :3], middle[..., None])[..., 0] + T_base_still[:, :3, 3]
         still_size = np.linalg.norm(self.half, axis=1) + self.extra
         self.joint_reach = np.array(sizes)[:, None] + (
             still_size + self.padding.max(axis=0, initial=0.0) + 2.0 * ROUNDING
@@ -117,9 +129,12 @@ class Separation:
             R, t: product of exponentials up to each joint, (m, n + 1, 3, 3) and (m, n + 1, 3) m.
         """
         centres = self._centres(R, t)
-        out = np.empty((len(R), len(self.ball_pairs) + len(self.box_pairs)))
-        out[:, self.box_pairs] = self._from_all_boxes(centres)[:, *self.boxes]
-        out[:, self.ball_pairs] = self._from_balls(centres)
+        return self._all(self._from_all_boxes(centres), self._from_balls(centres))
+
+    def _all(self, boxes: Array, balls: Array) -> Array:
+        """Return (m, p) of all pairs, from those of the `box_pairs` (m, i) and of the `ball_pairs` (m, j)."""
+        out = np.empty((len(boxes), len(self.box_pairs) + len(self.ball_pairs)))
+        out[:, self.box_pairs], out[:, self.ball_pairs] = boxes, balls
         return out
 
     def open_pairs(
@@ -133,12 +148,15 @@ class Separation:
             ball_motion: (m, k) m, relative motion of the `ball_pairs`.
         """
         centres = self._centres(R, t)
-        if self.padding.shape[1] <= _FEW_BODIES:
-            row, still = np.divmod(np.arange(len(R) * self.padding.shape[1]), max(self.padding.shape[1], 1))
-            boxes = self._box_bounds(centres, box_motion, row, still)
-        else:
-            row, still, boxes = self._chosen(R, t, centres, box_motion, enough)
         balls = self._from_balls(centres) - (ball_motion + self.ball_padding)
+        if self.padding.shape[1] <= _FEW_BODIES:
+            boxes = self._from_all_boxes(centres) - (box_motion[:, self.boxes[0]] + self.box_padding)
+            bounds = self._all(boxes, balls)
+            is_open = bounds < enough
+            least = np.where(is_open, np.inf, bounds).min(axis=1, initial=np.inf)
+            row, pair = np.nonzero(is_open)
+            return OpenPairs(row, pair, bounds[is_open], least)
+        row, still, boxes = self._chosen(R, t, centres, box_motion, enough)
         box_open, ball_open = boxes < enough, balls < enough
         least = np.where(ball_open, np.inf, balls).min(axis=1, initial=np.inf)
         np.minimum.at(least, row, np.where(box_open, np.inf, boxes).min(axis=1, initial=np.inf))
@@ -207,10 +225,26 @@ class Separation:
         return _bounds(np.minimum.reduceat(away, self.first, axis=1) - self.extra[still, None])
 
     def _from_all_boxes(self, centres: Array) -> Array:
-        """Return bounds (m, moving, still) m; balls about (m, balls, 3) against all boxes."""
-        away = _from_box(centres[:, :, None], self.turn, self.middle, self.half)
-        away -= self.size[:, None]
-        return _bounds(np.minimum.reduceat(away, self.first, axis=1) - self.extra)
+        """Return bounds (m, i) m of the `box_pairs`.
+
+        Long rows for few bodies: a row for each axis of each box, with all balls of all configurations.
+        """
+        points = centres.reshape(-1, 3).T
+        away = self.columns[0] * points[0]
+        away += self.columns[1] * points[1]
+        away += self.columns[2] * points[2]
+        away -= self.middles
+        np.abs(away, out=away)
+        away -= self.halves
+        np.maximum(away, 0.0, out=away)
+        away *= away
+        square = away[0::3]
+        square += away[1::3]
+        square += away[2::3]
+        away = np.sqrt(square).reshape(len(self.half), *centres.shape[:2])
+        away -= self.size
+        nearest = np.minimum.reduceat(away, self.first, axis=2)[self.boxes[1], :, self.boxes[0]]
+        return _bounds(nearest.T - self.extra[self.boxes[1]])
 
 
 def _bounds(distances: Array) -> Array:

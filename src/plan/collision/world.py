@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import isfinite
 
 import coal
@@ -106,7 +106,6 @@ class World:
         paddings: of each pair, (p,) m: `padding` plus those of its two bodies.
         names: of all bodies: the arm's, then the held one, then the fixed ones.
         pairs: indices into `names` of each checked pair, (p, 2); the body nearer to the base first.
-        volumes: bounds on motion and distance of the pairs, for many configurations at once.
     """
 
     def __init__(
@@ -146,8 +145,13 @@ class World:
         inner, outer = self._joint[self.pairs].T[..., None]
         self._between = (joint > inner) & (joint <= outer)
         self._geometry = PairGeometry(robot.model, parts, self.pairs, self.paddings)
-        self.volumes = DistanceBounds(_axes(robot), parts, self.pairs, self.paddings)
+        self._parts = parts
         self._too_near: dict[float, Callable[[Array], bool]] = {}
+
+    @cached_property
+    def volumes(self) -> DistanceBounds:
+        """Bounds on motion and distance of the pairs, for many configurations at once."""
+        return DistanceBounds(_axes(self.robot), self._parts, self.pairs, self.paddings)
 
     def pair_names(self, index: int) -> tuple[str, str]:
         """Return the two bodies of pair `index`, the one nearer to the tool first."""
