@@ -12,8 +12,8 @@ from arm.se3 import Array, Bools, Indices
 from plan.collision.bezier import Curve
 
 # The first pieces have about this travel, rad summed over the joints; there are at most _FIRST_PIECES.
-_FIRST_TRAVEL = 0.4
-_FIRST_PIECES = 16
+_FIRST_TRAVEL = 0.2
+_FIRST_PIECES = 32
 # Parts that an unproved cubic, or part of one, is cut into; four are faster than two, because there are fewer rounds.
 _PARTS_OF_A_CUBIC = 4
 

@@ -22,7 +22,7 @@ def curves(kind: str, name: str) -> list[Curve]:
     return [motion(kind, model.lowerPositionLimit, model.upperPositionLimit, rng) for _ in range(CURVES)]
 
 
-def depths(curve: Curve, count: int = 4) -> list[CurveIntervals]:
+def depths(curve: Curve, count: int = 3) -> list[CurveIntervals]:
     """The first pieces, and what they are cut into."""
     chain = CurveSubdivision(curve)
     found = [chain.first_pieces(3)]
@@ -52,7 +52,7 @@ def test_the_curve_stays_within_reach_of_the_middle_and_near_the_hull(kind: str)
             moving = pieces.reach > 1e-6
             fullest = max(fullest, float((away[moving] / pieces.reach[moving]).max(initial=0.0)))
     assert parts > 1000
-    assert runs > 0 or kind not in ("run", "straight")
+    assert runs > 0 or kind != "run"
     assert fullest > 0.99  # the reach is no larger than it must be
 
 
@@ -72,9 +72,9 @@ def test_pieces_of_a_depth_cover_the_curve_once(kind: str) -> None:
 def test_the_reach_of_a_cubic_that_ends_where_it_began_is_not_zero() -> None:
     """Out to one side, out to the other, and home: begin, middle and end are one configuration."""
     q = np.array([0.3, -0.2])
-    swing = np.array([[0.0, 0.0], [0.2, 0.0], [-0.2, 0.0], [0.0, 0.0]])
+    swing = np.array([[0.0, 0.0], [0.09, 0.0], [-0.09, 0.0], [0.0, 0.0]])
     pieces = CurveSubdivision(Curve((q + swing)[None], np.array([1.0]))).first_pieces(1)
-    farthest = 0.2 / (2.0 * np.sqrt(3.0))  # of 3 u (1 - u) (1 - 2 u) times 0.2
+    farthest = 0.09 / (2.0 * np.sqrt(3.0))  # of 3 u (1 - u) (1 - 2 u) times 0.09
     np.testing.assert_allclose(pieces.middle, [q], atol=1e-12)
     assert pieces.reach[0, 0] >= farthest
     assert pieces.reach[0, 1] == pytest.approx(0.0, abs=1e-12)
@@ -83,10 +83,10 @@ def test_the_reach_of_a_cubic_that_ends_where_it_began_is_not_zero() -> None:
 @pytest.mark.parametrize("count", [1, 3, 8])
 def test_a_first_piece_travels_less_than_twice_its_nominal_travel(count: int) -> None:
     """Unless there would be too many: cubics that are longer are cut in equal parts."""
-    for travel in (0.3, 0.79, 0.8, 0.81, 1.5):  # of a cubic, rad; a piece is to have 0.4
+    for travel in (0.15, 0.39, 0.4, 0.41, 0.75):  # of a cubic, rad; a piece is to have 0.2
         row = np.linspace(0.0, travel, 4)[:, None] * np.array([0.5, 0.0, -0.5])
         begins = travel * np.arange(count)[:, None, None] * np.array([0.5, 0.0, -0.5])
         pieces = CurveSubdivision(Curve(row[None] + begins, np.ones(count))).first_pieces(2)
         travels = np.ptp(pieces.control, axis=1).sum(axis=1)
         assert travels.sum() == pytest.approx(count * travel)
-        assert travels.max() < 2.0 * 0.4 - 1e-6 or len(pieces) >= 8
+        assert travels.max() < 2.0 * 0.2 - 1e-6 or len(pieces) >= 8
