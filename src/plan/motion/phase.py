@@ -67,6 +67,10 @@ class MotionPhase:
         """The way-points (m, n) rad of a transit; None for a line."""
         return None if isinstance(self.path, LinearPath) else self.path
 
+    def meets(self, path: Array) -> bool:
+        """Return whether bodies are nearer than the clearance at one of the configurations (m, n) rad of a path."""
+        return any(map(self.world.too_near(self.clearance), path))
+
 
 @dataclass(frozen=True)
 class Join:

@@ -135,7 +135,9 @@ def test_decide_is_cheaper_than_tight_and_agrees() -> None:
         curve = random_cubic(world, rng)
         results = {tight: certify_curve(world, curve, 0.01, tight=tight) for tight in (True, False)}
         for tight, result in results.items():
-            cost[tight] += result.evaluations * result.proved  # tight mode sees a deep collision before any piece
+            cost[tight] += (
+                result.evaluations * result.proved
+            )  # tight mode sees a deep collision before any piece
         if results[True].clearance >= 0.01 or results[True].seen < 0.01:
             assert results[False].proved == (results[True].clearance >= 0.01)
     assert cost[False] <= cost[True]

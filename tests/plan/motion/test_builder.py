@@ -6,16 +6,25 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from arm.controller.unit import Limits, load_unit
 from arm.plan_file import Plan
 from arm.robot.model import Robot
+from arm.robot.shapes import Body, Sphere
+from arm.se3 import transform
+from plan.collision.world import World
+from plan.motion import builder
+from plan.motion.builder import MotionBuilder
+from plan.motion.phase import MotionPhase
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
 from plan.trajectory.extremes import segment_extremes
+from plan.trajectory.joint_path import chained
 from plan.trajectory.rounding import vertex_jump
-from tasks.pose_lists import FAST, down
+from plan.trajectory.virtual_unit import virtual_unit
+from tasks.pose_lists import FAST, TABLE, down
 from tasks.task2 import Q_START
 
 UNIT = load_unit("crs93")
@@ -79,3 +88,26 @@ def test_no_blend_swings_past_a_limit_of_position(robot: Robot) -> None:
     lower = np.array(LIMITS.lower)
     lower[4] = begin - 0.002
     assert made(replace(LIMITS, lower=lower))[1] >= lower[4] - 1e-9
+
+
+def test_a_blend_that_meets_a_body_is_not_timed(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The longest blend cuts a corner with a ball inside it; what is timed is certified at once."""
+    way = np.radians([[-35, -20, -100, 0, -60, 0], [0, -20, -100, 0, -60, 0], [0, -50, -60, 0, -60, 0]])
+    limits = replace(LIMITS, acceleration=0.3 * LIMITS.acceleration)
+    blended = chained([way], limits, 1.0)
+    passed = blended.path(np.linspace(blended.edges[0], blended.edges[-1], 600))
+    u = np.linspace(0.0, 1.0, 300)[:, None]
+    straight = np.concatenate([a + u * (b - a) for a, b in itertools.pairwise(way)])
+    corner, inside = (robot.T_base_tool(q)[:3, 3] for q in (way[1], (way[0] + way[2]) / 2.0))
+    ball = Body("ball", Sphere(0.01), transform(t=corner + 0.5 * (inside - corner)), "post")
+    world = World(robot, [TABLE, ball])
+    cut, kept = (min(world.distance(q).value for q in path) for path in (passed, straight))
+    assert 0.0 < cut < kept - 1e-3
+    timed = []
+    time_curve = builder.time_curve
+    monkeypatch.setattr(builder, "time_curve", lambda *given: timed.append(1) or time_curve(*given))
+    mover = MotionBuilder(robot, virtual_unit(robot, limits), limits, limits, FAST)
+    moves = mover.run([MotionPhase("to a", "transit", world, cut + 0.7 * (kept - cut), way)])
+    assert len(moves) == 1
+    assert moves[0].certified
+    assert len(timed) == 1
