@@ -9,7 +9,7 @@ from math import ceil
 
 import numpy as np
 
-from arm.se3 import Array
+from arm.se3 import Array, frozen
 
 # Fractions of a line that are checked first: most lines are blocked, and a few samples show it.
 FIRST_SAMPLES = 0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875
@@ -28,8 +28,8 @@ class SampledEdges:
 
     def clear(self, a: Array, b: Array) -> bool:
         """Return whether all samples between a and b are free, from coarse to fine: blocked lines end soon."""
-        step, too_near = b - a, self.too_near
-        return not any(too_near(a + u * step) for u in coarse_to_fine(self._count(a, b)))
+        places = coarse_to_fine(self._count(a, b))
+        return not any(map(self.too_near, a + places[:, None] * (b - a)))
 
     def path_clear(self, path: Array) -> bool:
         """Return whether all inner way-points of a path (m, n), and the lines between them, are free."""
@@ -38,9 +38,7 @@ class SampledEdges:
     def advance(self, a: Array, b: Array) -> tuple[list[Array], bool]:
         """Return the free samples from a (excluded) to b before the first blocked one, and whether b is reached."""
         count, passed = self._count(a, b), list[Array]()
-        step = (b - a) / count
-        for i in range(1, count + 1):
-            q = b if i == count else a + i * step
+        for q in (*(a + (np.arange(1, count) / count)[:, None] * (b - a)), b):
             if self.too_near(q):
                 return passed, False
             passed.append(q)
@@ -51,7 +49,7 @@ class SampledEdges:
 
 
 @lru_cache(maxsize=4096)
-def coarse_to_fine(count: int) -> tuple[float, ...]:
+def coarse_to_fine(count: int) -> Array:
     """Return i / count for 0 < i < count: the middle first, then the middles between those before."""
     order: dict[int, None] = {}
     parts = 2
@@ -59,4 +57,4 @@ def coarse_to_fine(count: int) -> tuple[float, ...]:
         order.update(dict.fromkeys(i * count // parts for i in range(1, parts, 2)))
         order.pop(0, None)
         parts *= 2
-    return tuple(i / count for i in order)
+    return frozen([i / count for i in order])

@@ -108,9 +108,10 @@ class TransitOptimiser:
                 continue
             step = path[i + 1] - path[i]
             count = min(max(ceil(np.abs(step).sum() / travel), 2), _MOST_ON_EDGE)
-            for j in range(1, count + (i < len(path) - 2)):
-                if too_near(path[i] + (j / count) * step):
-                    found.append((i, j / count))
+            places = np.arange(1, count + (i < len(path) - 2)) / count
+            for j, q in enumerate(path[i] + places[:, None] * step):
+                if too_near(q):
+                    found.append((i, float(places[j])))
                     if len(found) >= most:
                         return found
         return found

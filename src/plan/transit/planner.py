@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import chain, islice, pairwise
+from itertools import chain, islice
 
 import numpy as np
 import numpy.typing as npt
@@ -294,11 +294,7 @@ class TransitPlanner:
         """Return the fastest path over known corners that has no sample in collision, or None."""
         paths = [np.concatenate([start[None], corners, goal[None]]) for corners in self.known[-_REMEMBERED:]]
         for path in sorted(paths, key=lambda w: round(self.time(w), 6)):
-            if all(
-                self.free(a + u * (b - a))
-                for a, b in pairwise(path)
-                for u in np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(b - a).sum() / _SAMPLE_TRAVEL)))
-            ):
+            if not self.optimiser.blocked(path, _SAMPLE_TRAVEL, 1):
                 return path
         return None
 

@@ -16,7 +16,7 @@ def test_every_inner_sample_comes_once(count: int) -> None:
 
 
 def test_the_middle_comes_first_and_gaps_are_halved() -> None:
-    assert coarse_to_fine(8)[:3] == (0.5, 0.25, 0.75)
+    assert coarse_to_fine(8)[:3].tolist() == [0.5, 0.25, 0.75]
     for count in (50, 64):
         for looked in (3, 7, 15):
             some = np.sort([0.0, *coarse_to_fine(count)[:looked], 1.0])
