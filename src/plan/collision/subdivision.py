@@ -91,16 +91,16 @@ class CurveSubdivision:
 
     def covering(self, first: Indices, last: Indices, bound: Array, open_: Bools) -> CurveIntervals:
         """Return runs of whole cubics."""
-        made = [self._covering(i, j) for i, j in zip(first.tolist(), last.tolist(), strict=True)]
-        middle, reach, control, spread = (np.stack(parts) for parts in zip(*made, strict=True))
+        control = self.control[first]
+        middle, reach = _about_middle(control)
+        spread = np.zeros_like(middle)
+        for i in np.flatnonzero(last - first > 1).tolist():
+            middle[i], reach[i], control[i], spread[i] = self._run(int(first[i]), int(last[i]))
         begin, end = first.astype(float), last.astype(float)
         return CurveIntervals(first, last, begin, end, middle, reach, control, spread, bound, open_)
 
-    def _covering(self, first: int, last: int) -> tuple[Array, Array, Array, Array]:
-        if last - first == 1:
-            control = self.control[first]
-            middle = (control[0] + 3.0 * (control[1] + control[2]) + control[3]) / 8.0
-            return middle, np.abs(control - middle).max(axis=0), control, np.zeros_like(middle)
+    def _run(self, first: int, last: int) -> tuple[Array, Array, Array, Array]:
+        """Return middle, reach, control points and spread of several cubics."""
         middle = self.control[first + (last - first) // 2, 0]
         low, high = self.low[first:last].min(axis=0), self.high[first:last].max(axis=0)
         begin, end = self.control[first, 0], self.control[last - 1, 3]
@@ -128,8 +128,7 @@ class CurveSubdivision:
 def _split(parts: CurveIntervals, count: int) -> CurveIntervals:
     """Cut parts of single cubics into `count` each, a power of 2."""
     control = (mul(_split_matrix(count), parts.control[:, None])).reshape(-1, *parts.control.shape[1:])
-    middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
-    reach = np.abs(control - middle[:, None]).max(axis=1)
+    middle, reach = _about_middle(control)
     edges = parts.begin[:, None] + (parts.end - parts.begin)[:, None] * (np.arange(count + 1) / count)
     first, last = np.repeat(parts.first, count), np.repeat(parts.last, count)
     return CurveIntervals(
@@ -144,6 +143,12 @@ def _split(parts: CurveIntervals, count: int) -> CurveIntervals:
         np.repeat(parts.bound, count),
         np.repeat(parts.open, count, axis=0),
     )
+
+
+def _about_middle(control: Array) -> tuple[Array, Array]:
+    """Return the middles (m, n) of cubics (m, 4, n), and the largest motion (m, n) of each joint from there."""
+    middle = (control[:, 0] + 3.0 * (control[:, 1] + control[:, 2]) + control[:, 3]) / 8.0
+    return middle, np.abs(control - middle[:, None]).max(axis=1)
 
 
 @lru_cache(maxsize=8)
