@@ -28,7 +28,7 @@ from vision.camera.model import read_camera, write_camera
 ROOT, SUPPORT = Path(__file__).resolve().parents[3], Path(__file__).resolve().parents[1]
 SHELL = ("", "sh", "bash", "shell", "console")
 FIRST = ("a465", "python", "make", "cp", ".", "export", ".venv/bin/pytest")
-TIME_SCALE = 3.0  # of emulated units, which render images meanwhile, and of their clients' clocks
+TIME_SCALE = 2.0  # of emulated units, which render images meanwhile, and of their clients' clocks
 FASTER = 20.0  # of the simulated cell
 POSES = 8  # of a target in the hand
 VIEWS = 20  # of a target, enough for a lens
