@@ -54,6 +54,7 @@ _REPAIRS, _REPAIR_REGION = (
 )  # steps that free the final path at its finer samples, and their trust region
 _MOST_ON_EDGE = 120  # samples
 _MOST_CORNERS = 4
+_LARGEST = 16  # corners; a quadratic program of a longer path takes seconds
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ class Shortening:
     def run(self, steps: int) -> None:
         """Do at most `steps` steps; further calls go on where the last one ended."""
         for _ in range(steps):
-            if len(self.path) < 3 or self.time <= self._floor:
+            if not 3 <= len(self.path) <= _LARGEST + 2 or self.time <= self._floor:
                 return
             if self._region < _LEAST_REGION:
                 finer = self.of.with_corner(self.path)

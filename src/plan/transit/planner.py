@@ -14,7 +14,7 @@ The search checks samples, by coal's collision test. Every edge of the returned 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
 
@@ -256,14 +256,27 @@ class TransitPlanner:
             rooted = RrtConnect(self.limits, edges, self.rng).search(start, goal, self.budget.rrt)
             if rooted is None:
                 return None
-            short = shortened(rooted, edges, self.limits, self.time, self.rng, self.budget.shortcuts)
             finer = SampledEdges(too_near, resolution / _FINER)
             proof = PathProof(self.world, self.limits, self.clearance - self.slack, finer, self.rng)
-            for path in (optimiser.shorten(short, self.budget.steps), short, rooted):
+            for path in self._trials(rooted, edges, finer, optimiser):
                 found = proof.mended(path)
                 if found is not None:
                     return self.remembered(found)
         return None
+
+    def _trials(
+        self, rooted: Array, edges: SampledEdges, finer: SampledEdges, optimiser: TransitOptimiser
+    ) -> Iterator[Array]:
+        """Yield a path of trees, the fastest form first: optimised, with shortcuts by coarse and by fine samples."""
+        short = self._shortened(rooted, edges)
+        yield optimiser.shorten(short, self.budget.steps)
+        yield short
+        yield self._shortened(rooted, finer)
+        yield rooted
+
+    def _shortened(self, path: Array, edges: SampledEdges) -> Array:
+        """Return a path of trees after shortcuts that are clear at the samples of `edges`."""
+        return shortened(path, edges, self.limits, self.time, self.rng, self.budget.shortcuts)
 
     def fastest_certified(self, paths: Iterable[Array], enough: float) -> Array | None:
         """Optimise paths, and return the first one that is certified in order of their estimated time, or None.

@@ -128,6 +128,16 @@ def test_steps_go_on_where_they_ended() -> None:
         assert at_once.time == in_parts.time < optimiser.time(path)
 
 
+def test_a_path_with_many_corners_is_left_as_it_is() -> None:
+    """Its quadratic program would take seconds."""
+    optimiser, path = rough_paths()[0]
+    fine = np.concatenate([np.linspace(a, b, 12, endpoint=False) for a, b in pairwise(path)] + [path[-1:]])
+    assert len(fine) > 18
+    long = Shortening(optimiser, fine)
+    long.run(3)
+    assert long.path is fine
+
+
 def test_settled_paths_are_free_between_the_samples_of_the_steps() -> None:
     grazed = 0
     for optimiser, path in rough_paths():

@@ -219,8 +219,8 @@ class SequencePlanner:
                 f"no path to {names[0]} is certified yet" if names else "inverse kinematics was not complete"
             )
         )
-        nearest = "" if miss is None else f" Nearest miss: {miss}"
-        text = f"{budget_words(stop)}: no complete plan was found; {far}.{nearest}"
+        nearest = "" if miss is None else f". Nearest miss: {miss}"
+        text = f"{budget_words(stop)}: no complete plan was found; {far}{nearest}"
         if isinstance(stop, KeyboardInterrupt):
             return PlanningInterrupted(text)
         return ImpossibleError(
