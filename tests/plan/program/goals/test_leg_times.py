@@ -11,7 +11,15 @@ from arm.controller.unit import Limits, load_unit
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, follow_line
 from plan.cartesian.reachability import GraspCandidate, reach
-from plan.program.goals.leg_times import LineEnds, _moving, leg_bounds, leg_times, line_ends, standing
+from plan.program.goals.leg_times import (
+    LineEnds,
+    _moving,
+    leg_bounds,
+    leg_times,
+    line_ends,
+    passing,
+    standing,
+)
 from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.timing import time_curve, time_line
 from plans.joined_lines import joined
@@ -166,3 +174,14 @@ def test_many_pairs_at_once_are_each_pair_alone() -> None:
         for i in range(table.shape[0]):
             for j in range(table.shape[1]):
                 assert times(picks.row(i), places.row(j), FAST)[0, 0] == pytest.approx(table[i, j], abs=1e-12)
+
+
+def test_a_leg_between_lines_that_are_passed_at_full_speed_is_bounded_by_that_speed() -> None:
+    """The bound counts no acceleration where the lines allow the velocity already."""
+    limits = Limits(np.full(2, -9.0), np.full(2, 9.0), np.array([1.0, 0.5]), np.array([2.0, 2.0]))
+    q, along = np.zeros(2), limits.velocity
+    depart = passing(q - along, q, along, 0.0, False)
+    arrive = passing(q + 4.0 * along, q + 3.0 * along, -along, 0.0, False)
+    assert leg_bounds(depart, arrive, limits) == pytest.approx(3.0)
+    at_rest = passing(q, q, 0.0 * along, 0.0, True)
+    assert leg_bounds(at_rest, arrive, limits) > 3.1
