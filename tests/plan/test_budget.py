@@ -88,12 +88,12 @@ def test_without_a_complete_plan_the_progress_is_reported(robot: Robot, crs97: U
         planned(robot, crs97, SearchBudget(effort_s=0.001))
     assert caught.value.exit_code == 3
     assert caught.value.data["budget"] == "effort"
-    assert caught.value.data["proved"] == []
+    assert caught.value.data["reached"] == []
     with pytest.raises(
-        ImpossibleError, match=r"certified as far as a \(1 of 3\)|no path to a is certified"
+        ImpossibleError, match=r"found as far as a \(1 of 3\)|no path to a was found"
     ) as caught:
         planned(robot, crs97, SearchBudget(effort_s=0.1))
-    assert caught.value.data["proved"] + caught.value.data["left"] == ["a", "b", "c"]
+    assert caught.value.data["reached"] + caught.value.data["left"] == ["a", "b", "c"]
     assert 0.1 <= caught.value.data["effort_s"] <= 0.12
 
 

@@ -91,8 +91,8 @@ class PairGeometry:
             if self._margin != clearance:
                 placements.setSecurityMargins(geometry, margins, True, False)
                 self._margin = clearance
-            place(model, data, geometry, placements, q)
-            place(model, data, *moved)
+            place(model, data, *moved, q)
+            place(model, data, geometry, placements)  # at the same q
             moving.update()
             return bool(moving.collide(nearest) or still.collide(moving, nearest))
 

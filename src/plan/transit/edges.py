@@ -27,9 +27,19 @@ class SampledEdges:
         self.too_near, self.resolution = too_near, resolution
 
     def clear(self, a: Array, b: Array) -> bool:
-        """Return whether all samples between a and b are free, from coarse to fine: blocked lines end soon."""
+        """Return whether all samples between a and b are free."""
+        return self.blocked(a, b) is None
+
+    def blocked(self, a: Array, b: Array) -> float | None:
+        """Return the fraction of the first sample found between a and b that is not free; None if all are.
+
+        Samples are checked from coarse to fine: blocked lines end soon.
+        """
         places = coarse_to_fine(self._count(a, b))
-        return not any(map(self.too_near, a + places[:, None] * (b - a)))
+        for u, q in zip(places.tolist(), a + places[:, None] * (b - a), strict=True):
+            if self.too_near(q):
+                return float(u)
+        return None
 
     def path_clear(self, path: Array) -> bool:
         """Return whether all inner way-points of a path (m, n), and the lines between them, are free."""

@@ -42,10 +42,8 @@ _EXTRA = 1e-3  # m added to the clearance where distances are linearised
 _PENALTY = 1e3  # s per m of missing clearance
 _SMALL = 1e-3  # weight of |y|^2, which keeps the quadratic program well conditioned
 _SAMPLE_TRAVEL = 0.3  # rad summed over the joints, between the places of a step's constraints
-_CHECK_TRAVEL, _FINE_TRAVEL = (
-    0.15,
-    0.05,
-)  # rad summed over the joints, between samples of its result, of the final path
+# Distance of the samples of a step's result, and of the final path, rad summed over the joints.
+_CHECK_TRAVEL, _FINE_TRAVEL = 0.15, 0.05
 _MOST_SAMPLES = 6  # samples in collision that become constraints at once
 _REGION, _LEAST_REGION = 1.0, 0.03  # s of travel, first and smallest trust region
 _REPAIRS, _REPAIR_REGION = (
@@ -82,8 +80,11 @@ class TransitOptimiser:
         """Estimate the duration of a path, s."""
         return path_time(path, self.limits, self.ends.enter, self.ends.leave)
 
-    def shorten(self, path: Array, steps: int) -> Array:
-        """Optimise a path (m, n) in at most `steps` steps; the result is checked at fine samples, not certified."""
+    def shorten(self, path: Array, steps: int) -> Array | None:
+        """Optimise a path (m, n) in at most `steps` steps.
+
+        The result is checked at fine samples, not certified; None if no path is free there.
+        """
         shortening = Shortening(self, path)
         shortening.run(steps)
         return shortening.settled()
@@ -162,13 +163,10 @@ class Shortening:
             spend(QP_CHECKS)
             self._step()
 
-    def settled(self) -> Array:
-        """Return the present path, freed at its finer samples; or the last one before it that is free there."""
-        first, *later = self._accepted
-        if not later:
-            return first
-        before = self.of.time(self._accepted[-2])
-        path = later.pop()
+    def settled(self) -> Array | None:
+        """Return the path, freed at its finer samples; or the last one before it that is free there; or None."""
+        *earlier, path = self._accepted
+        before = self.of.time(earlier[-1]) if earlier else self.time
         for repair in range(_REPAIRS + 1):
             blocked = self.of.blocked(path, _FINE_TRAVEL)
             if not blocked:
@@ -181,7 +179,7 @@ class Shortening:
             if trial is None or not self._faster(trial, before):
                 break
             path = trial
-        return next((p for p in reversed(later) if not self.of.blocked(p, _FINE_TRAVEL, 1)), first)
+        return next((p for p in reversed(earlier) if not self.of.blocked(p, _FINE_TRAVEL, 1)), None)
 
     def _step(self) -> None:
         """Solve one quadratic program and accept its result, or half of its step, if that is clear and faster."""

@@ -9,7 +9,8 @@ gives the same way-points:
    and the same optimisation.
 
 The search checks samples, by coal's collision test. Every edge of the returned path is certified
-(`plan.collision.certificate`); an edge that cannot be proved gets another way-point (`plan.transit.proofs`).
+(`plan.collision.certificate`); an edge that cannot be proved gets another way-point (`plan.transit.proofs`). A caller
+that certifies the motion as it is sent can leave out the proofs.
 """
 
 from __future__ import annotations
@@ -204,6 +205,7 @@ class TransitPlanner:
         ends: velocities at both ends; default: at rest.
         known: corners (c, n) of earlier paths, which are tried first; those of a new path are appended.
         slack: paths are certified with this much less than `clearance`, m, because the search checks only samples.
+        prove: whether paths are certified; else they are checked at fine samples.
     """
 
     def __init__(
@@ -216,12 +218,13 @@ class TransitPlanner:
         ends: Ends | None = None,
         known: list[Array] | None = None,
         slack: float = 0.0,
+        prove: bool = True,
     ) -> None:
         self.world, self.limits, self.clearance, self.rng, self.budget = world, limits, clearance, rng, budget
         still = np.zeros(len(limits.velocity))
         self.ends = ends or Ends(still, still)
         self.known = [] if known is None else known
-        self.slack = slack
+        self.slack, self.prove = slack, prove
         self.too_near = world.too_near(clearance)
         self.optimiser = TransitOptimiser(world, limits, clearance, self.ends)
         self.time = self.optimiser.time
@@ -233,9 +236,9 @@ class TransitPlanner:
         corners = FewCorners(self.world.robot, self.limits, self.free, self.rng, self.budget, self.ends)
         paths = corners.paths(start, goal, at)
         first = chain([] if known is None else [known], islice(paths, self.budget.starts))
-        best = self.fastest_certified(first, _ALMOST * straight)
+        best = self.fastest_accepted(first, _ALMOST * straight)
         if best is None or self.time(best) > _POOR * straight:
-            more = self.fastest_certified(islice(paths, self.budget.more_starts), _POOR * straight)
+            more = self.fastest_accepted(islice(paths, self.budget.more_starts), _POOR * straight)
             if more is not None and (best is None or self.time(more) < self.time(best)):
                 best = more
         if best is not None:
@@ -243,10 +246,10 @@ class TransitPlanner:
         return self.by_trees(start, goal)
 
     def by_trees(self, start: Array, goal: Array) -> Array | None:
-        """Return a certified path by RRT-Connect, or None.
+        """Return a path by RRT-Connect, or None.
 
-        Trees and shortcuts are checked at samples, with a margin if both ends have it. Only the path is proved; if that
-        fails, the search is repeated with finer samples.
+        Trees and shortcuts are checked at samples, with a margin if both ends have it. Only the path is proved (without
+        proofs: checked at finer samples); if that fails, the search is repeated with finer samples.
         """
         margin = 0.0 if self.slack else _margin(self.world, (start, goal), self.clearance)
         too_near = self.world.too_near(self.clearance + margin)
@@ -259,6 +262,8 @@ class TransitPlanner:
             finer = SampledEdges(too_near, resolution / _FINER)
             proof = PathProof(self.world, self.limits, self.clearance - self.slack, finer, self.rng)
             for path in self._trials(rooted, edges, finer, optimiser):
+                if not self.prove and finer.path_clear(path):
+                    return self.remembered(path)
                 found = proof.mended(path)
                 if found is not None:
                     return self.remembered(found)
@@ -269,7 +274,9 @@ class TransitPlanner:
     ) -> Iterator[Array]:
         """Yield a path of trees, the fastest form first: optimised, with shortcuts by coarse and by fine samples."""
         short = self._shortened(rooted, edges)
-        yield optimiser.shorten(short, self.budget.steps)
+        faster = optimiser.shorten(short, self.budget.steps)
+        if faster is not None:
+            yield faster
         yield short
         yield self._shortened(rooted, finer)
         yield rooted
@@ -278,8 +285,8 @@ class TransitPlanner:
         """Return a path of trees after shortcuts that are clear at the samples of `edges`."""
         return shortened(path, edges, self.limits, self.time, self.rng, self.budget.shortcuts)
 
-    def fastest_certified(self, paths: Iterable[Array], enough: float) -> Array | None:
-        """Optimise paths, and return the first one that is certified in order of their estimated time, or None.
+    def fastest_accepted(self, paths: Iterable[Array], enough: float) -> Array | None:
+        """Optimise paths, and return the first one that is accepted in order of their estimated time, or None.
 
         No further path is optimised once one takes at most `enough` s.
         """
@@ -293,9 +300,11 @@ class TransitPlanner:
         for shortening in sorted(rough, key=lambda s: round(s.time, 6)):
             begun = shortening.path
             shortening.run(steps - first)
-            for trial in (shortening.settled(), begun):
-                if self.proved(trial):
-                    return trial
+            settled = shortening.settled()
+            if settled is not None and (not self.prove or self.proved(settled)):
+                return settled
+            if self.prove and self.proved(begun):
+                return begun
         return None
 
     def remembered(self, path: Array) -> Array:

@@ -13,7 +13,7 @@ ASKED = 0.01
 
 def test_a_clear_line_is_proved_with_a_margin() -> None:
     found = check_straight(world_with(), RIGHT, LEFT, ASKED)
-    assert found.proved
+    assert found.clear
     assert found.end is None
     assert ASKED < found.clearance <= found.seen(world_with()).clearance
 
@@ -22,7 +22,7 @@ def test_a_blocked_line_says_where_and_by_what() -> None:
     world = world_with(LOW_WALL)
     found = check_straight(world, RIGHT, LEFT, ASKED)
     seen = found.seen(world)
-    assert not found.proved
+    assert not found.clear
     assert found.end is None
     assert "wall" in seen.pair
     assert seen.seen == world.distance(RIGHT + found.at * (LEFT - RIGHT)).value < found.clearance
@@ -38,11 +38,11 @@ def test_an_end_needs_only_the_asked_clearance(end: str) -> None:
     too_much = check_straight(world, a, b, has + 1e-6)
     assert too_much.end == end
     assert too_much.at == (0.0 if end == "from" else 1.0)
-    assert not too_much.proved
+    assert not too_much.clear
     enough = check_straight(world, a, b, has - 1e-6)
     assert enough.end is None
     assert has - 1e-6 <= enough.clearance < has
 
 
 def test_a_line_that_goes_nowhere_is_proved() -> None:
-    assert check_straight(world_with(), RIGHT, np.array(RIGHT), ASKED).proved
+    assert check_straight(world_with(), RIGHT, np.array(RIGHT), ASKED).clear

@@ -10,7 +10,7 @@ from plan.program.assignment.sequencing import best_order
 
 def stop_when_complete(monkeypatch: pytest.MonkeyPatch, stop: BaseException) -> None:
     """Ctrl-C, or a budget's end, as soon as a first sequence is complete."""
-    proved, asked = sequence.TaskSearch._proved, best_order
+    proved, asked = sequence.TaskSearch._checked, best_order
     found: list[object] = []
 
     def noted(self: sequence.TaskSearch, *more: object) -> object:
@@ -23,5 +23,5 @@ def stop_when_complete(monkeypatch: pytest.MonkeyPatch, stop: BaseException) -> 
             raise stop
         return asked(*more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(sequence.TaskSearch, "_proved", noted)
+    monkeypatch.setattr(sequence.TaskSearch, "_checked", noted)
     monkeypatch.setattr(sequence, "best_order", pressed)

@@ -3,6 +3,9 @@
 The placements of the cubes change from step to step. So a line or transit is first checked with a cube at every place
 where one could ever be: if it is clear, it is clear at every moment. If such a cube blocks it, it is checked again with
 the cubes that are there at that moment.
+
+All of this is checked at samples, because most of what a search looks at is not used. The motions of the best sequence
+are certified as they will be sent. If one cannot be, its transit is certified itself (`EdgeChecks.confirm`).
 """
 
 from __future__ import annotations
@@ -17,7 +20,8 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array, Indices, frozen
 from plan.budget import TransitBudget
 from plan.cartesian.reachability import GraspCandidate
-from plan.collision.certificate import ClearanceCertificate
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.search_margin import MARGIN, searched_clearance
 from plan.collision.world import World
 from plan.failure import nearness, short_of
@@ -33,7 +37,7 @@ _SLACK = 0.5
 # Nodes of RRT-Connect while other sequences may do.
 _FEW_SAMPLES = 150
 # Optimisation steps for a detour that will be used, and the least useful saving, s.
-_POLISH, _WORTH_S = 12, 0.02
+_POLISH, _WORTH_S = 6, 0.02
 # Steps of the first joint for the check of bodies that only this joint moves, rad.
 _PASSING = np.radians(0.25)
 _UNCHANGED = 1e-5  # m, largest change of a distance that counts as none
@@ -93,9 +97,10 @@ class EdgeChecks:
             CubePlacement(False, i) for i in range(len(stages.cubes))
         ) | frozenset(places)
         self._clear_lines: set[tuple[object, ...]] = set()
-        self._straight: dict[tuple[object, ...], ClearanceCertificate | Blocked] = {}
+        self._straight: dict[tuple[TransitEdge, Moment], Blocked] = {}
         self._ways: dict[tuple[TransitEdge, Moment], Array] = {}
         self._polished: set[tuple[TransitEdge, Moment]] = set()
+        self._doubted: set[tuple[TransitEdge, Moment]] = set()  # their detours are certified
         self.margin = MARGIN
 
     def least_margin(self) -> None:
@@ -147,30 +152,28 @@ class EdgeChecks:
             yield now
 
     def straight(self, leg: TransitEdge, crossing: TransitQuery, now: Moment) -> Array | Blocked:
-        """Return the certified straight motion (2, n), or what blocks it; a fixed body blocks it at every moment."""
-        found: ClearanceCertificate | Blocked | None = None
+        """Return the straight motion (2, n), or what blocks it; a fixed body blocks it at every moment."""
+        blocked: Blocked | None = None
         for moment in self._moments(now, self._absent(crossing)):
             known = (leg, moment)
             if known in self._ways:
                 return self._ways[known]
-            found = self._straight.get(known)
-            if found is None:
-                found = self._straight[known] = self._straight_check(crossing, moment)
-            if isinstance(found, ClearanceCertificate):
+            blocked = self._straight.get(known) or self._straight_check(crossing, moment)
+            if blocked is None:
                 self._ways[known] = frozen([crossing.q_from, crossing.q_to])
                 return self._ways[known]
-            if found.by is None:
-                return found
-        if not isinstance(found, Blocked):
-            raise ImpossibleError(
-                "a transit was requested at no moment; this is a bug of the planner", leg=str(leg)
-            )
-        return found
+            self._straight[known] = blocked
+            if blocked.by is None:
+                break
+        if blocked is None:
+            why = "a transit was requested at no moment; this is a bug of the planner"
+            raise ImpossibleError(why, leg=str(leg))
+        return blocked
 
     def around(
         self, leg: TransitEdge, crossing: TransitQuery, now: Moment, known: Sequence[Array], thorough: bool
     ) -> Array | None:
-        """Return a certified detour (m, n), or None.
+        """Return a detour (m, n), or None.
 
         Args:
             leg, crossing, now: as in `straight`.
@@ -182,9 +185,13 @@ class EdgeChecks:
             if asked in self._ways:
                 return self._ways[asked]
             blocked = self._straight.get(asked)
-            if not isinstance(blocked, Blocked) or blocked.end:
+            if blocked is None or blocked.end:
                 continue
-            way = self._around(crossing, moment, blocked, known, thorough)
+            budget = self.options.transit
+            if not thorough:
+                budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
+            detours = self._planner(crossing, moment, budget, list(known), asked in self._doubted)
+            way = detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
             if way is not None:
                 self._ways[asked] = frozen(way)
                 return self._ways[asked]
@@ -199,18 +206,41 @@ class EdgeChecks:
             way: a detour returned by `around`.
             crossing_of: returns the query of a leg.
         """
-        leg, moment = next(asked for asked, known in self._ways.items() if known is way)
-        if (leg, moment) in self._polished:
+        leg, moment = asked = self._asked(way)
+        if asked in self._polished:
             return leg, way, 0.0
-        self._polished.add((leg, moment))
-        crossing = crossing_of(leg)
-        planner = self._planner(crossing, self._world(crossing, moment), self.options.transit, [])
+        self._polished.add(asked)
+        planner = self._planner(crossing_of(leg), moment, self.options.transit, [], asked in self._doubted)
         better = planner.optimiser.shorten(way, _POLISH)
-        saved = planner.time(way) - planner.time(better)
-        if saved < _WORTH_S or not planner.proved(better):
+        saved = 0.0 if better is None else planner.time(way) - planner.time(better)
+        if better is None or saved < _WORTH_S or (planner.prove and not planner.proved(better)):
             return leg, way, 0.0
-        self._ways[leg, moment] = frozen(better)
-        return leg, self._ways[leg, moment], saved
+        self._ways[asked] = frozen(better)
+        return leg, self._ways[asked], saved
+
+    def confirm(self, way: Array, crossing_of: Callable[[TransitEdge], TransitQuery]) -> bool:
+        """Certify a transit that was checked at samples; return whether it is certified.
+
+        If not, it is forgotten: from now on a straight motion counts as blocked, and a detour is certified when it is
+        planned again.
+
+        Args:
+            way: (m, n) rad, returned by `straight`, `around` or `polish`.
+            crossing_of: returns the query of a leg.
+        """
+        leg, moment = asked = self._asked(way)
+        crossing = crossing_of(leg)
+        check = certify_curve(self._world(crossing, moment), curve_of_waypoints(way), self.options.clearance)
+        if check.proved:
+            return True
+        del self._ways[asked]
+        if len(way) == 2:
+            self._straight[asked] = Blocked(self._by(check, moment - crossing.own), check)
+        self._doubted.add(asked)
+        return False
+
+    def _asked(self, way: Array) -> tuple[TransitEdge, Moment]:
+        return next(asked for asked, known in self._ways.items() if known is way)
 
     def clearance(self, crossing: TransitQuery, world: World) -> float:
         """Return the clearance of the search, m; see `plan.collision.search_margin.searched_clearance`."""
@@ -225,12 +255,13 @@ class EdgeChecks:
             return self.stages.empty(moment)
         return self.stages.holding(crossing.pick, moment)
 
-    def _straight_check(self, crossing: TransitQuery, moment: Moment) -> ClearanceCertificate | Blocked:
-        world = self._world(crossing, moment)
-        line = check_straight(world, crossing.q_from, crossing.q_to, self.options.clearance, self.margin)
+    def _straight_check(self, crossing: TransitQuery, moment: Moment) -> Blocked | None:
+        """Return what blocks the straight motion; None if it is clear at samples."""
+        world, asked = self._world(crossing, moment), self.options.clearance
+        line = check_straight(world, crossing.q_from, crossing.q_to, asked, self.margin)
+        if line.clear:
+            return None
         check = line.seen(world)
-        if line.proved:
-            return check
         by = self._by(check, moment - crossing.own)
         if line.end is not None:
             return Blocked(by, check, end=True)
@@ -270,24 +301,10 @@ class EdgeChecks:
                 return False
         return True
 
-    def _around(
-        self,
-        crossing: TransitQuery,
-        moment: Moment,
-        blocked: Blocked,
-        known: Sequence[Array],
-        thorough: bool,
-    ) -> Array | None:
-        world = self._world(crossing, moment)
-        budget = self.options.transit
-        if not thorough:
-            budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
-        detours = self._planner(crossing, world, budget, list(known))
-        return detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
-
     def _planner(
-        self, crossing: TransitQuery, world: World, budget: TransitBudget, known: list[Array]
+        self, crossing: TransitQuery, moment: Moment, budget: TransitBudget, known: list[Array], prove: bool
     ) -> TransitPlanner:
+        world = self._world(crossing, moment)
         clearance = self.clearance(crossing, world)
         return TransitPlanner(
             world,
@@ -298,6 +315,7 @@ class EdgeChecks:
             crossing.ends,
             known,
             slack=_SLACK * (clearance - self.options.clearance),
+            prove=prove,
         )
 
     def _by(self, check: ClearanceCertificate, others: Moment) -> CubePlacement | None:

@@ -191,6 +191,10 @@ class AssignmentPlanner:
                 with meter.lifted():
                     return self.written(search, found), found
             except ClearanceLost as error:
+                with meter.lifted():
+                    confirmed = search.stopped is not None or search.confirm(found)
+                if not confirmed:
+                    continue
                 left -= 1
                 if left <= 0 or search.stopped is not None:
                     raise error.why from error

@@ -1,9 +1,9 @@
 """The search for a whole task: the order of the cubes, their places, grasps and branches, chosen together.
 
 Sequences are ranked by time estimates that ignore obstacles (`leg_times`, `sequencing`). Only what the best sequence
-uses is checked: its lines, and its legs as straight joint motions. A blocked line or leg costs more from then on:
-always if a fixed body blocks it, otherwise as long as the blocking cube is there. Then the best sequence is computed
-again. If a blocked leg is still part of the best sequence, a detour is planned, and its own time counts.
+uses is checked, at samples: its lines, and its legs as straight joint motions. A blocked line or leg costs more from
+then on: always if a fixed body blocks it, otherwise as long as the blocking cube is there. Then the best sequence is
+computed again. If a blocked leg is still part of the best sequence, a detour is planned, and its own time counts.
 
 A wall blocks many legs in the same way. So the assumed time of a detour follows from the corners of known detours
 around the same body. If there are too many cubes for exact ordering, a leg that was not checked is assumed to be
@@ -136,7 +136,7 @@ class TaskSearch:
                 self.proofs.least_margin()
                 self.costs.ask_again()
                 continue
-            best = self.complete = self._proved(ordered, costs, best, bound)
+            best = self.complete = self._checked(ordered, costs, best, bound)
             if self.costs.presume and self.costs.detours.made:
                 self._probe()
         if best is None:
@@ -162,6 +162,11 @@ class TaskSearch:
             stops.append(replace(stop, out=polished(stop.out), across=polished(stop.across), home=home))
         return replace(found, stops=tuple(stops), time=found.time - saved)
 
+    def confirm(self, found: Found) -> bool:
+        """Certify the transits of a sequence that was found; return whether all are (`EdgeChecks.confirm`)."""
+        ways = [way for stop in found.stops for way in (stop.out, stop.across, stop.home) if way is not None]
+        return all(self.proofs.confirm(way, self._query) for way in ways)
+
     def _probe(self) -> None:
         """Check the fastest leg between any two stations without a checked leg, as a sample of the others."""
         there = self.costs.there(Progress(frozenset(), frozenset()))
@@ -172,8 +177,8 @@ class TaskSearch:
             elif found.by is None and not found.end:
                 self.costs.block(leg, None, None, found.check.pair[1])
 
-    def _proved(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
-        """Return the best certified sequence with the order and places of `ordered`; `best` if that is faster."""
+    def _checked(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
+        """Return the best clear sequence with the order and places of `ordered`; `best` if that is faster."""
         pairs = [(visit.pick, visit.place) for visit in ordered.visits]
         current: Ordered | None = ordered
         while current is not None and current.time < NOT_NOW and (best is None or current.time < best.time):
@@ -237,7 +242,7 @@ class TaskSearch:
             carrying = there - {CubePlacement(False, visit.pick)}
             done = Progress(done.picks | {visit.pick}, done.places | {visit.place})
             after = self.costs.there(done)
-            if not self._lines_proved(visit, there, after):
+            if not self._lines_clear(visit, there, after):
                 whole, last = False, None
                 continue
             out = None
@@ -263,10 +268,10 @@ class TaskSearch:
             stops.append(Stop(visit, pick, place, there, out, across, home))
         return tuple(stops) if whole else None
 
-    def _lines_proved(
+    def _lines_clear(
         self, visit: Visit, there: frozenset[CubePlacement], after: frozenset[CubePlacement]
     ) -> bool:
-        proved = True
+        clear = True
         for placed, number, way, now in (
             (False, visit.pick, visit.pick_way, there),
             (True, visit.place, visit.place_way, after),
@@ -276,11 +281,11 @@ class TaskSearch:
             if blocked is not None:
                 self.costs.close_line(CubePlacement(placed, number), way, blocked.by)
                 self._reject(line_error(choice, blocked.check, self.options.line_clearance))
-                proved = False
-        return proved
+                clear = False
+        return clear
 
     def _across(self, leg: TransitEdge, now: frozenset[CubePlacement]) -> Array | None:
-        """Return the certified way-points of a leg; None if it costs more than assumed, which is recorded."""
+        """Return the way-points of a leg; None if it costs more than assumed, which is recorded."""
         crossing = self._query(leg)
         found = self.proofs.straight(leg, crossing, now)
         if not isinstance(found, Blocked):

@@ -116,7 +116,7 @@ class SequencePlanner:
         Raises:
             ImpossibleError: a goal is out of reach, a line cannot be followed, or no collision-free path was found;
                 data: failure (`plan.failure`), target, solutions and, if known, joint, pair, distance_m, refused. Or
-                the budget was spent before a plan was complete; data: budget, proved (names of goals), left.
+                the budget was spent before a plan was complete; data: budget, reached (names of goals), left.
             PlanningInterrupted: Ctrl-C was pressed; the message states the progress too.
         """
         try:
@@ -210,14 +210,12 @@ class SequencePlanner:
         """Return the error of a search that ended before a plan was complete."""
         search = self.search
         names = [] if search is None else [layer.name for layer in search.layers[1:]]
-        proved = names[: search.proved_to] if search is not None else []
+        reached = names[: search.checked_to] if search is not None else []
         miss = None if search is None else search.nearest_miss()
         far = (
-            f"certified as far as {proved[-1]} ({len(proved)} of {len(names)})"
-            if proved
-            else (
-                f"no path to {names[0]} is certified yet" if names else "inverse kinematics was not complete"
-            )
+            f"found as far as {reached[-1]} ({len(reached)} of {len(names)})"
+            if reached
+            else (f"no path to {names[0]} was found yet" if names else "inverse kinematics was not complete")
         )
         nearest = "" if miss is None else f". Nearest miss: {miss}"
         text = f"{budget_words(stop)}: no complete plan was found; {far}{nearest}"
@@ -229,23 +227,28 @@ class SequencePlanner:
             budget=stop.by,
             budget_s=stop.allowed_s,
             effort_s=stop.effort_s,
-            proved=proved,
-            left=names[len(proved) :],
+            reached=reached,
+            left=names[len(reached) :],
         )
 
     def _written(self, search: PoseSearch, meter: Meter) -> tuple[Found, list[Step]]:
         """Return the best sequence that is certified after timing, and its steps."""
-        for attempt in range(_ROUNDS):
+        left = _ROUNDS
+        while True:
             found = search.best(meter)
             try:
                 with meter.lifted():
                     return found, self.writer.steps(found.legs)
             except ClearanceLost as error:
-                if attempt + 1 == _ROUNDS:
+                with meter.lifted():
+                    confirmed = search.confirm(found)
+                if not confirmed:
+                    continue
+                left -= 1
+                if not left:
                     raise error.why from error
                 before = found.legs[error.step - 1].index if error.step else 0
                 search.forbid(error.step + 1, before, found.legs[error.step].index)
-        raise ImpossibleError("no sequence was tried", attempts=_ROUNDS)
 
     def _result(self, search: PoseSearch, found: Found, steps: Sequence[Step]) -> Planned:
         state = self.worlds.start

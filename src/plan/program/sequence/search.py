@@ -2,9 +2,12 @@
 
 Chains (`plan.program.goals.line_chains`) are nodes in layers, one layer for each group of targets; transits are the
 edges between layers. Costs are estimates of time. An edge enters the heap with the time of the straight joint motion.
-Only when it comes to the top are its transit and its chain certified, and its true cost used (B. Cohen, M. Phillips,
+Only when it comes to the top are its transit and its chain checked, and its true cost used (B. Cohen, M. Phillips,
 M. Likhachev, "Planning single-arm manipulations with n-arm robots", RSS 2014). The heuristic is the exact cost to go
 over straight motions, computed from the last layer backwards.
+
+Lines are certified, transits are checked at samples. The motions of the best sequence are certified as they will be
+sent. If one cannot be, its transits are certified themselves (`PoseSearch.confirm`).
 
 Planning a detour costs far more than all else. So if the straight motion is blocked, the edge returns to the heap with
 an assumed excess: a fraction `_DETOUR` of its time, or half of the least excess of earlier detours to its layer if that
@@ -26,7 +29,7 @@ from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent, Meter
-from plan.collision.bezier import curve_of_path
+from plan.collision.bezier import curve_of_path, curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.options import PlanOptions
@@ -70,7 +73,7 @@ class Effort:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """A certified prefix of a sequence."""
+    """A checked prefix of a sequence."""
 
     layer: int
     index: int
@@ -81,7 +84,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Way:
-    """A certified transit.
+    """A transit.
 
     Attributes:
         cost: s.
@@ -137,6 +140,7 @@ class PoseSearch:
         self.estimates = [leg_times(a.depart, b.arrive, limits) for a, b in pairwise(layers)]
         self.to_go = to_go(layers, self.estimates)
         self._ways: dict[tuple[object, ...], _Way | None] = {}
+        self._doubted: set[tuple[object, ...]] = set()  # their detours are certified
         self._blocked: dict[tuple[object, ...], _Blocked] = {}
         self._near: dict[tuple[object, ...], NearEnd | None] = {}
         self._untold: list[tuple[int, Callable[[], ImpossibleError]]] = []
@@ -145,15 +149,38 @@ class PoseSearch:
         self._excess: list[list[float]] = [[] for _ in layers]
         self._known: list[Array] = []
         self._forbidden: set[tuple[int, int, int]] = set()
-        self.proved_to = 0  # the last layer that a certified sequence has reached
+        self.checked_to = 0  # the last layer that a checked sequence has reached
         self.stopped: BudgetSpent | None = None
 
     def forbid(self, leg: int, before: int, index: int) -> None:
         """Exclude the edge from chain `before` of layer `leg` - 1 to chain `index` of layer `leg`."""
         self._forbidden.add((leg, before, index))
 
+    def confirm(self, found: Found) -> bool:
+        """Certify the transits of a sequence that was found; return whether all are.
+
+        If not, a straight motion counts as blocked from now on, and a detour is certified when it is planned again.
+        """
+        situation, before, sound = self.worlds.start, 0, True
+        for number, step in enumerate(found.legs, start=1):
+            key = (number, before, step.index, situation.key)
+            way, near = step.waypoints, {end.end for end in step.near}
+            inner = way["from" in near : len(way) - ("to" in near)]
+            world, asked = self.worlds.world(situation), self.options.clearance
+            check = certify_curve(world, curve_of_waypoints(inner), asked)
+            if not check.proved and key not in self._doubted:
+                sound = False
+                del self._ways[key]
+                self._doubted.add(key)
+                if len(inner) == 2:
+                    line = StraightLine(inner[0], inner[1], asked, False, check.time, check=check)
+                    self._blocked[key] = _Blocked(line, step.near)
+            after = self._through(situation, number, step.index, step.chain)
+            situation, before = after or situation, step.index
+        return sound
+
     def best(self, meter: Meter) -> Found:
-        """Return the fastest sequence; or any certified one, if its share of the budget was spent before.
+        """Return the fastest sequence; or any complete one, if its share of the budget was spent before.
 
         Raises:
             BudgetSpent: none was found within the budget.
@@ -173,7 +200,7 @@ class PoseSearch:
     def _first(self, deepest: bool) -> Found:
         """Return the first complete sequence, in order of estimated time or, if `deepest`, of depth.
 
-        Earlier certificates and refusals are reused.
+        Earlier checks and refusals are reused.
         """
         start = _State(0, 0, self.worlds.start, 0.0, ())
         # by estimated total, then deeper first, then by indices, so that ties are decided too
@@ -185,7 +212,7 @@ class PoseSearch:
             nonlocal count
             if np.isfinite(total):
                 rank = round(total, 9), float(-layer)
-                if deepest:  # by depth; at the same depth, certified states before edges
+                if deepest:  # by depth; at the same depth, checked states before edges
                     rank = (2.0 * -layer + (edge is not None), round(total, 9))
                 heapq.heappush(heap, (*rank, index, count, state, edge))
                 count += 1
@@ -205,7 +232,7 @@ class PoseSearch:
             if key in closed:
                 continue
             closed.add(key)
-            self.proved_to = max(self.proved_to, state.layer)
+            self.checked_to = max(self.checked_to, state.layer)
             if state.layer + 1 == len(self.layers):
                 return Found(state.legs, state.cost, lower_bound(self.layers, self.limits))
             onward = self.estimates[state.layer][state.index]
@@ -217,14 +244,14 @@ class PoseSearch:
         raise self._impossible()
 
     def _taken(self, state: _State, index: int, postpone: bool) -> _State | float | None:
-        """Return the state after the transit to a chain and the chain, both certified; None if they are refused.
+        """Return the state after the transit to a chain and the chain, both checked; None if they are refused.
 
         If `postpone` and the straight motion turns out to be blocked, return the assumed excess of a detour instead, s.
         """
         number = state.layer + 1
         layer = self.layers[number]
         chain = layer.chains[index]
-        # lines first: their certificates are cheap, and no detour is planned to a blocked chain
+        # lines first, because no detour is planned to a blocked chain
         after = self._through(state.situation, number, index, chain)
         if after is None:
             return None
@@ -250,7 +277,7 @@ class PoseSearch:
         return max(_DETOUR, 0.5 * min(self._excess[number], default=0.0))
 
     def _straight_way(self, state: _State, number: int, index: int) -> _Way | _Blocked | None:
-        """Return the straight motion to a chain, certified or blocked; None if an end of it is itself too near."""
+        """Return the straight motion to a chain, clear or blocked; None if an end of it is itself too near."""
         before, layer = self.layers[state.layer], self.layers[number]
         a, b = ends = before.chains[state.index].q_out, layer.chains[index].q_in
         straight = float(self.estimates[state.layer][state.index, index])
@@ -266,7 +293,7 @@ class PoseSearch:
             near.append(left)
             a, b = (left.waypoint, b) if line.end == "from" else (a, left.waypoint)
             line = check_straight(world, a, b, asked)
-        if line.proved:
+        if line.clear:
             return _Way.between(straight, np.stack([a, b]), tuple(near), ends)
         return _Blocked(line, tuple(near))
 
@@ -280,11 +307,12 @@ class PoseSearch:
         return self._near[key]
 
     def _way_around(self, state: _State, number: int, index: int, blocked: _Blocked) -> _Way | None:
-        """Return a certified detour to a chain; None if none was found."""
+        """Return a detour to a chain; None if none was found."""
         before, layer, line = self.layers[state.layer], self.layers[number], blocked.line
         straight, names = float(self.estimates[state.layer][state.index, index]), (before.name, layer.name)
         world, asked = self.worlds.world(state.situation), self.options.clearance
-        if self._made[number] >= self.most_detours:
+        prove = (number, state.index, index, state.situation.key) in self._doubted
+        if self._made[number] >= self.most_detours and not prove:
             self._untold.append((number, lambda: straight_blocked(line, world, names, asked, False)))
             return None
         self._made[number] += 1
@@ -292,7 +320,7 @@ class PoseSearch:
         ends = Ends(before.depart.velocity[state.index], -layer.arrive.velocity[index])
         rng = np.random.default_rng(self.options.seed)
         detours = TransitPlanner(
-            world, self.limits, line.clearance, rng, self.options.transit, ends, self._known
+            world, self.limits, line.clearance, rng, self.options.transit, ends, self._known, prove=prove
         )
         way = detours.around(line.a, line.b, line.at)
         if way is None:

@@ -9,17 +9,21 @@ import pytest
 from arm.errors import ImpossibleError, InputError
 from arm.plan_file import Step
 from arm.robot.shapes import Body, Box
-from arm.se3 import transform
+from arm.se3 import Array, transform
 from plan.budget import Meter, SearchBudget
+from plan.collision.world import World
+from plan.program.assignment import edge_checks
 from plan.program.assignment.found import Found
 from plan.program.assignment.planner import AssignmentPlanner
 from plan.program.assignment.search import TaskSearch
 from plan.program.tasks import plan_task
 from plan.program.writer import ClearanceLost
 from plan.scene import scene_from_json
+from plan.transit.optimise import Shortening
+from plan.transit.straight import StraightLine
 from plan.verify import replay
 from plans.small_search import OPTIONS, UNIT, planner_of
-from tasks.task2 import Q_START, Task2, task2
+from tasks.task2 import Q_START, WALL, Task2, task2
 
 
 def test_all_paths_are_tried_if_there_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,6 +43,34 @@ def test_all_paths_are_tried_if_there_are_few(monkeypatch: pytest.MonkeyPatch) -
     steps, _ = planner.steps(search, Meter(SearchBudget()))
     assert steps
     assert left == [0]
+
+
+@pytest.mark.parametrize("blind", [("straight",), ("detours",), ("straight", "detours")])
+def test_what_samples_miss_is_mended_after_the_certificate(
+    monkeypatch: pytest.MonkeyPatch, blind: tuple[str, ...]
+) -> None:
+    """Straight motions and detours that were not seen to meet the wall are replaced by certified ones."""
+    case, confirmed = task2([WALL], cubes=2), list[bool]()
+    seeing = plan_task(case.scene, case.transfers, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    if "straight" in blind:
+        monkeypatch.setattr(edge_checks, "check_straight", unseen)
+    if "detours" in blind:
+        monkeypatch.setattr(Shortening, "settled", lambda self: self.path[[0, -1]])
+    confirm = TaskSearch.confirm
+
+    def noted(self: TaskSearch, found: Found) -> bool:
+        confirmed.append(confirm(self, found))
+        return confirmed[-1]
+
+    monkeypatch.setattr(TaskSearch, "confirm", noted)
+    plan = plan_task(case.scene, case.transfers, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    assert all(move.certified for move in plan.moves)
+    assert not confirmed[0]
+    assert plan.duration_s < 1.1 * seeing.duration_s
+
+
+def unseen(world: World, a: Array, b: Array, asked: float, margin: float) -> StraightLine:
+    return StraightLine(a, b, asked, True, 0.0)
 
 
 def fenced() -> Task2:

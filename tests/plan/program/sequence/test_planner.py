@@ -14,9 +14,14 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
 from plan.collision.world import World
 from plan.program.goals.target import Target
+from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
+from plan.program.sequence import search
+from plan.program.sequence.search import Found, PoseSearch
+from plan.transit.optimise import Shortening
+from plan.transit.straight import StraightLine
 from plans.waypoints import Q_START, planned
-from tasks.pose_lists import FAST, TABLE, down
+from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 
 @pytest.mark.parametrize(
@@ -92,6 +97,37 @@ def test_a_clear_solution_comes_before_a_near_one(robot: Robot, crs97: Unit) -> 
     plan = planned(robot, crs97, bodies, there, options=replace(FAST, near_ends=True))
     assert plan.near_ends == ()
     assert plan.clearance >= ASKED
+
+
+@pytest.mark.parametrize("blind", ["straight", "detours"])
+def test_what_samples_miss_is_mended_after_the_certificate(
+    robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch, blind: str
+) -> None:
+    """Straight motions and detours that were not seen to meet the wall are replaced by certified ones."""
+    wall = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")
+    targets = [Target("a", down(0.45, -0.2, 0.1)), Target("b", down(0.45, 0.2, 0.1))]
+    q, confirmed = np.radians([-35, -35, -85, 0, -60, 0]), list[bool]()
+
+    def row() -> Planned:
+        return plan_poses(robot, [TABLE, wall], targets, q, crs97.limits(), options=FAST, effort=EFFORT)
+
+    seeing = row()
+    if blind == "straight":
+        clear = lambda world, a, b, asked: StraightLine(a, b, asked, True, 0.0)  # noqa: E731
+        monkeypatch.setattr(search, "check_straight", clear)
+    else:
+        monkeypatch.setattr(Shortening, "settled", lambda self: self.path[[0, -1]])
+    confirm = PoseSearch.confirm
+
+    def noted(self: PoseSearch, found: Found) -> bool:
+        confirmed.append(confirm(self, found))
+        return confirmed[-1]
+
+    monkeypatch.setattr(PoseSearch, "confirm", noted)
+    plan = row()
+    assert plan.detours > 0
+    assert not confirmed[0]
+    assert plan.duration_s < 1.1 * seeing.duration_s
 
 
 def test_what_touches_is_no_near_end(robot: Robot, crs97: Unit) -> None:
