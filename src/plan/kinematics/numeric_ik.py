@@ -74,15 +74,22 @@ class Solutions:
     branch: tuple[str, ...]
     singular: Bools
 
+    @classmethod
+    def at(cls, q: Array) -> Solutions:
+        """Return one configuration (n,), which no pose asks for."""
+        return cls(q[None], np.zeros(1, dtype=np.intp), ("",), np.zeros(1, dtype=bool))
+
     def __len__(self) -> int:
         return len(self.q)
 
     def of(self, pose: int) -> Solutions:
         """Return the solutions of one pose."""
-        rows = np.flatnonzero(self.pose == pose)
-        return Solutions(
-            self.q[rows], self.pose[rows], tuple(self.branch[r] for r in rows), self.singular[rows]
-        )
+        return self.rows(np.flatnonzero(self.pose == pose))
+
+    def rows(self, rows: Indices) -> Solutions:
+        """Return some solutions, in the order of `rows` (m,)."""
+        branch = tuple(self.branch[row] for row in rows.tolist())
+        return Solutions(self.q[rows], self.pose[rows], branch, self.singular[rows])
 
 
 def solve_ik(

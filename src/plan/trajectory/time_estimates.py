@@ -17,8 +17,22 @@ def straight_time(step: npt.ArrayLike, limits: Limits) -> Array:
     The times are exact: the velocity profile is a trapezoid, or a triangle if the move is short.
     """
     distance = np.abs(np.asarray(step, dtype=float))
-    # s at full velocity, and s^2 at full acceleration
-    cruise, surge = _largest(distance, limits.velocity), _largest(distance, limits.acceleration)
+    return _rest_to_rest(_largest(distance, limits.velocity), _largest(distance, limits.acceleration))
+
+
+def straight_times(starts: Array, ends: Array, limits: Limits) -> Array:
+    """Return `straight_time` (k, m) from each of the `starts` (k, n) to each of the `ends` (m, n)."""
+    cruise, surge = np.zeros((2, len(starts), len(ends)))
+    step = np.empty_like(cruise)
+    for k in range(starts.shape[1]):
+        for largest, scale in ((cruise, limits.velocity[k]), (surge, limits.acceleration[k])):
+            np.subtract(ends[:, k] / scale, starts[:, k, None] / scale, out=step)
+            np.maximum(largest, np.abs(step, out=step), out=largest)
+    return _rest_to_rest(cruise, surge)
+
+
+def _rest_to_rest(cruise: Array, surge: Array) -> Array:
+    """Return times (...) from those at full velocity (...) s, and the squares of those at full acceleration (...)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         trapezoid = cruise + np.where(cruise > 0.0, surge / cruise, 0.0)
     return np.asarray(np.where(surge > cruise**2, 2.0 * np.sqrt(surge), trapezoid))

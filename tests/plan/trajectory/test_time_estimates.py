@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import load_unit
-from plan.trajectory.time_estimates import path_time, path_times, straight_time
+from plan.trajectory.time_estimates import path_time, path_times, straight_time, straight_times
 
 UNIT = load_unit("crs93")
 
@@ -29,6 +29,15 @@ def test_travel_times_are_those_of_the_slowest_joint() -> None:
     assert straight_time(one, LIMITS) == pytest.approx(0.7 / v + v / a)
     assert path_time(np.stack([0.0 * one, one]), LIMITS) == pytest.approx(0.7 / v + v / a)
     assert straight_time(0.0 * one, LIMITS) == 0.0
+
+
+def test_times_between_all_are_times_of_each() -> None:
+    rng = np.random.default_rng(3)
+    starts, ends = rng.uniform(-1.0, 1.0, (5, 6)), rng.uniform(-1.0, 1.0, (7, 6))
+    ends[2] = starts[3]  # one that takes no time
+    times = straight_times(starts, ends, LIMITS)
+    assert np.allclose(times, straight_time(ends[None] - starts[:, None], LIMITS))
+    assert times[3, 2] == 0.0
 
 
 def test_times_of_many_paths_are_times_of_each() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,24 +14,16 @@ from arm.se3 import Array
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
-from plan.kinematics.numeric_ik import SearchOptions, solve_ik
+from plan.kinematics.numeric_ik import SearchOptions, Solutions, solve_ik
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
-from plan.trajectory.time_estimates import straight_time
+from plan.trajectory.time_estimates import straight_time, straight_times
 
 # Continuous joints give thousands of solutions. Of more than _MANY, the _NEAR nearest (in time) to the best solution of
 # the previous group are kept, and of these the _RANKED that are reached first.
 _MANY, _NEAR, _RANKED = 1024, 512, 256
-
-
-@dataclass(frozen=True)
-class Solution:
-    """One configuration (n,) at a pose, and the name of its branch."""
-
-    q: Array
-    branch: str
 
 
 class Candidates:
@@ -57,7 +48,7 @@ class Candidates:
     ) -> None:
         self.robot, self.worlds, self.targets, self.groups = robot, worlds, targets, groups
         self.limits, self.options, self.ik = limits, options, ik
-        self._found: list[list[Solution]] = []
+        self._found: list[Solutions] = []
 
     @property
     def most(self) -> int:
@@ -70,57 +61,66 @@ class Candidates:
         Raises:
             ImpossibleError: a target has no solution, or all of them are too near to a body.
         """
-        self._found = [self.free(group) for group in self.groups]
+        reached = self._reached([self.targets[group.start] for group in self.groups])
+        self._found = [self.free(group, some) for group, some in zip(self.groups, reached, strict=True)]
         at, here, steps = q_start[None], [np.zeros(1)], list[Array]()
         for number, found in enumerate(self._found):
-            q = np.stack([s.q for s in found])
-            if len(found) > _MANY:
-                soon = straight_time(q - at[np.argmin(np.round(here[-1], 6))], self.limits)
-                near = np.sort(np.argsort(np.round(soon, 6), kind="stable")[:_NEAR])
-                q, found = q[near], [found[i] for i in near]
-            step = straight_time(q[None] - at[:, None], self.limits)
+            many = len(found) > _MANY
+            if many:
+                soon = straight_time(found.q - at[np.argmin(np.round(here[-1], 6))], self.limits)
+                found = found.rows(np.sort(np.argsort(np.round(soon, 6), kind="stable")[:_NEAR]))
+            step = straight_times(at, found.q, self.limits)
             come = (here[-1][:, None] + step).min(axis=0)
-            most = len(q) if len(self._found[number]) <= _MANY else _RANKED
-            kept = np.sort(np.argsort(np.round(come, 6), kind="stable")[:most])
-            self._found[number] = [found[i] for i in kept]
-            at = q[kept]
+            kept = np.sort(np.argsort(np.round(come, 6), kind="stable")[: _RANKED if many else None])
+            self._found[number] = found.rows(kept)
+            at = found.q[kept]
             here.append(come[kept])
             steps.append(step[:, kept])
         there = np.zeros(len(at))
         for number in reversed(range(len(self._found))):
-            found, through = self._found[number], np.round(here[number + 1] + there, 6)
-            self._found[number] = [found[i] for i in np.argsort(through, kind="stable")]
+            through = np.round(here[number + 1] + there, 6)
+            self._found[number] = self._found[number].rows(np.argsort(through, kind="stable"))
             there = (steps[number] + there).min(axis=1)
 
-    def ranked(self, number: int) -> list[Solution]:
+    def ranked(self, number: int) -> Solutions:
         """Return the solutions of a group, ordered by the time of the fastest straight motions through all groups."""
         return self._found[number]
 
-    def reachable(self, target: Target) -> list[Solution]:
-        """Return all solutions of a target.
-
-        Raises:
-            ImpossibleError: there is none; data: target, solutions, joint and, for a closed form, excess_rad and
-                outside_m of the best branch.
+    def _reached(self, targets: Sequence[Target]) -> list[Solutions]:
+        """Return all solutions of each target. Those with the same free directions are solved together: numpy takes
+        little longer for several poses than for one.
         """
-        if target.q is not None:
-            return [Solution(target.q, "")]
-        limits, solutions = self.limits, list[Solution]()
-        freedom, poses = target.freedom, target.poses
-        if freedom:
-            poses = np.concatenate([freedom.sampled(T, self.ik.poses, self.ik.seed) for T in poses])
-        for T_base_tool in poses:
-            found = solve_ik(self.robot, T_base_tool, limits.lower, limits.upper, target.free, self.ik)
-            solutions += [Solution(q, branch) for q, branch in zip(found.q, found.branch, strict=True)]
-        if solutions:
-            return solutions
+        found = [Solutions.at(np.zeros(0) if target.q is None else target.q) for target in targets]
+        for free in dict.fromkeys(target.free for target in targets):
+            alike = [i for i, target in enumerate(targets) if target.q is None and target.free == free]
+            poses = [self._poses(targets[i]) for i in alike]
+            if not poses:
+                continue
+            T_base_tool, of = np.concatenate(poses), np.repeat(alike, [len(some) for some in poses])
+            limits = self.limits
+            every = solve_ik(self.robot, T_base_tool, limits.lower, limits.upper, free, self.ik)
+            for i in alike:
+                found[i] = every.rows(np.flatnonzero(of[every.pose] == i))
+        return found
+
+    def _poses(self, target: Target) -> Array:
+        """Return the poses (k, 4, 4) that are tried of a target."""
+        freedom = target.freedom
+        if not freedom:
+            return target.poses
+        return np.concatenate([freedom.sampled(T, self.ik.poses, self.ik.seed) for T in target.poses])
+
+    def _unreachable(self, target: Target) -> ImpossibleError:
+        """Return the refusal of a target without solutions; data: target, solutions, joint and, for a closed form,
+        excess_rad and outside_m of the best branch.
+        """
         T_base_tool = target.poses[0]
         free = f" with {', '.join(target.free)} free" if target.free else ""
-        free += " and anything within its ranges and tilt" if freedom else ""
+        free += " and anything within its ranges and tilt" if target.freedom else ""
         place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
         if has_closed_form(self.robot):
-            reports = explain_pose(self.robot, T_base_tool, limits.lower, limits.upper)
+            reports = explain_pose(self.robot, T_base_tool, self.limits.lower, self.limits.upper)
             best = min(reports, key=lambda r: (round(r.outside, 9), round(r.excess, 9)))
             why = (
                 f"the wrist would have to be {best.outside * 1e3:.1f} mm further than the links reach"
@@ -128,7 +128,7 @@ class Candidates:
                 else f"the best of {len(reports)} branches, {best.branch}, has joint {best.joint} "
                 f"{np.degrees(best.excess):.1f} deg beyond its limit"
             )
-            raise ImpossibleError(
+            return ImpossibleError(
                 f"{head}: {why}; try another pose or more free directions",
                 target=target.name,
                 solutions=0,
@@ -136,7 +136,7 @@ class Candidates:
                 excess_rad=best.excess,
                 outside_m=best.outside,
             )
-        raise ImpossibleError(
+        return ImpossibleError(
             f"{head}: none of {self.ik.starts} starts of the numerical search converged; try another pose, more free "
             "directions, or more starts",
             target=target.name,
@@ -144,10 +144,15 @@ class Candidates:
             joint=None,
         )
 
-    def free(self, group: range) -> list[Solution]:
-        """Return the solutions of the first target of a group that are clear of all bodies that are never moved."""
+    def free(self, group: range, solutions: Solutions) -> Solutions:
+        """Return those solutions of the first target of a group that are clear of all bodies that are never moved.
+
+        Raises:
+            ImpossibleError: there are none.
+        """
         target = self.targets[group.start]
-        solutions = self.reachable(target)
+        if not len(solutions):
+            raise self._unreachable(target)
         alone = len(group) == 1 and target.approach == target.retract == 0.0
         if alone:  # a transit ends there and another begins
             world, clearance = self.worlds.at_least(), self.options.clearance
@@ -155,24 +160,25 @@ class Candidates:
             world, clearance = self.worlds.at_least(target.pairs), target.clearance_on_lines(self.options)
         # solutions that differ by whole revolutions are checked once
         turns = 2.0 * np.pi * np.array([not axis.slides for axis in product_of_exponentials(self.robot).axes])
-        q = np.stack([s.q for s in solutions])
+        q = solutions.q
         places = np.round(q - turns * np.floor(q / (2.0 * np.pi)), 6)
         clear: dict[bytes, bool] = {}
-        for place, solution in zip(places, solutions, strict=True):
-            key = place.tobytes()
-            if key not in clear:
-                clear[key] = not world.in_collision(solution.q, clearance)
-        free = [s for s, place in zip(solutions, places, strict=True) if clear[place.tobytes()]]
-        if free:
-            return free
-        misses = [world.distance(s.q) for s in solutions]
-        near = [s for s, miss in zip(solutions, misses, strict=True) if miss.value > 0.0]
+        kept = []
+        for row, place in enumerate(places.view(f"V{places.itemsize * places.shape[1]}").ravel().tolist()):
+            if place not in clear:
+                clear[place] = not world.in_collision(q[row], clearance)
+            if clear[place]:
+                kept.append(row)
+        if kept:
+            return solutions.rows(np.array(kept))
+        misses = [world.distance(at) for at in q]
+        near = [row for row, miss in enumerate(misses) if miss.value > 0.0]
         if near and alone and self.options.near_ends:
-            return near
+            return solutions.rows(np.array(near))
         pairs = Counter(miss.pair for miss in misses)
         best = max(misses, key=lambda miss: round(miss.value, 9))
         listed = ", ".join(f"{a} / {b} ({count} x)" for (a, b), count in sorted(pairs.items()))
-        at = solutions[misses.index(best)].q
+        at = q[misses.index(best)]
         own = self_collision_help(world, at, clearance)
         help = own or (
             f"; all: {listed}; rotate the pose, free more directions, or approach it with allowed collisions "

@@ -187,13 +187,14 @@ class SequencePlanner:
         group = self.groups[number]
         made: list[LineChain] = []
         why: list[ImpossibleError] = []
-        for rank, solution in enumerate(candidates.ranked(number)):
+        found = candidates.ranked(number)
+        for rank, (q, branch) in enumerate(zip(found.q, found.branch, strict=True)):
             if len(made) == width:
                 break
             key = (bends, number, rank)
             if key not in self.followed:
                 try:
-                    self.followed[key] = self.chains[bends].chain(group, solution.q, solution.branch)
+                    self.followed[key] = self.chains[bends].chain(group, q, branch)
                 except ImpossibleError as error:
                     self.followed[key] = error
             chain = self.followed[key]
