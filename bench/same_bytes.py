@@ -2,9 +2,10 @@
 
 python bench/same_bytes.py --easy 50 --hard 50
 
-Scenes are drawn once, four queries each; every variant then plans the same 400 queries in its own process, and
-the SHA-256 of each whole plan is compared with that of the first variant. OpenBLAS takes its kernels from
-OPENBLAS_CORETYPE; a kernel that the processor cannot run (SkylakeX without AVX-512) ends its process and is reported.
+Scenes are drawn once, four queries each, which takes 15 to 20 s of processor time a scene (``--keep FILE`` keeps them).
+Every variant then plans the same 400 queries in its own process, and the SHA-256 of each whole plan is compared with
+that of the first variant. OpenBLAS takes its kernels from OPENBLAS_CORETYPE; a kernel that the processor cannot run
+(SkylakeX without AVX-512) ends its process and is reported.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -114,6 +116,9 @@ def main() -> None:
     parser.add_argument("--hard", type=int, default=50)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1, help="processes that draw scenes")
+    parser.add_argument(
+        "--keep", type=Path, help="file of the drawn queries: read if it exists, else written"
+    )
     parser.add_argument("--plan", nargs=2, type=Path, metavar=("QUERIES", "DIGESTS"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.plan:
@@ -131,25 +136,28 @@ def main() -> None:
     ]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with ProcessPoolExecutor(options.jobs) as pool:
-            drawn = [query for found in pool.map(queries_of, scenes) for query in found]
-        queries = folder / "queries.pickle"
-        queries.write_bytes(pickle.dumps(drawn))
-        print(f"{len(drawn)} queries of {options.easy} easy and {options.hard} hard scenes", flush=True)
+        queries = options.keep or folder / "queries.pickle"
+        if not queries.exists():
+            with ProcessPoolExecutor(options.jobs) as pool:
+                some = [query for found in pool.map(queries_of, scenes) for query in found]
+            queries.write_bytes(pickle.dumps(some))
+        drawn: list[Query] = pickle.loads(queries.read_bytes())  # written by this program
+        of = Counter(name.split()[0] for name in {query.name.split("/")[0] for query in drawn})
+        print(f"{len(drawn)} queries of {of['easy']} easy and {of['hard']} hard scenes", flush=True)
         first: list[str] = []
         worst = 0
         for variant in variants():
             began = time.perf_counter()
-            found = run_variant(variant, queries, folder)
-            if isinstance(found, str):
-                print(f"{variant.name}: not run: {found}", flush=True)
+            digests = run_variant(variant, queries, folder)
+            if isinstance(digests, str):
+                print(f"{variant.name}: not run: {digests}", flush=True)
                 continue
-            first = first or found
-            other = [query.name for query, a, b in zip(drawn, first, found, strict=True) if a != b]
+            first = first or digests
+            other = [query.name for query, a, b in zip(drawn, first, digests, strict=True) if a != b]
             worst = max(worst, len(other))
-            refused = sum(line.startswith(FAILED) for line in found)
+            refused = sum(line.startswith(FAILED) for line in digests)
             print(
-                f"{variant.name}: {len(found) - len(other)} of {len(found)} the same bytes, {refused} refused, "
+                f"{variant.name}: {len(digests) - len(other)} of {len(digests)} the same bytes, {refused} refused, "
                 f"{time.perf_counter() - began:.0f} s"
                 + (f"; others: {', '.join(other[:8])}" if other else ""),
                 flush=True,
