@@ -168,7 +168,9 @@ class PoseSearch:
             inner = way["from" in near : len(way) - ("to" in near)]
             world, asked = self.worlds.world(situation), self.options.clearance
             check = certify_curve(world, curve_of_waypoints(inner), asked)
-            if not check.proved and key not in self._doubted:
+            if (
+                not check.proved and key not in self._doubted
+            ):  # doubted ones were certified when they were planned
                 sound = False
                 del self._ways[key]
                 self._doubted.add(key)
