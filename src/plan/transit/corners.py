@@ -22,7 +22,7 @@ _DIFFERENT = 0.7  # s of travel between corners of paths that count as different
 # Largest offset of random configurations from the straight line, s of travel: the range of the slow joints.
 _LARGEST_OFFSET_S = 8.0
 _WORSE = 1.5  # times the fastest path found: slower ones are skipped
-_LIFTS = (0.04, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4)  # m, by which the tool is lifted or moved towards the base
+_LIFTS = (0.05, 0.1, 0.17, 0.27, 0.4)  # m, by which the tool is lifted or moved towards the base
 
 
 class FewCorners:

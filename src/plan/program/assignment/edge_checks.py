@@ -36,8 +36,8 @@ from plan.transit.straight import check_straight, sampled
 _SLACK = 0.5
 # Nodes of RRT-Connect while other sequences may do.
 _FEW_SAMPLES = 150
-# Optimisation steps for a detour that will be used, and the least useful saving, s.
-_POLISH, _WORTH_S = 6, 0.02
+# Optimisation steps for a detour, and for one that will be used; the least useful saving of the latter, s.
+_ROUGH, _POLISH, _WORTH_S = 2, 6, 0.02
 # Steps of the first joint for the check of bodies that only this joint moves, rad.
 _PASSING = np.radians(0.25)
 _UNCHANGED = 1e-5  # m, largest change of a distance that counts as none
@@ -187,7 +187,7 @@ class EdgeChecks:
             blocked = self._straight.get(asked)
             if blocked is None or blocked.end:
                 continue
-            budget = self.options.transit
+            budget = replace(self.options.transit, steps=min(self.options.transit.steps, _ROUGH))
             if not thorough:
                 budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
             detours = self._planner(crossing, moment, budget, list(known), asked in self._doubted)
