@@ -8,7 +8,7 @@ from arm.se3 import Array
 from plan.collision.certificate import ClearanceCertificate
 from plan.collision.search_margin import MARGIN, searched_clearance
 from plan.collision.world import World
-from plan.transit.edges import FIRST_SAMPLES, SampledEdges
+from plan.transit.edges import SampledEdges
 
 _DENSE = 0.05  # rad summed over the joints, between samples
 
@@ -54,9 +54,6 @@ def check_straight(world: World, a: Array, b: Array, asked: float, margin: float
         if world.in_collision(q, asked):
             return StraightLine(a, b, asked, False, at, end)
     clearance = searched_clearance(world, (a, b), asked, margin)
-    for u in FIRST_SAMPLES:
-        if world.in_collision(a + u * (b - a), clearance):
-            return StraightLine(a, b, clearance, False, u)
     blocked = SampledEdges(world.too_near(clearance), _DENSE).blocked(a, b)
     return StraightLine(a, b, clearance, blocked is None, blocked or 0.0)
 
