@@ -37,6 +37,7 @@ def test_a_line_is_clear_if_all_its_samples_are() -> None:
     assert band(2.0, 3.0).clear(a, b)
     for i in range(1, 20):
         assert not band(i / 20 - 0.01, i / 20 + 0.01).clear(a, b)
+        assert band(i / 20 - 0.01, i / 20 + 0.01).blocked(a, b) == pytest.approx(i / 20)
     assert band(0.51, 0.54).clear(a, b)  # between samples: they prove nothing
     assert not band(-0.1, 0.1).path_clear(np.stack([b, a, b]))  # a corner counts
     assert band(-0.1, 0.04).path_clear(np.stack([a, b]))  # ends do not

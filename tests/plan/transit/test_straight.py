@@ -1,21 +1,39 @@
-"""Straight joint lines: proved, or where they are blocked."""
+"""Straight joint lines: clear at samples, or where they are blocked."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from arm.robot.shapes import Body, Cylinder
+from arm.se3 import transform
+from plan.collision.bezier import curve_of_waypoints
+from plan.collision.certificate import certify_curve
 from plan.transit.straight import check_straight
-from plans.transits import LEFT, LOW_WALL, RIGHT, world_with
+from plans.transits import LEFT, LOW_WALL, RIGHT, ROBOT, world_with
 
 ASKED = 0.01
 
 
-def test_a_clear_line_is_proved_with_a_margin() -> None:
+def test_a_clear_line_has_a_margin() -> None:
     found = check_straight(world_with(), RIGHT, LEFT, ASKED)
     assert found.clear
     assert found.end is None
-    assert ASKED < found.clearance <= found.seen(world_with()).clearance
+    assert found.clearance > ASKED
+    assert certify_curve(world_with(), curve_of_waypoints([RIGHT, LEFT]), found.clearance).proved
+
+
+def test_a_thin_body_between_the_first_samples_is_met() -> None:
+    """Wherever on the motion: samples are dense."""
+    met = 0
+    for u in np.linspace(0.06, 0.94, 23):
+        tool = ROBOT.T_base_tool(RIGHT + u * (LEFT - RIGHT))[:3, 3]
+        rod = Body("rod", Cylinder(0.002, 0.1), transform(t=tool), "post")
+        found = check_straight(world_with(rod), RIGHT, LEFT, ASKED)
+        assert not found.clear
+        assert world_with(rod).in_collision(RIGHT + found.at * (LEFT - RIGHT), found.clearance)
+        met += "rod" in found.seen(world_with(rod)).pair
+    assert met == 23
 
 
 def test_a_blocked_line_says_where_and_by_what() -> None:
@@ -44,5 +62,5 @@ def test_an_end_needs_only_the_asked_clearance(end: str) -> None:
     assert has - 1e-6 <= enough.clearance < has
 
 
-def test_a_line_that_goes_nowhere_is_proved() -> None:
+def test_a_line_that_goes_nowhere_is_clear() -> None:
     assert check_straight(world_with(), RIGHT, np.array(RIGHT), ASKED).clear
