@@ -59,8 +59,12 @@ def to_go(layers: Sequence[Layer], estimates: Sequence[Array]) -> list[Array]:
 
 
 def lower_bound(layers: Sequence[Layer], limits: Limits) -> float:
-    """Return a lower bound on the time of any motion through these chains, whatever the transits, s."""
+    """Return a lower bound on the time of any motion through these chains, whatever the transits, s.
+
+    Targets that are only passed near them do not count, except the last one, which is reached.
+    """
     best = np.zeros(len(layers[0].chains))
-    for a, b in pairwise(layers):
+    reached = [layer for layer in layers[:-1] if not any(time.passed for time in layer.times)]
+    for a, b in pairwise([*reached, layers[-1]]):
         best = (best[:, None] + leg_bounds(a.depart, b.arrive, limits)).min(axis=0) + b.spent("between_s")
     return float((best + layers[-1].depart.least).min())

@@ -26,12 +26,14 @@ class ChainTime:
         arrive, depart: its ends, from the first stop outwards and from the last stop outwards (one row each).
         inner: estimate of the time from end to end, s.
         between_s: lower bound on the time from the first to the last stop, dwells included, s.
+        passed: whether it is a single target between two transits that is passed near it, at speed.
     """
 
     arrive: LineEnds
     depart: LineEnds
     inner: float
     between_s: float
+    passed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +74,15 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
     still = np.zeros(len(limits.velocity))
     runs = [_stop(chain.q_in)]
     inner = dwell = 0.0
+    passed = False
     velocity: Array | None = None
     items = chain.items
     for number, item in enumerate(items):
         if isinstance(item, TargetReached):
             target = targets[item.target]
             # at a target between two transits the arm stops too, unless its corner may be blended
-            alone = len(items) == 1 and target.blend_radius == 0.0
-            if target.stops or alone:
+            passed = len(items) == 1 and target.blend_radius > 0.0 and not target.stops
+            if target.stops or (len(items) == 1 and not passed):
                 inner += target.dwell_s + (0.0 if velocity is None else _half(velocity, limits))
                 dwell += target.dwell_s
                 runs.append(_stop(runs[-1].points[-1]))
@@ -121,6 +124,7 @@ def chain_time(chain: LineChain, targets: Sequence[Target], limits: Limits) -> C
         passing(last_run.points[0], chain.q_out, leave, tail_s, stops),
         inner,
         dwell + sum(max(run.from_rest(limits), _through(run, limits)) for run in runs[1:-1]),
+        passed,
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from arm.robot.model import Robot
 from plan.program.goals.leg_times import leg_bounds, stacked
 from plan.program.goals.target import Target
 from plan.program.sequence.times import rest_to_rest, standing_time
-from plans.waypoints import planned
+from plans.waypoints import Q_START, planned
 from tasks.pose_lists import TABLE, down
 
 LIMITS = Limits(np.full(2, -3.0), np.full(2, 3.0), np.array([1.0, 0.5]), np.array([2.0, 2.0]))
@@ -59,3 +61,19 @@ def test_the_bound_of_a_list_is_close_to_its_plan_and_never_above(
     ]
     plan = planned(robot, crs97, [TABLE], *targets)
     assert 0.8 * plan.duration_s < plan.lower_bound_s <= plan.duration_s
+
+
+@pytest.mark.parametrize("along", [(0.3,), (0.5,), (0.3, 0.6)])
+def test_a_target_that_is_passed_at_speed_is_no_stop_of_the_bound(
+    robot: Robot, crs97: Unit, along: tuple[float, ...]
+) -> None:
+    """Targets on the straight joint motion cost nothing if they need not be reached exactly."""
+    goal = Q_START * np.array([-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    inner = [Target(f"at {u}", q=Q_START + u * (goal - Q_START), blend_radius=0.01) for u in along]
+    plan = planned(robot, crs97, [TABLE], *inner, Target("goal", q=goal))
+    direct = planned(robot, crs97, [TABLE], Target("goal", q=goal))
+    assert plan.duration_s == pytest.approx(direct.duration_s, rel=0.01)
+    assert 0.95 * plan.duration_s < plan.lower_bound_s <= plan.duration_s
+    exact = [replace(target, blend_radius=0.0) for target in inner]
+    stopping = planned(robot, crs97, [TABLE], *exact, Target("goal", q=goal))
+    assert 0.95 * stopping.duration_s < stopping.lower_bound_s <= stopping.duration_s
