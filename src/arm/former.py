@@ -86,7 +86,7 @@ PLACES = {
     "plan.waypoints.motions": "plan.program.writer",
     "plan.waypoints.plan": "plan.program.planned",
     "plan.waypoints.planner": "plan.program.pose_lists",
-    "plan.waypoints.rejections": "plan.program.sequence.rejections",
+    "plan.waypoints.rejections": "plan.program.sequence.refusals",
     "plan.waypoints.search": "plan.program.sequence.search",
     "plan.waypoints.target": "plan.program.goals.target",
     "plan.waypoints.times": "plan.program.sequence.times",

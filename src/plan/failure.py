@@ -14,7 +14,7 @@ from plan.cartesian.reachability import GraspCandidate
 
 OUT_OF_REACH = "out of reach"
 LINE_BLOCKED = "line blocked"
-NO_WAY_ACROSS = "no way across"
+TRANSIT_BLOCKED = "no way across"
 START_BLOCKED = "start blocked"
 AFTER_TIMING = "clearance after timing"
 _JSON_KEYS = {"required_mm": "asked_mm"}  # JSON keys that differ from the attributes of `Rejected`

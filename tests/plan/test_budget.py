@@ -113,14 +113,14 @@ def test_a_clock_only_refuses(robot: Robot, crs97: Unit, monkeypatch: pytest.Mon
 
 
 def test_ctrl_c_reports_the_progress(robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = PoseSearch._straight_way
+    made = PoseSearch._straight
 
-    def interrupted(self: PoseSearch, state, number: int, index: int):  # type: ignore[no-untyped-def]
-        if number == 2:
+    def interrupted(self: PoseSearch, prefix, index: int):  # type: ignore[no-untyped-def]
+        if prefix.layer == 1:
             raise KeyboardInterrupt
-        return made(self, state, number, index)
+        return made(self, prefix, index)
 
-    monkeypatch.setattr(PoseSearch, "_straight_way", interrupted)
+    monkeypatch.setattr(PoseSearch, "_straight", interrupted)
     with pytest.raises(
         PlanningInterrupted, match=r"interrupted: no complete plan was found; .* as far as a \(1 of 3\)"
     ) as caught:

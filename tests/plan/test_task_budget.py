@@ -108,7 +108,7 @@ def test_ctrl_c_before_a_complete_plan_reports_none(case: Task2, monkeypatch: py
     def pressed(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sequence.TaskSearch, "_proved", pressed)
+    monkeypatch.setattr(sequence.TaskSearch, "_checked", pressed)
     with pytest.raises(PlanningInterrupted, match="interrupted: no complete sequence was found") as caught:
         planned(case)
     assert caught.value.plan is None

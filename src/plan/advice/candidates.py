@@ -14,7 +14,7 @@ from arm.numerics.angles import arccos
 from arm.numerics.products import norm
 from arm.se3 import Array
 from plan.advice.changes import Change, ChangeOptions, Groups, MoveBodies, RemoveBodies, Request, SkipCubes
-from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH, START_BLOCKED, Failure
+from plan.failure import AFTER_TIMING, LINE_BLOCKED, OUT_OF_REACH, START_BLOCKED, TRANSIT_BLOCKED, Failure
 from plan.options import PlanOptions
 from plan.scene import Station
 
@@ -59,7 +59,7 @@ def families(request: Request, failure: Failure, groups: Groups) -> Iterator[Fam
 
 def _options(request: Request, failure: Failure) -> Iterator[Family]:
     options = request.options
-    if request.transfers and failure.kind in (LINE_BLOCKED, NO_WAY_ACROSS, OUT_OF_REACH):
+    if request.transfers and failure.kind in (LINE_BLOCKED, TRANSIT_BLOCKED, OUT_OF_REACH):
         if options.order == "given" and failure.kind != OUT_OF_REACH:
             yield Family(0, (ChangeOptions("let the planner choose the order", (("order", "free"),)),))
         if options.assignment == "given":
@@ -70,7 +70,7 @@ def _options(request: Request, failure: Failure) -> Iterator[Family]:
         # a joint was too slow for a line at the slowest tool speed
         speeds = [s for s in (0.25, 0.5, 0.75, 1.0) if s > options.speed]
         yield Family(0, tuple(ChangeOptions(f"raise the speed to {s:g}", (("speed", s),)) for s in speeds))
-    if failure.kind in (NO_WAY_ACROSS, START_BLOCKED, AFTER_TIMING):
+    if failure.kind in (TRANSIT_BLOCKED, START_BLOCKED, AFTER_TIMING):
         yield from _less_clearance(options, failure)
 
 

@@ -21,7 +21,7 @@ from plan.advice.candidates import Family, families, skipped_for
 from plan.advice.changes import Change, Groups, MoveBodies, Request, SkipCubes, groups_of
 from plan.cartesian.reachability import GraspCandidate, ReachTable
 from plan.collision.world import World, distance_of
-from plan.failure import AFTER_TIMING, LINE_BLOCKED, NO_WAY_ACROSS, START_BLOCKED, Failure, failure_in
+from plan.failure import AFTER_TIMING, LINE_BLOCKED, START_BLOCKED, TRANSIT_BLOCKED, Failure, failure_in
 from plan.program.assignment.cause import worlds_at
 from plan.scene import Scene
 
@@ -149,7 +149,7 @@ class _Trial:
         table = changed.reach(changed.stations())
         if not self.reaches(changed, table):
             return False
-        failing = self.failure.stations if kind in (LINE_BLOCKED, NO_WAY_ACROSS) else ()
+        failing = self.failure.stations if kind in (LINE_BLOCKED, TRANSIT_BLOCKED) else ()
         lines = [name for name in failing if name in {s.name for s in changed.stations()}]
         if isinstance(change, MoveBodies):  # a moved body may obstruct other lines
             on_it = [s.name for s in changed.stations() if s.touches & change.bodies]
@@ -174,7 +174,7 @@ class _Trial:
             return self.skipping(changes[first])
         if family.anchors:
             return self.by_halves(family, first, most)
-        if self.failure.kind in (NO_WAY_ACROSS, AFTER_TIMING):
+        if self.failure.kind in (TRANSIT_BLOCKED, AFTER_TIMING):
             # for these failures cheap checks do not show whether a change is large enough
             return self.from_the_largest(changes, first, most)
         index: int | None = first

@@ -78,18 +78,17 @@ class MotionBuilder:
         self.robot, self.unit, self.planned, self.sent, self.options = robot, unit, planned, sent, options
         self.virtual = is_virtual(unit)
 
-    def run(self, phases: Sequence[MotionPhase], joins: Sequence[Join] | None = None) -> list[Move]:
+    def run(self, phases: Sequence[MotionPhase], joins: Sequence[Join]) -> list[Move]:
         """Return the moves of consecutive phases; an empty list if they go nowhere.
 
         Args:
             phases: in order; each begins where the one before ends.
-            joins: (k - 1) between the k phases; default: no rest anywhere.
+            joins: (k - 1) between the k phases.
 
         Raises:
             ImpossibleError: a phase cannot be certified, not even from rest to rest; data: step, role, pair,
                 distance_m, proved_m, clearance_m, time_s.
         """
-        joins = [Join()] * (len(phases) - 1) if joins is None else joins
         rests = [i + 1 for i, join in enumerate(joins) if not _flow(phases[i], phases[i + 1], join)]
         moves: list[Move] = []
         for first, last in pairwise([0, *rests, len(phases)]) if phases else ():
@@ -144,12 +143,11 @@ class MotionBuilder:
             if phase.line is None and phase.meets(chain.path(np.linspace(begin, end, _SAMPLES))):
                 return None  # far cheaper than by the certificate, after timing and rounding
         changes = [i for i, (a, b) in enumerate(pairwise(parts), start=1) if a.move != b.move]
-        tolerances = (
-            [self._tolerance(group) for group in (groups[0], groups[-1])] if changes else [None, None]
+        first_tolerance, last_tolerance = (self._tolerance(group) for group in (groups[0], groups[-1]))
+        # lines that have no tolerance of their own
+        careful = any(group[0].line is not None for group in groups[1:-1]) or any(
+            group[0].line is not None and self._tolerance(group) is None for group in groups
         )
-        free = [group for group in groups if group[0].line is not None and self._tolerance(group) is None]
-        inner = [group for group in groups[1:-1] if group[0].line is not None]
-        careful = bool(free or inner)
         try:
             sent = to_marked_segments(
                 time_curve(chain.path, self.planned, chain.caps, self.options.by_toppra),
@@ -157,7 +155,7 @@ class MotionBuilder:
                 self.options.segment_ms,
                 limits=self.sent,
                 marks=[float(chain.edges[i]) for i in changes],
-                lines=(tolerances[0], tolerances[1]),
+                lines=(first_tolerance, last_tolerance),
                 late=[isinstance(parts[i].shape, Stretch) for i in changes],
                 deviation=self._deviation(careful),
                 jump=self._jump,
@@ -321,8 +319,8 @@ class MotionBuilder:
 
 def _flow(before: MotionPhase, after: MotionPhase, join: Join) -> bool:
     """Return whether two phases may meet at speed."""
-    if join.rest or (before.line is None) != (after.line is None):
-        return not join.rest
+    if (before.line is None) != (after.line is None):
+        return True
     rounded = join.cut if before.line is not None else join.blend_radius
     return rounded > 0.0 and before.world is after.world
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, Line
@@ -25,7 +26,7 @@ class LinearPath:
     speed: float
     free_axis: str | None = None
 
-    def reversed(self) -> LinearPath:
+    def reversed(self) -> Self:
         """Return the same line from its end to its start."""
         path = JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
         return replace(self, line=Line(self.line.T_end, self.line.T_start), path=path)
@@ -77,12 +78,10 @@ class Join:
     """How a phase meets the one before it.
 
     Attributes:
-        rest: whether the arm has to be at rest there.
         blend_radius: largest distance at which the tool may pass the corner, m; 0 if it must go through it. A line and
             a transit meet at speed in any case, because the blend lies on the transit.
         cut: length that a rounded corner between two lines takes of each, m; 0 if the corner is not rounded.
     """
 
-    rest: bool = False
     blend_radius: float = 0.0
     cut: float = 0.0

@@ -16,6 +16,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.plan_file import Move, Pause, Plan, Step, duration_of
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
+from plan.budget import BudgetSpent, PlanningInterrupted, budget_words
 from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState
 from plan.program.setting import Setting
@@ -186,13 +187,16 @@ class Planned:
     def cubics(self) -> Iterator[tuple[Move, Array, Array]]:
         """Yield each move with durations (k,) s and coefficients c (k, 4, n) rad of q = sum of c_i u^i, 0 <= u <= 1."""
         for move in self.moves:
-            knots = move.path.knots()
-            c = np.zeros((len(move.path.segments), 4, knots.shape[1]))
-            for k, segment in enumerate(move.path.segments):
-                c[k, 0] = self.unit.positions(knots[k])
-                rows = np.array(segment.coefficients, dtype=float)
-                c[k, 1 : 1 + len(rows)] = rows / self.unit.counts_per_rad
-            yield move, np.array([s.duration_ms / 1e3 for s in move.path.segments]), c
+            yield move, *self._cubics_of(move)
+
+    def _cubics_of(self, move: Move) -> tuple[Array, Array]:
+        knots = move.path.knots()
+        c = np.zeros((len(move.path.segments), 4, knots.shape[1]))
+        for k, segment in enumerate(move.path.segments):
+            c[k, 0] = self.unit.positions(knots[k])
+            rows = np.array(segment.coefficients, dtype=float)
+            c[k, 1 : 1 + len(rows)] = rows / self.unit.counts_per_rad
+        return np.array([s.duration_ms / 1e3 for s in move.path.segments]), c
 
     def rows(self, step_s: float = 0.01) -> Iterator[list[str | float]]:
         """Yield the rows of a CSV file: a header, then time in s and joint positions in rad (m)."""
@@ -203,7 +207,6 @@ class Planned:
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as JSON types: cubic segments in rad, certified clearances, pauses, targets."""
-        cubics = {id(move): (durations, c) for move, durations, c in self.cubics()}
         steps: list[dict[str, Any]] = []
         for step in self.steps:
             if isinstance(step, Pause):
@@ -217,7 +220,7 @@ class Planned:
                 )
             if not isinstance(step, Move):
                 continue
-            durations, c = cubics[id(step)]
+            durations, c = self._cubics_of(step)
             steps.append(
                 {
                     "move": step.name,
@@ -246,6 +249,15 @@ class Planned:
             **({"near_ends": list(self.near_ends)} if self.near_ends else {}),
             **({"stopped": self.stopped} if self.stopped else {}),
         }
+
+
+def unfinished(stop: BudgetSpent | KeyboardInterrupt, progress: str, **data: Any) -> BaseException:
+    """Return the error of a search that ended before a plan was complete; `progress` says how far it came."""
+    text = f"{budget_words(stop)}: no complete {progress}"
+    if isinstance(stop, KeyboardInterrupt):
+        return PlanningInterrupted(text)
+    spent = {"budget": stop.by, "budget_s": stop.allowed_s, "effort_s": stop.effort_s}
+    return ImpossibleError(text, **{**data, **spent})
 
 
 def joined(before: Planned, after: Planned) -> Planned:

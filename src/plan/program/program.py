@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from itertools import groupby
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from arm.arguments import shown
 from arm.controller.unit import Limits, Unit
-from arm.errors import ImpossibleError, InputError
+from arm.errors import InputError
 from plan.budget import Meter, PlanningInterrupted, SearchBudget, allowed
 from plan.options import PlanOptions
 from plan.program.aim import clearest
@@ -110,16 +111,14 @@ def _planned(program: Program, options: PlanOptions, effort: SearchEffort | None
     limits = program.limits or program.unit.limits()
     setting = Setting(program.scene, program.unit, limits, options)
     blocks = list(_blocks(program.goals))
-    found: Planned | None = None
-    for number, goals in enumerate(blocks, start=1):
-        part = _part(program, setting, goals, found, effort, meter)
-        stated = replace(part, provenance=program.provenance, task=program.task)
-        found = stated if found is None else joined(found, stated)
+    parts: list[Planned] = []
+    for goals in blocks:
+        part = _part(program, setting, goals, parts, effort, meter)
+        parts.append(replace(part, provenance=program.provenance, task=program.task))
         if part.interrupted:
-            raise PlanningInterrupted(part.stopped, found.plan() if number == len(blocks) else None)
-    if found is None:
-        raise ImpossibleError("a program without goals was planned; this is a bug of the planner")
-    return found
+            complete = len(parts) == len(blocks)
+            raise PlanningInterrupted(part.stopped, reduce(joined, parts).plan() if complete else None)
+    return reduce(joined, parts)
 
 
 def _blocks(goals: Sequence[Target | Transfers]) -> Iterator[Transfers | list[Target]]:
@@ -139,16 +138,16 @@ def _part(
     program: Program,
     setting: Setting,
     goals: Transfers | list[Target],
-    before: Planned | None,
+    before: Sequence[Planned],
     effort: SearchEffort | None,
     meter: Meter,
 ) -> Planned:
-    """Plan goals that follow `before`; None at the start."""
-    q = setting.at_counts("q_start", program.q_start) if before is None else before.q_end
-    state = program.state if before is None else before.state
+    """Plan goals that follow other parts of the program."""
+    q = before[-1].q_end if before else setting.at_counts("q_start", program.q_start)
+    state = before[-1].state if before else program.state
     if not isinstance(goals, Transfers):
         return SequencePlanner(setting, goals, q, state, effort, program.padding).planned(meter)
     if state is not None and state.held is not None:
         raise InputError(f"{state.held} is attached where transfers begin; detach it first", held=state.held)
-    first = 0 if before is None else len(before.cubes)
-    return AssignmentPlanner(setting, goals, q, state, first).planned(meter)
+    first_cube = sum(len(part.cubes) for part in before)
+    return AssignmentPlanner(setting, goals, q, state, first_cube).planned(meter)

@@ -94,10 +94,17 @@ def place_held_object(
     world = World(scene.robot_holding, bodies, cube, held.T_tool_cube)
     free = not world.in_collision(start, options.clearance)
     failures: list[str] = []
+    out = {
+        "allowed_collisions": [(held.cube, name) for name in sorted(held.touches)],
+        "cube": 0,
+        "subject": held.cube,
+    }
     for part in (0.0,) if free else _PARTS:
         try:
-            ways_out = (_way_out(start, held, part, options),) if part else ()
-            return plan_program(replace(program, goals=(*ways_out, *program.goals))).plan()
+            retracts = (
+                (_retract("where it is", start, part * options.offset, options, **out),) if part else ()
+            )
+            return plan_program(replace(program, goals=(*retracts, *program.goals))).plan()
         except ImpossibleError as error:
             failures.append(str(error))
     reasons = list(dict.fromkeys(failures))
@@ -109,17 +116,10 @@ def place_held_object(
     )
 
 
-def _way_out(q: Array, held: InJaws, part: float, options: PlanOptions) -> Target:
-    """Return the goal that retracts the cube along the tool's axis from where it is."""
-    return Target(
-        "where it is",
-        q=q,
-        retract=part * options.offset,
-        line_clearance=max(options.line_clearance - BESIDE, 0.0),
-        allowed_collisions=[(held.cube, name) for name in sorted(held.touches)],
-        cube=0,
-        subject=held.cube,
-    )
+def _retract(name: str, q: npt.ArrayLike, length: float, options: PlanOptions, **more: Any) -> Target:
+    """Return the goal that retracts along the tool's axis from where the arm is, `length` m."""
+    clearance = max(options.line_clearance - BESIDE, 0.0)
+    return Target(name, q=np.asarray(q), retract=length, line_clearance=clearance, **more)
 
 
 def _placing(target: Station, cube: str, options: PlanOptions) -> Target:
@@ -153,10 +153,5 @@ def plan_retreat(
     Raises:
         ImpossibleError: the arm cannot follow the line, or a body is too near to it; names both and their distance.
     """
-    back = Target(
-        "the place of the jaws",
-        q=np.asarray(q),
-        retract=options.offset,
-        line_clearance=max(options.line_clearance - BESIDE, 0.0),
-    )
+    back = _retract("the place of the jaws", q, options.offset, options)
     return plan_program(Program(scene, (back,), q, unit, limits, options)).moves

@@ -8,11 +8,11 @@ from arm.errors import ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Move, Pause, Step
 from plan.motion.builder import MotionBuilder
 from plan.motion.phase import Join, MotionPhase
-from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.blending import join_of
 from plan.program.goals.line_chains import LinearMove, SequenceStep
 from plan.program.goals.target import Target
+from plan.program.setting import Setting
 
 _SENT = 3e-4  # m, largest loss of clearance at a near end by rounding to counts
 
@@ -34,21 +34,16 @@ class MotionWriter:
     """Turns sequences into steps.
 
     Args:
-        worlds, targets, options: those of the program.
-        builder: times and certifies motions.
+        setting: options, and what times and certifies motions.
+        worlds: worlds and goals of the program.
 
     Attributes:
         state: the state after the sequence that was written last.
     """
 
-    def __init__(
-        self,
-        worlds: AttachmentWorlds,
-        targets: Sequence[Target],
-        options: PlanOptions,
-        builder: MotionBuilder,
-    ) -> None:
-        self.worlds, self.targets, self.options, self.builder = worlds, targets, options, builder
+    def __init__(self, setting: Setting, worlds: AttachmentWorlds) -> None:
+        self.worlds, self.targets = worlds, worlds.targets
+        self.options, self.builder = setting.options, setting.builder
         self.state = worlds.start
 
     def steps(self, sequence: Sequence[SequenceStep]) -> list[Step]:
@@ -65,11 +60,11 @@ class MotionWriter:
             counts = self.builder.unit.counts(step.waypoints)
             if (counts != counts[0]).any():  # otherwise the arm is there already
                 for phase in self._transit(first, step, state):
-                    motion.add(number, phase, None, self.targets)
+                    motion.add(number, phase, self.targets)
             for item in step.chain.items:
                 target = self.targets[item.target]
                 if isinstance(item, LinearMove):
-                    motion.add(number, self._line(item, target, state), item, self.targets)
+                    motion.add(number, self._line(item, target, state), self.targets)
                     continue
                 motion.at = target
                 if target.stops:
@@ -108,7 +103,7 @@ class MotionWriter:
             item.role,
             self.worlds.world(state, target.pairs),
             target.clearance_on_lines(self.options),
-            item.linear,
+            item,
             target.cube,
             state.held,
             frozenset(name for names in touched for name in names if name is not None),
@@ -122,16 +117,13 @@ class _Motion:
     def __init__(self) -> None:
         self.phases: list[tuple[int, MotionPhase]] = []
         self.joins: list[Join] = []
-        self.line: LinearMove | None = None  # the last phase, if it is a line
         self.at: Target | None = None  # the target reached by the last phase
 
-    def add(
-        self, number: int, phase: MotionPhase, line: LinearMove | None, targets: Sequence[Target]
-    ) -> None:
+    def add(self, number: int, phase: MotionPhase, targets: Sequence[Target]) -> None:
         if self.phases:
-            self.joins.append(join_of(self.line, line, self.at, targets))
+            self.joins.append(join_of(self.phases[-1][1].path, phase.path, self.at, targets))
         self.phases.append((number, phase))
-        self.line, self.at = line, None
+        self.at = None
 
     def written(self, builder: MotionBuilder) -> list[Move]:
         try:

@@ -86,7 +86,7 @@ def test_ctrl_c_before_that_writes_nothing_and_ends_with_3(
     def pressed(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sequence.TaskSearch, "_proved", pressed)
+    monkeypatch.setattr(sequence.TaskSearch, "_checked", pressed)
     _, told = a465("plan", task, "--look", look, "-o", tmp_path / "p.json", code=3)
     assert "interrupted: no complete sequence was found" in told
     assert "nothing was written" in told

@@ -13,8 +13,8 @@ from arm.se3 import transform
 from plan.advice.changes import Request
 from plan.advice.search import advise
 from plan.failure import (
-    NO_WAY_ACROSS,
     START_BLOCKED,
+    TRANSIT_BLOCKED,
     Failure,
     Rejected,
 )
@@ -42,7 +42,7 @@ def test_a_clearance_is_halved_down_to_where_it_plans(monkeypatch: pytest.Monkey
     seen = Rejected("from a to b", "near", pair=("palm", "wall"), distance_mm=22.1, required_mm=40.0)
     for where in ("from a to b", "a"):
         for least, most in ((4, 4), (5, 7), (8, 9), (10, 16), (14, 20), (22, 27), (31, 39)):
-            failure = Failure(NO_WAY_ACROSS, "from a to b", (), "no", (replace(seen, where=where),))
+            failure = Failure(TRANSIT_BLOCKED, "from a to b", (), "no", (replace(seen, where=where),))
             error = ImpossibleError("no", failure=failure.to_json())
             limit = most / 1e3 + 1e-9
             tried: list[float] = []

@@ -16,7 +16,8 @@ from plan.failure import (
     LINE_BLOCKED,
     OUT_OF_REACH,
 )
-from plan.program.assignment.worlds import CubePlacement, TaskWorlds
+from plan.program.assignment.legs import Site
+from plan.program.assignment.worlds import TaskWorlds
 from plans.unplannable import advice_that_holds, refused, rng
 from tasks.refused import far, on_its_edge, request, slab_above
 from tasks.task2 import task2
@@ -31,7 +32,7 @@ def least_distance(asked: Request, station: str, q: Array) -> float:
     assert station == transfer.place.name
     worlds = (
         stages.holding(0, frozenset(), transfer.place.touches),
-        stages.empty(frozenset([CubePlacement(True, 0)])),
+        stages.empty(frozenset([Site(True, 0)])),
     )
     fine = [a + u * (b - a) for a, b in pairwise(q) for u in (0.0, 0.25, 0.5, 0.75)]
     return min(world.distance(x).value for world in worlds for x in (*fine, q[-1]))

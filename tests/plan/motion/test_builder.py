@@ -107,7 +107,7 @@ def test_a_blend_that_meets_a_body_is_not_timed(robot: Robot, monkeypatch: pytes
     time_curve = builder.time_curve
     monkeypatch.setattr(builder, "time_curve", lambda *given: timed.append(1) or time_curve(*given))
     mover = MotionBuilder(robot, virtual_unit(robot, limits), limits, limits, FAST)
-    moves = mover.run([MotionPhase("to a", "transit", world, cut + 0.7 * (kept - cut), way)])
+    moves = mover.run([MotionPhase("to a", "transit", world, cut + 0.7 * (kept - cut), way)], [])
     assert len(moves) == 1
     assert moves[0].certified
     assert len(timed) == 1

@@ -17,6 +17,7 @@ from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.program.planned import Pause, Planned
 from plan.program.pose_lists import plan_poses
+from plan.scene import Scene
 from tasks.pose_lists import FAST, TABLE, check_plan, down
 
 
@@ -78,7 +79,7 @@ def test_the_same_in_the_counts_of_a_unit_and_twice_the_same(robot: Robot, crs97
     plan = made()
     check_plan(plan, targets, crs97.limits(), exact=1e-4)  # whole counts
     assert plan.moves[0].path.start == plan.moves[-1].path.end == tuple(crs97.counts(q).tolist())
-    world = AttachmentWorlds(robot, [TABLE], targets, 0.0)
+    world = AttachmentWorlds(Scene(robot, robot, (TABLE,), ()), targets)
     for move in plan.moves:
         assert certify_move(world.world(world.start), move.path, crs97, move.clearance - 1e-6).proved
     assert json.dumps(plan.to_json()) == json.dumps(made().to_json())

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from arm.errors import ImpossibleError
 from arm.se3 import Array
-from plan.cartesian.reachability import ReachTable
+from plan.cartesian.reachability import GraspCandidate, ReachTable
 from plan.collision.world import World
 from plan.failure import (
     AFTER_TIMING,
     LINE_BLOCKED,
-    NO_WAY_ACROSS,
     OUT_OF_REACH,
     START_BLOCKED,
+    TRANSIT_BLOCKED,
     Failure,
     Rejected,
     nearness,
@@ -28,7 +28,8 @@ from plan.failure import (
     short_of,
 )
 from plan.options import PlanOptions
-from plan.program.assignment.worlds import CubePlacement, TaskWorlds
+from plan.program.assignment.legs import Site
+from plan.program.assignment.worlds import TaskWorlds
 from plan.scene import Scene, Transfer
 
 
@@ -51,20 +52,26 @@ def find_cause(
     return ImpossibleError(failure.headline, **error.data, failure=failure.to_json())
 
 
+@dataclass(frozen=True, eq=False)
 class _Cause:
-    def __init__(
-        self,
-        error: ImpossibleError,
-        scene: Scene,
-        transfers: Sequence[Transfer],
-        q_start: Array,
-        options: PlanOptions,
-        table: ReachTable,
-    ) -> None:
-        self.error, self.scene, self.transfers = error, scene, transfers
-        self.q_start, self.options, self.table = q_start, options, table
-        self.moved = {t.cube for t in transfers}
-        self.rejected: list[dict[str, Any]] = error.data.get("rejected", [])
+    """The arguments of `find_cause`."""
+
+    error: ImpossibleError
+    scene: Scene
+    transfers: Sequence[Transfer]
+    q_start: Array
+    options: PlanOptions
+    table: ReachTable
+
+    @property
+    def moved(self) -> set[str]:
+        """Names of the cubes to move."""
+        return {t.cube for t in self.transfers}
+
+    @property
+    def rejected(self) -> list[dict[str, Any]]:
+        """The data of the refusals of lines and legs."""
+        return list(self.error.data.get("rejected", ()))
 
     def found(self) -> Failure:
         if "holes" in self.error.data:
@@ -78,9 +85,9 @@ class _Cause:
         closest = world.distance(self.q_start)
         if closest.value >= self.options.clearance:
             return None
-        way = self._blocked("start", closest.pair, closest.value, self.options.clearance)
-        headline = f"the arm cannot leave its start, where {way.reason}"
-        return Failure(START_BLOCKED, "start", (), headline, (way,), self._body(closest.pair))
+        start = _too_near("start", closest.pair, closest.value, self.options.clearance)
+        headline = f"the arm cannot leave its start, where {start.reason}"
+        return Failure(START_BLOCKED, "start", (), headline, (start,), self._body(closest.pair))
 
     def _lines(self) -> Failure | None:
         """Return the failure of a place with all grasps in reach blocked: by fixed bodies, or else by cubes too."""
@@ -107,32 +114,27 @@ class _Cause:
     def _in_a_cubes_way(self, entry: Mapping[str, Any]) -> bool:
         """Return whether the obstacle is a cube that the task moves, other than the held one."""
         first, second = (_own_name(name) for name in entry["pair"])
-        return second in self.moved or (first in self.moved and second in self._arm)
-
-    @property
-    def _arm(self) -> set[str]:
-        return {b.name for b in self.scene.robot_open.bodies}
+        arm = {b.name for b in self.scene.robot_open.bodies}
+        return second in self.moved or (first in self.moved and second in arm)
 
     def _line(self, name: str, entries: Mapping[tuple[int, str], dict[str, Any]]) -> Failure:
-        hole, asked = self.table[name], self.options.line_clearance
-        worlds = self._worlds_at(name)
-        ways = []
-        for choice in hole.feasible():
-            entry = entries[choice.yaw, choice.branch]
-            pair, value = _nearest(worlds, choice.q_line, (tuple(entry["pair"]), entry["distance_m"]))
-            way = self._blocked(f"line at {name}", pair, value, asked)
-            ways.append(replace(way, yaw=choice.yaw, branch=choice.branch))
-        ways.sort(key=lambda w: (-round(w.distance_mm or 0.0, 3), w.yaw, w.branch))
-        near = ways[0]
-        cube, whither = self._cube_at(name)
-        count = f"all {len(ways)} grasps in reach are" if len(ways) > 1 else "the only grasp in reach is"
+        hole = self.table[name]
+        worlds = worlds_at(self.scene, self.transfers, name)
+        grasps = []
+        for grasp in hole.feasible():
+            entry = entries[grasp.yaw, grasp.branch]
+            pair, value = _nearest(worlds, grasp.q_line, (tuple(entry["pair"]), entry["distance_m"]))
+            grasps.append(_too_near(f"line at {name}", pair, value, self.options.line_clearance, grasp))
+        grasps.sort(key=_miss)
+        near, (cube, direction) = grasps[0], self._cube_at(name)
+        count = f"all {len(grasps)} grasps in reach are" if len(grasps) > 1 else "the only grasp in reach is"
         headline = (
-            f"{cube} cannot be moved {whither} {name}: {count} blocked; with yaw {near.yaw}, {near.branch}, "
+            f"{cube} cannot be moved {direction} {name}: {count} blocked; with yaw {near.yaw}, {near.branch}, "
             f"{near.reason}"
         )
         others = tuple(of_choice(c) for c in hole.choices if not c.ok)
-        body = self._most_named(w.pair for w in ways if w.pair)
-        return Failure(LINE_BLOCKED, f"line at {name}", (name,), headline, (*ways, *others), body)
+        body = self._most_named(grasp.pair for grasp in grasps if grasp.pair)
+        return Failure(LINE_BLOCKED, f"line at {name}", (name,), headline, (*grasps, *others), body)
 
     def _cube_at(self, station: str) -> tuple[str, str]:
         for t in self.transfers:
@@ -141,9 +143,6 @@ class _Cause:
             if t.place.name == station and self.options.assignment == "given":
                 return t.cube, "to"
         return "a cube", "to"
-
-    def _worlds_at(self, station: str) -> tuple[World, ...]:
-        return worlds_at(self.scene, self.transfers, station)
 
     def _across(self) -> Failure | None:
         legs = [entry for entry in self.rejected if "from" in entry]
@@ -163,52 +162,42 @@ class _Cause:
                     f"{near.reason}"
                 )
                 body = self._most_named(w.pair for w in tight if w.pair)
-                return Failure(NO_WAY_ACROSS, step, (name,), headline, tight, body)
-        ways = tuple(
-            self._blocked(_where(e), tuple(e["pair"]), e["distance_m"], self.options.clearance)
+                return Failure(TRANSIT_BLOCKED, step, (name,), headline, tight, body)
+        rejected = tuple(
+            _too_near(_where(e), e["pair"], e["distance_m"], self.options.clearance)
             for e in (entry, *(e for e in legs if e is not entry))
         )
-        return Failure(NO_WAY_ACROSS, step, stations, entry["reason"], ways, body)
+        return Failure(TRANSIT_BLOCKED, step, stations, entry["reason"], rejected, body)
 
     def _tight_offsets(self, name: str) -> tuple[Rejected, ...]:
         """Return the open grasps of a place as rejections, if none keeps the clearance at the outer end of its line."""
-        closed = self._blocked_at(name, True)
-        rows = []
-        for choice in self.table[name].feasible():
-            if (choice.yaw, choice.branch) in closed:
+        closed, worlds = self._blocked_at(name, True), worlds_at(self.scene, self.transfers, name)
+        where, required, grasps = f"{name}, outer end of the line", self.options.clearance, []
+        for grasp in self.table[name].feasible():
+            if (grasp.yaw, grasp.branch) in closed:
                 continue
-            pair, value = _nearest(self._worlds_at(name), choice.q_line[-1:], (("", ""), float("inf")))
-            if value >= self.options.clearance:
+            pair, value = _nearest(worlds, grasp.q_line[-1:], (("", ""), float("inf")))
+            if value >= required:
                 return ()
-            way = self._blocked(f"{name}, outer end of the line", pair, value, self.options.clearance)
-            rows.append(replace(way, yaw=choice.yaw, branch=choice.branch))
-        return tuple(sorted(rows, key=lambda w: (-round(w.distance_mm or 0.0, 3), w.yaw, w.branch)))
+            grasps.append(_too_near(where, pair, value, required, grasp))
+        return tuple(sorted(grasps, key=_miss))
 
     def _after_timing(self, entry: Mapping[str, Any]) -> Failure:
-        pair = tuple(entry["pair"])
-        way = self._blocked(entry["step"], pair, entry["distance_m"], entry["clearance_m"])
-        if entry["distance_m"] >= entry["clearance_m"]:
-            proved = short_of(entry["proved_m"], entry["clearance_m"])
-            asked = f"(required: {entry['clearance_m'] * 1e3:g} mm)"
-            way = replace(way, reason=f"only {proved} mm between {pair[0]} and {pair[1]} are proved {asked}")
-        headline = (
-            f"step {entry['step']!r}, as it would be sent: {way.reason}; require less clearance or move the "
-            "bodies apart"
-        )
-        return Failure(AFTER_TIMING, entry["step"], (), headline, (way,), self._body(pair))
+        step, pair, required = entry["step"], entry["pair"], entry["clearance_m"]
+        sent = _too_near(step, pair, entry["distance_m"], required)
+        if entry["distance_m"] >= required:
+            proved = (
+                f"only {short_of(entry['proved_m'], required)} mm between {pair[0]} and {pair[1]} are proved"
+            )
+            sent = replace(sent, reason=f"{proved} (required: {required * 1e3:g} mm)")
+        headline = f"step {step!r}, as it would be sent: {sent.reason}; require less clearance or move the bodies apart"
+        return Failure(AFTER_TIMING, step, (), headline, (sent,), self._body(pair))
 
     def _search_ended(self) -> Failure:
         for entry in self.rejected:
             if "proved_m" in entry:
                 return self._after_timing(entry)
-        return Failure(NO_WAY_ACROSS, "search", (), str(self.error), ())
-
-    def _blocked(self, where: str, pair: Sequence[str], distance: float, asked: float) -> Rejected:
-        first, second = pair
-        reason = nearness(pair, distance, asked)
-        return Rejected(
-            where, reason, pair=(first, second), distance_mm=distance * 1e3, required_mm=asked * 1e3
-        )
+        return Failure(TRANSIT_BLOCKED, "search", (), str(self.error), ())
 
     def _body(self, pair: Iterable[str]) -> str | None:
         """Return the one of two bodies that belongs neither to the arm nor to the held cube."""
@@ -220,6 +209,21 @@ class _Cause:
     def _most_named(self, pairs: Iterable[Iterable[str]]) -> str | None:
         count = Counter(body for pair in pairs if (body := self._body(pair)) is not None)
         return min(count, key=lambda name: (-count[name], name)) if count else None
+
+
+def _too_near(
+    where: str, pair: Sequence[str], distance: float, required: float, grasp: GraspCandidate | None = None
+) -> Rejected:
+    """Return the rejection of what comes too near to a body; lengths in m."""
+    yaw, branch = (None, None) if grasp is None else (grasp.yaw, grasp.branch)
+    names, lengths = (pair[0], pair[1]), (distance * 1e3, required * 1e3)
+    reason = nearness(pair, distance, required)
+    return Rejected(where, reason, yaw, branch, pair=names, distance_mm=lengths[0], required_mm=lengths[1])
+
+
+def _miss(grasp: Rejected) -> tuple[object, ...]:
+    """Return the key that sorts the nearest miss first."""
+    return -round(grasp.distance_mm or 0.0, 3), grasp.yaw, grasp.branch
 
 
 def _where(leg: Mapping[str, Any]) -> str:
@@ -260,9 +264,8 @@ def worlds_at(scene: Scene, transfers: Sequence[Transfer], station: str) -> tupl
             left = replace(
                 scene, cubes=tuple(c for c in scene.cubes if c.name not in others), allowed=frozenset()
             )
-            stages = TaskWorlds(left, [t], [t.place])
-            pick, place = CubePlacement(False, 0), CubePlacement(True, 0)
+            at = TaskWorlds(left, [t], [t.place])
             if station == t.pick.name:
-                return stages.empty(frozenset([pick])), stages.holding(0, frozenset(), t.pick.touches)
-            return stages.holding(0, frozenset(), t.place.touches), stages.empty(frozenset([place]))
+                return at.empty(frozenset([Site(False, 0)])), at.holding(0, frozenset(), t.pick.touches)
+            return at.holding(0, frozenset(), t.place.touches), at.empty(frozenset([Site(True, 0)]))
     return ()

@@ -1,8 +1,8 @@
-"""Checks of the lines and transits of a task, each valid for as many moments of the task as possible.
+"""Checks of the lines and transits of a task, each valid for as many arrangements of the cubes as possible.
 
-The placements of the cubes change from step to step. So a line or transit is first checked with a cube at every place
-where one could ever be: if it is clear, it is clear at every moment. If such a cube blocks it, it is checked again with
-the cubes that are there at that moment.
+The arrangement changes from step to step. So a line or transit is first checked with a cube at every site: if it is
+clear, it is clear in every arrangement. If a cube that may be elsewhere blocks it, it is checked again in the present
+arrangement.
 
 All of this is checked at samples, because most of what a search looks at is not used. The motions of the best sequence
 are certified as they will be sent. If one cannot be, its transit is certified itself (`EdgeChecks.confirm`).
@@ -10,12 +10,11 @@ are certified as they will be sent. If one cannot be, its transit is certified i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array, Indices, frozen
 from plan.budget import TransitBudget
@@ -25,9 +24,10 @@ from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.search_margin import MARGIN, searched_clearance
 from plan.collision.world import World
 from plan.failure import nearness, short_of
-from plan.options import PlanOptions
-from plan.program.assignment.leg_costs import TransitEdge
-from plan.program.assignment.worlds import CubePlacement, TaskWorlds
+from plan.program.assignment.legs import HOME, Arrangement, Leg, Site
+from plan.program.assignment.worlds import TaskWorlds
+from plan.program.goals.leg_times import LineEnds
+from plan.program.setting import Setting
 from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
 from plan.transit.straight import check_straight, sampled
@@ -44,234 +44,198 @@ _UNCHANGED = 1e-5  # m, largest change of a distance that counts as none
 # Search margin that is tried if no detour is found with the whole margin, m.
 _LEAST_MARGIN = 1e-4
 
-Moment = frozenset[CubePlacement]
-
 
 @dataclass(frozen=True)
 class Blocked:
     """What blocks a line or transit.
 
     Attributes:
-        by: a cube that may be elsewhere at another time; None for a fixed body.
+        by: the site of a cube that may be elsewhere at another time; None for a fixed body.
         check: the pair of bodies, their distance and the place.
         end: whether no detour can exist: an end is itself too near, or a body that only the first joint moves has to
             pass there.
     """
 
-    by: CubePlacement | None
+    by: Site | None
     check: ClearanceCertificate
     end: bool = False
-
-
-@dataclass(frozen=True)
-class TransitQuery:
-    """A transit to plan: between two configurations, with or without a cube.
-
-    Attributes:
-        q_from, q_to: (n,) rad.
-        ends: velocities at both ends.
-        pick: number of the transfer whose cube is carried, or None.
-        own: cubes at its own stations, which are there whenever it is used.
-    """
-
-    q_from: Array
-    q_to: Array
-    ends: Ends
-    pick: int | None
-    own: frozenset[CubePlacement]
 
 
 class EdgeChecks:
     """Checks of one task, with their results kept.
 
     Args:
-        stages: its collision worlds.
-        limits: limits for planning.
-        options: clearances, seed, budgets.
+        setting: limits, clearances, seed, budgets.
+        worlds: its collision worlds.
+        lines: the lines of every grasp, of each site, and home.
     """
 
-    def __init__(self, stages: TaskWorlds, limits: Limits, options: PlanOptions) -> None:
-        self.stages, self.limits, self.options = stages, limits, options
-        places = (CubePlacement(True, j) for j in range(len(stages.places)))
-        self.everywhere: Moment = frozenset(
-            CubePlacement(False, i) for i in range(len(stages.cubes))
-        ) | frozenset(places)
+    def __init__(self, setting: Setting, worlds: TaskWorlds, lines: Mapping[Site, LineEnds]) -> None:
+        self.worlds, self.lines = worlds, lines
+        self.limits, self.options = setting.planned, setting.options
         self._clear_lines: set[tuple[object, ...]] = set()
-        self._straight: dict[tuple[TransitEdge, Moment], Blocked] = {}
-        self._ways: dict[tuple[TransitEdge, Moment], Array] = {}
-        self._polished: set[tuple[TransitEdge, Moment]] = set()
-        self._doubted: set[tuple[TransitEdge, Moment]] = set()  # their detours are certified
+        self._blocked: dict[tuple[Leg, Arrangement], Blocked] = {}
+        self._paths: dict[tuple[Leg, Arrangement], Array] = {}
+        self._polished: set[tuple[Leg, Arrangement]] = set()
+        self._doubted: set[tuple[Leg, Arrangement]] = set()  # their detours are certified
         self.margin = MARGIN
 
     def least_margin(self) -> None:
         """Search with the least margin from now on, and check blocked transits again."""
         self.margin = _LEAST_MARGIN
-        self._straight.clear()
+        self._blocked.clear()
 
-    def line(self, choice: GraspCandidate, station: CubePlacement, pick: int, now: Moment) -> Blocked | None:
+    def line(self, grasp: GraspCandidate, site: Site, pick: int, now: Arrangement) -> Blocked | None:
         """Return what blocks a line, with the cube of `pick` in the jaws or without it; None if it is clear.
 
         A line is checked at samples: it is short, its samples are dense, and what is sent is certified later.
 
         Args:
-            choice: the grasp with its line.
-            station: the cube at the line's end: at its source, or at its place after the release.
+            grasp: the grasp with its line.
+            site: where the line ends.
             pick: number of the transfer.
-            now: placements while the jaws are open, this cube included.
+            now: arrangement while the jaws are open, this cube included.
         """
-        blocked: Blocked | None = None
-        for moment in self._moments(now, frozenset()):
-            key = (station, choice.yaw, choice.branch, pick, moment)
-            if key in self._clear_lines:
-                return None
-            blocked = None
-            for world in self._line_worlds(station, pick, moment):
-                check = _blocking(world, choice.q_line, self.options.line_clearance)
-                if check is not None:
-                    blocked = Blocked(self._by(check, moment - {station}), check)
-                    break
+        for there in _widest_first(self.worlds.everywhere, now):
+            key = (site, grasp.yaw, grasp.branch, pick, there)
+            blocked = None if key in self._clear_lines else self._line_check(grasp, site, pick, there)
             if blocked is None:
                 self._clear_lines.add(key)
-                return None
-            if blocked.by is None:
-                return blocked
-        return blocked
-
-    def _line_worlds(self, station: CubePlacement, pick: int, moment: Moment) -> Iterator[World]:
-        stages = self.stages
-        touches = stages.places[station.number] if station.placed else stages.transfers[pick].pick
-        yield stages.empty(moment)
-        without = moment - {station, CubePlacement(False, pick)}
-        yield stages.holding(pick, without, touches.touches)
-
-    def _moments(self, now: Moment, absent: Moment) -> Iterator[Moment]:
-        """Yield all placements that could ever be, then the present ones."""
-        widest = self.everywhere - absent
-        yield widest
-        if widest != now:
-            yield now
-
-    def straight(self, leg: TransitEdge, crossing: TransitQuery, now: Moment) -> Array | Blocked:
-        """Return the straight motion (2, n), or what blocks it; a fixed body blocks it at every moment."""
-        blocked: Blocked | None = None
-        for moment in self._moments(now, self._absent(crossing)):
-            known = (leg, moment)
-            if known in self._ways:
-                return self._ways[known]
-            blocked = self._straight.get(known) or self._straight_check(crossing, moment)
-            if blocked is None:
-                self._ways[known] = frozen([crossing.q_from, crossing.q_to])
-                return self._ways[known]
-            self._straight[known] = blocked
-            if blocked.by is None:
+            if blocked is None or blocked.by is None:
                 break
-        if blocked is None:
-            why = "a transit was requested at no moment; this is a bug of the planner"
-            raise ImpossibleError(why, leg=str(leg))
         return blocked
 
-    def around(
-        self, leg: TransitEdge, crossing: TransitQuery, now: Moment, known: Sequence[Array], thorough: bool
-    ) -> Array | None:
+    def _line_check(self, grasp: GraspCandidate, site: Site, pick: int, there: Arrangement) -> Blocked | None:
+        for world in self._line_worlds(site, pick, there):
+            check = _blocking(world, grasp.q_line, self.options.line_clearance)
+            if check is not None:
+                return Blocked(self._by(check, there - {site}), check)
+        return None
+
+    def _line_worlds(self, site: Site, pick: int, there: Arrangement) -> Iterator[World]:
+        yield self.worlds.empty(there)
+        without = there - {site, Site(False, pick)}
+        yield self.worlds.holding(pick, without, self.worlds.station(site).touches)
+
+    def straight(self, leg: Leg, now: Arrangement) -> Array | Blocked:
+        """Return the straight motion (2, n), or what blocks it; a fixed body blocks it at every time."""
+        for there in self._arrangements(leg, now):
+            found = self._straight_motion(leg, there)
+            if not isinstance(found, Blocked) or found.by is None:
+                break
+        return found
+
+    def _straight_motion(self, leg: Leg, there: Arrangement) -> Array | Blocked:
+        key = leg, there
+        if key in self._paths:
+            return self._paths[key]
+        if key not in self._blocked:
+            blocked = self._straight_check(leg, there)
+            if blocked is None:
+                self._paths[key] = frozen(self._ends(leg))
+                return self._paths[key]
+            self._blocked[key] = blocked
+        return self._blocked[key]
+
+    def around(self, leg: Leg, now: Arrangement, known: Sequence[Array], thorough: bool) -> Array | None:
         """Return a detour (m, n), or None.
 
         Args:
-            leg, crossing, now: as in `straight`.
+            leg, now: as in `straight`.
             known: corners (c, n) of detours around the same body, the most promising last.
             thorough: whether to use the whole budget.
         """
-        for moment in self._moments(now, self._absent(crossing)):
-            asked = (leg, moment)
-            if asked in self._ways:
-                return self._ways[asked]
-            blocked = self._straight.get(asked)
+        budget = replace(self.options.transit, steps=min(self.options.transit.steps, _ROUGH))
+        if not thorough:
+            budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
+        for there in self._arrangements(leg, now):
+            key = leg, there
+            if key in self._paths:
+                return self._paths[key]
+            blocked = self._blocked.get(key)
             if blocked is None or blocked.end:
                 continue
-            budget = replace(self.options.transit, steps=min(self.options.transit.steps, _ROUGH))
-            if not thorough:
-                budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
-            detours = self._planner(crossing, moment, budget, list(known), asked in self._doubted)
-            way = detours.around(crossing.q_from, crossing.q_to, blocked.check.time)
-            if way is not None:
-                self._ways[asked] = frozen(way)
-                return self._ways[asked]
+            planner = self._planner(leg, there, budget, known)
+            path = planner.around(*self._ends(leg), blocked.check.time)
+            if path is not None:
+                self._paths[key] = frozen(path)
+                return self._paths[key]
         return None
 
-    def polish(
-        self, way: Array, crossing_of: Callable[[TransitEdge], TransitQuery]
-    ) -> tuple[TransitEdge, Array, float]:
-        """Optimise a detour with more effort; return its leg, the new path and the time saved, s.
+    def polish(self, leg: Leg, now: Arrangement, path: Array) -> tuple[Array, float]:
+        """Optimise a detour with more effort; return the new path and the time saved, s.
 
         Args:
-            way: a detour returned by `around`.
-            crossing_of: returns the query of a leg.
+            leg, now: as in `around`.
+            path: the detour that it returned.
         """
-        leg, moment = asked = self._asked(way)
-        if asked in self._polished:
-            return leg, way, 0.0
-        self._polished.add(asked)
-        planner = self._planner(crossing_of(leg), moment, self.options.transit, [], asked in self._doubted)
-        better = planner.optimiser.shorten(way, _POLISH)
-        saved = 0.0 if better is None else planner.time(way) - planner.time(better)
+        key = self._key(leg, now, path)
+        if key in self._polished:
+            return path, 0.0
+        self._polished.add(key)
+        planner = self._planner(*key, self.options.transit, ())
+        better = planner.optimiser.shorten(path, _POLISH)
+        saved = 0.0 if better is None else planner.time(path) - planner.time(better)
         if better is None or saved < _WORTH_S or (planner.prove and not planner.proved(better)):
-            return leg, way, 0.0
-        self._ways[asked] = frozen(better)
-        return leg, self._ways[asked], saved
+            return path, 0.0
+        self._paths[key] = frozen(better)
+        return self._paths[key], saved
 
-    def confirm(self, way: Array, crossing_of: Callable[[TransitEdge], TransitQuery]) -> bool:
+    def confirm(self, leg: Leg, now: Arrangement, path: Array) -> bool:
         """Certify a transit that was checked at samples; return whether it is certified.
 
         If not, it is forgotten: from now on a straight motion counts as blocked, and a detour is certified when it is
         planned again.
 
         Args:
-            way: (m, n) rad, returned by `straight`, `around` or `polish`.
-            crossing_of: returns the query of a leg.
+            leg, now: as in `straight`.
+            path: (m, n) rad, returned by `straight`, `around` or `polish`.
         """
-        leg, moment = asked = self._asked(way)
-        if asked in self._doubted:  # certified when it was planned
+        key = _, there = self._key(leg, now, path)
+        if key in self._doubted:  # certified when it was planned
             return True
-        crossing = crossing_of(leg)
-        check = certify_curve(self._world(crossing, moment), curve_of_waypoints(way), self.options.clearance)
+        check = certify_curve(self._world(leg, there), curve_of_waypoints(path), self.options.clearance)
         if check.proved:
             return True
-        del self._ways[asked]
-        if len(way) == 2:
-            self._straight[asked] = Blocked(self._by(check, moment - crossing.own), check)
-        self._doubted.add(asked)
+        del self._paths[key]
+        if len(path) == 2:
+            self._blocked[key] = Blocked(self._by(check, there - leg.own), check)
+        self._doubted.add(key)
         return False
 
-    def _asked(self, way: Array) -> tuple[TransitEdge, Moment]:
-        return next(asked for asked, known in self._ways.items() if known is way)
+    def _key(self, leg: Leg, now: Arrangement, path: Array) -> tuple[Leg, Arrangement]:
+        """Return the leg, and the arrangement in which this path of it was found."""
+        known = ((leg, there) for there in self._arrangements(leg, now))
+        return next(key for key in known if self._paths.get(key) is path)
 
-    def clearance(self, crossing: TransitQuery, world: World) -> float:
-        """Return the clearance of the search, m; see `plan.collision.search_margin.searched_clearance`."""
-        ends = (crossing.q_from, crossing.q_to)
-        return searched_clearance(world, ends, self.options.clearance, self.margin)
+    def _arrangements(self, leg: Leg, now: Arrangement) -> Iterator[Arrangement]:
+        """Yield the arrangement with a cube at every site where one may rest during a leg, then the present one."""
+        every = self.worlds.everywhere
+        return _widest_first(every - {leg.origin.site} if leg.carries else every, now)
 
-    def _absent(self, crossing: TransitQuery) -> Moment:
-        return frozenset() if crossing.pick is None else frozenset((CubePlacement(False, crossing.pick),))
+    def _ends(self, leg: Leg) -> tuple[Array, Array]:
+        """Return the configurations (n,) rad at the ends of a leg."""
+        q_from, q_to = (self.lines[stop.site].offset[stop.grasp] for stop in leg)
+        return q_from, q_to
 
-    def _world(self, crossing: TransitQuery, moment: Moment) -> World:
-        if crossing.pick is None:
-            return self.stages.empty(moment)
-        return self.stages.holding(crossing.pick, moment)
+    def _world(self, leg: Leg, there: Arrangement) -> World:
+        pick = leg.origin.site.number
+        return self.worlds.holding(pick, there) if leg.carries else self.worlds.empty(there)
 
-    def _straight_check(self, crossing: TransitQuery, moment: Moment) -> Blocked | None:
-        """Return what blocks the straight motion; None if it is clear at samples."""
-        world, asked = self._world(crossing, moment), self.options.clearance
-        line = check_straight(world, crossing.q_from, crossing.q_to, asked, self.margin)
+    def _straight_check(self, leg: Leg, there: Arrangement) -> Blocked | None:
+        world, (q_from, q_to) = self._world(leg, there), self._ends(leg)
+        line = check_straight(world, q_from, q_to, self.options.clearance, self.margin)
         if line.clear:
             return None
         check = line.seen(world)
-        by = self._by(check, moment - crossing.own)
+        by = self._by(check, there - leg.own)
         if line.end is not None:
             return Blocked(by, check, end=True)
-        passed = None if by is not None else self._passed(crossing, world, check)
+        passed = None if by is not None else self._passed(q_from, q_to, world, check)
         return Blocked(by, check) if passed is None else Blocked(None, passed, end=True)
 
     def _passed(
-        self, crossing: TransitQuery, world: World, check: ClearanceCertificate
+        self, q_from: Array, q_to: Array, world: World, check: ClearanceCertificate
     ) -> ClearanceCertificate | None:
         """Return where every path is blocked, because a body that only the first joint moves has to pass another one.
 
@@ -282,14 +246,14 @@ class EdgeChecks:
             return None
         names = [world.pair_names(i) for i in range(len(world.pairs))]
         pairs = np.flatnonzero([set(pair) == set(check.pair) for pair in names])
-        way = crossing.q_to - crossing.q_from
+        across = q_to - q_from
         worst, at = np.inf, 0.0
-        for u in np.linspace(0.0, 1.0, 2 + int(abs(way[0]) / _PASSING)):
-            distance = float(world.pair_distances(crossing.q_from + u * way, pairs).min())
+        for u in np.linspace(0.0, 1.0, 2 + int(abs(across[0]) / _PASSING)):
+            distance = float(world.pair_distances(q_from + u * across, pairs).min())
             if distance < worst:
                 worst, at = distance, float(u)
         if worst >= self.options.clearance or not self._whatever_the_others(
-            world, crossing.q_from + at * way, pairs, worst
+            world, q_from + at * across, pairs, worst
         ):
             return None
         return ClearanceCertificate(worst, worst, check.pair, at, False, 1)
@@ -304,27 +268,32 @@ class EdgeChecks:
         return True
 
     def _planner(
-        self, crossing: TransitQuery, moment: Moment, budget: TransitBudget, known: list[Array], prove: bool
+        self, leg: Leg, there: Arrangement, budget: TransitBudget, known: Sequence[Array]
     ) -> TransitPlanner:
-        world = self._world(crossing, moment)
-        clearance = self.clearance(crossing, world)
+        world, ends = self._world(leg, there), self._ends(leg)
+        clearance = searched_clearance(world, ends, self.options.clearance, self.margin)
+        enter, leave = (self.lines[stop.site].velocity[stop.grasp] for stop in leg)
         return TransitPlanner(
             world,
             self.limits,
             clearance,
             np.random.default_rng(self.options.seed),
             budget,
-            crossing.ends,
-            known,
+            Ends(enter, -leave),
+            list(known),
             slack=_SLACK * (clearance - self.options.clearance),
-            prove=prove,
+            prove=(leg, there) in self._doubted,
         )
 
-    def _by(self, check: ClearanceCertificate, others: Moment) -> CubePlacement | None:
-        for standing in sorted(others):
-            if self.stages.body(standing).name in check.pair:
-                return standing
-        return None
+    def _by(self, check: ClearanceCertificate, others: Arrangement) -> Site | None:
+        """Return the site of the cube of a pair that is too near; None if it is at none of these sites."""
+        return next((site for site in sorted(others) if self.worlds.body(site).name in check.pair), None)
+
+
+def _widest_first(widest: Arrangement, now: Arrangement) -> Iterator[Arrangement]:
+    yield widest
+    if widest != now:
+        yield now
 
 
 def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertificate | None:
@@ -334,32 +303,23 @@ def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertifi
     return min(found, key=lambda check: check.seen, default=None)
 
 
-def line_error(choice: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
+def line_error(grasp: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
     """Return the refusal of a line."""
     return ImpossibleError(
-        f"on the line at {choice.hole} (yaw {choice.yaw}, {choice.branch}) "
+        f"on the line at {grasp.hole} (yaw {grasp.yaw}, {grasp.branch}) "
         f"{nearness(check.pair, check.seen, clearance)}",
-        station=choice.hole,
-        yaw=choice.yaw,
-        branch=choice.branch,
+        station=grasp.hole,
+        yaw=grasp.yaw,
+        branch=grasp.branch,
         pair=list(check.pair),
         distance_m=check.seen,
     )
 
 
-def leg_error(leg: TransitEdge, blocked: Blocked, clearance: float, stages: TaskWorlds) -> ImpossibleError:
+def leg_error(leg: Leg, blocked: Blocked, clearance: float, worlds: TaskWorlds) -> ImpossibleError:
     """Return the refusal of a leg."""
     check = blocked.check
-    picks, places = [t.pick.name for t in stages.transfers], [p.name for p in stages.places]
-    match leg.kind:
-        case "begin":
-            origin, goal = "the start", picks[leg.numbers[0]]
-        case "carry":
-            origin, goal = picks[leg.numbers[0]], places[leg.numbers[1]]
-        case "go on":
-            origin, goal = places[leg.numbers[0]], picks[leg.numbers[1]]
-        case _:
-            origin, goal = places[leg.numbers[0]], "the start"
+    origin, goal = ("the start" if site == HOME else worlds.station(site).name for site in leg.sites)
     names, seen = check.pair, f"{short_of(check.seen, clearance)} mm"
     data: dict[str, object] = {"from": origin, "to": goal}
     if not blocked.end:
@@ -377,7 +337,7 @@ def leg_error(leg: TransitEdge, blocked: Blocked, clearance: float, stages: Task
     return ImpossibleError(
         f"{text} (required: {clearance * 1e3:g} mm)",
         **data,
-        ways=list(leg.ways),
+        ways=list(leg.grasps),
         pair=list(names),
         distance_m=check.seen,
     )

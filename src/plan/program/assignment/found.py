@@ -6,32 +6,26 @@ from dataclasses import dataclass, replace
 
 from arm.se3 import Array
 from plan.cartesian.reachability import GraspCandidate
-from plan.program.assignment.leg_costs import TransitCosts
-from plan.program.assignment.sequencing import Visit
-from plan.program.assignment.worlds import CubePlacement
-from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times
+from plan.program.assignment.leg_costs import LegCosts
+from plan.program.assignment.legs import Arrangement, Leg
+from plan.program.goals.leg_times import leg_bounds, leg_times
 
 
 @dataclass(frozen=True)
-class Stop:
-    """One cube of a sequence.
+class PlannedLeg:
+    """One leg of a sequence.
 
     Attributes:
-        visit: numbers of its pick, place and grasps.
-        pick, place: the grasps.
-        before: cubes at rest before the pick, itself included.
-        out: way-points (m, n) rad to the pick, from home or from the previous place.
-        across: way-points from the pick to the place.
-        home: way-points from the place to the start of the task; None if the arm goes on to the next pick.
+        leg: its ends.
+        grasp: the grasp at its goal; None at home.
+        there: the arrangement while it is used.
+        path: way-points (m, n) rad, clear at samples.
     """
 
-    visit: Visit
-    pick: GraspCandidate
-    place: GraspCandidate
-    before: frozenset[CubePlacement]
-    out: Array
-    across: Array
-    home: Array | None
+    leg: Leg
+    grasp: GraspCandidate | None
+    there: Arrangement
+    path: Array
 
 
 @dataclass(frozen=True)
@@ -53,23 +47,17 @@ class Gap:
 
 @dataclass(frozen=True)
 class Found:
-    """The best sequence: its stops, its estimated time, its lower bound, and the excess by cause, s."""
+    """The best sequence: its legs in order, its estimated time, its lower bound, and the excess by cause, s."""
 
-    stops: tuple[Stop, ...]
+    legs: tuple[PlannedLeg, ...]
     time: float
     bound: float
     gap: Gap = Gap()
 
 
-def explained(found: Found, costs: TransitCosts, unexplored: float) -> Found:
+def explained(found: Found, costs: LegCosts, unexplored: float) -> Found:
     """Return the sequence with the excess of its time by cause; `unexplored` as in `Gap`, s."""
-    legs = list[tuple[LineEnds, LineEnds]]()
-    came = costs.home  # or the previous place
-    for stop in found.stops:
-        pick = costs.picks[stop.visit.pick].row(stop.visit.pick_way)
-        place = costs.places[stop.visit.place].row(stop.visit.place_way)
-        legs += [(came, pick), (pick, place), *([] if stop.home is None else [(place, costs.home)])]
-        came = place if stop.home is None else costs.home
-    bounds, straight = (sum(f(*ends, costs.limits)[0, 0] for ends in legs) for f in (leg_bounds, leg_times))
+    ends = [costs.ends(planned.leg) for planned in found.legs]
+    bounds, straight = (sum(f(*pair, costs.limits)[0, 0] for pair in ends) for f in (leg_bounds, leg_times))
     parts = bounds - found.bound, straight - bounds, found.time - straight, max(unexplored, 0.0)
     return replace(found, gap=Gap(*map(float, parts)))

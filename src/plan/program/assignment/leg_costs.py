@@ -1,14 +1,13 @@
 """Costs of the legs of a task: time estimates, raised by what the search has learnt about obstacles.
 
-A leg joins two grasps: from the start to a pick, from a pick with the cube to a place, from a place to a pick, or from
-a place to the end. A leg whose straight joint motion is blocked costs as much as a detour. If a cube blocks it, this
-holds only while the cube is there.
+A leg whose straight joint motion is blocked costs as much as a detour. If a cube blocks it, this holds only while the
+cube is there.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +15,13 @@ import numpy as np
 from arm.controller.unit import Limits
 from arm.se3 import Array
 from plan.options import PlanOptions
-from plan.program.assignment.sequencing import Costs, Progress
-from plan.program.assignment.worlds import CubePlacement
+from plan.program.assignment.legs import HOME, Arrangement, Leg, Site, Stop
+from plan.program.assignment.sequencing import Costs
 from plan.program.goals.leg_times import LineEnds, leg_bounds, leg_times
 from plan.trajectory.time_estimates import path_time, path_times
 
-# Kinds of legs.
-BEGIN, CARRY, GO_ON, END = "begin", "carry", "go on", "end"
 # Time of a leg that is excluded because the number of detours is used up, s.
-NOT_NOW = 1e9
+POSTPONED = 1e9
 # Least assumed excess of a detour that was not planned yet: relative to the straight motion, and s.
 _OVERHEAD, _OVERHEAD_S = 0.02, 0.05
 # Largest relative excess of a detour over its assumed time with which the sequence is kept.
@@ -32,17 +29,8 @@ _NEAR = 0.03
 # A detour that saves more than this over known corners adds its corners to them, s.
 _NEWS_S = 0.1
 
-Moment = frozenset[CubePlacement]
-Table = dict[str, list[list[Array]]]
-
-
-@dataclass(frozen=True)
-class TransitEdge:
-    """A leg: its kind, the numbers of the pick and place that it joins, and the grasp at each end (or 0)."""
-
-    kind: str
-    numbers: tuple[int, ...]
-    ways: tuple[int, int]
+Sites = tuple[Site, Site]
+Table = dict[Sites, Array]
 
 
 class Detours:
@@ -59,7 +47,7 @@ class Detours:
         self._excess: dict[tuple[str, bool], list[float]] = {}
         self._median: dict[tuple[str, bool], float] = {}
 
-    def learn(self, body: str, carrying: bool, way: Array, excess: float, over: float) -> None:
+    def learn(self, body: str, carrying: bool, path: Array, excess: float, over: float) -> None:
         """Record a detour (m, n) rad around `body`.
 
         Args:
@@ -67,7 +55,7 @@ class Detours:
             over: its time less that over known corners, s.
         """
         if over < -_NEWS_S:
-            self._corners.setdefault(body, []).extend((way[1:-1], way[-2:0:-1]))
+            self._corners.setdefault(body, []).extend((path[1:-1], path[-2:0:-1]))
         self.made += 1
         made = self._excess.setdefault((body, carrying), [])
         made.append(excess)
@@ -118,251 +106,198 @@ class _Block:
 
 
 class _Group:
-    """What is known about all legs between the same two stations.
+    """What is known about all legs between the same two sites.
 
     Attributes:
         blocks: blocked legs, by the grasps at both ends and the blocking cube (None: a fixed body).
         forbidden: those of `blocks` that are excluded for good.
         made: least excess of a detour around a fixed body, s; inf if none was planned.
-        clear: whether a straight motion between the two stations was certified.
+        clear: whether a straight motion between the two sites was certified.
+        always: times with fixed bodies in the way, and the state of knowledge that they were computed for.
     """
 
     def __init__(self) -> None:
-        self.blocks: dict[tuple[int, int, CubePlacement | None], _Block] = {}
-        self.forbidden: set[tuple[int, int, CubePlacement | None]] = set()
+        self.blocks: dict[tuple[tuple[int, int], Site | None], _Block] = {}
+        self.forbidden: set[tuple[tuple[int, int], Site | None]] = set()
         self.made, self.clear = np.inf, False
-        self.always: tuple[object, Array] | None = (
-            None  # times with fixed bodies in the way, and the state that they were computed for
-        )
+        self.always: tuple[object, Array] | None = None
 
 
-class TransitCosts:
+class LegCosts:
     """Times of all legs of a task, with what is known to block them.
 
     Args:
-        picks, places: the lines of every grasp, for each pick and each place.
-        home: start and end of the task.
+        lines: the lines of every grasp, of each source and each place, and home.
         limits: limits for planning.
         options: after which cubes images are taken.
 
     Attributes:
-        free: obstacle-free estimates by kind and numbers, (ways, ways) s.
+        free: obstacle-free estimates by the sites at both ends, (grasps, grasps) s.
         detours: known detours.
-        presume: whether a leg that was not checked is assumed to be blocked if all checked ones between the same
-            stations are.
+        assume_alike: whether a leg that was not checked is assumed to be blocked if all checked ones between the same
+            sites are.
     """
 
-    def __init__(
-        self,
-        picks: Sequence[LineEnds],
-        places: Sequence[LineEnds],
-        home: LineEnds,
-        limits: Limits,
-        options: PlanOptions,
-    ) -> None:
-        self.picks, self.places, self.home = picks, places, home
-        self.limits, self.options = limits, options
+    def __init__(self, lines: Mapping[Site, LineEnds], limits: Limits, options: PlanOptions) -> None:
+        self.lines, self.limits, self.options = lines, limits, options
+        self.sources, places = (
+            [site for site in lines if site != HOME and site.placed is placed] for placed in (False, True)
+        )
+        self._sites: list[Sites] = [(HOME, source) for source in self.sources]
+        self._sites += [(source, place) for source in self.sources for place in places]
+        self._sites += [(place, source) for place in places for source in self.sources]
+        self._sites += [(place, HOME) for place in places]
         self.free = self._table(leg_times)
         self.detours = Detours(limits)
-        self.presume = True
-        self._groups: dict[tuple[str, tuple[int, ...]], _Group] = defaultdict(_Group)
-        self._lines: dict[CubePlacement, set[tuple[int, CubePlacement | None]]] = {}
+        self.assume_alike = True
+        self._groups: dict[Sites, _Group] = defaultdict(_Group)
+        self._lines: dict[Site, set[tuple[int, Site | None]]] = {}
 
     def now(self) -> Costs:
         """Return the estimates with all known obstacles."""
-        return self._costs(self.free, self._with_blocks)
+        return self._costs(self.free, self._with_obstacles)
 
     def bounds(self) -> Costs:
         """Return the lower bounds, without obstacles."""
-        return self._costs(self._table(leg_bounds), None)
+        return self._costs(self._table(leg_bounds), lambda sites, time, there: time)
 
-    def there(self, done: Progress) -> Moment:
-        """Return the placements of the cubes after some progress."""
-        left = (CubePlacement(False, i) for i in range(len(self.picks)) if i not in done.picks)
-        return frozenset(left) | frozenset(CubePlacement(True, j) for j in done.places)
-
-    def ends(self, leg: TransitEdge) -> tuple[LineEnds, LineEnds]:
+    def ends(self, leg: Leg) -> tuple[LineEnds, LineEnds]:
         """Return the two ends of a leg, one row each."""
-        a, b = leg.ways
-        match leg.kind:
-            case "begin":
-                return self.home, self.picks[leg.numbers[0]].row(b)
-            case "carry":
-                return self.picks[leg.numbers[0]].row(a), self.places[leg.numbers[1]].row(b)
-            case "go on":
-                return self.places[leg.numbers[0]].row(a), self.picks[leg.numbers[1]].row(b)
-        return self.places[leg.numbers[0]].row(a), self.home
+        out, into = (self.lines[stop.site].row(stop.grasp) for stop in leg)
+        return out, into
 
-    def close_line(self, station: CubePlacement, way: int, by: CubePlacement | None) -> None:
+    def close_line(self, stop: Stop, by: Site | None) -> None:
         """Record that the line of a grasp is blocked: always, or while the cube `by` is there."""
-        self._lines.setdefault(station, set()).add((way, by))
+        self._lines.setdefault(stop.site, set()).add((stop.grasp, by))
 
-    def block(self, leg: TransitEdge, by: CubePlacement | None, time: float | None, body: str = "") -> None:
+    def block(self, leg: Leg, by: Site | None, time: float | None, body: str = "") -> None:
         """Record that `body` blocks the straight motion of a leg, and that a detour takes `time` s.
 
         inf: no detour was found; None: none was planned yet.
         """
-        group = self._of(leg)
-        before = group.blocks.get((*leg.ways, by))
-        group.blocks[*leg.ways, by] = _Block(body or ("" if before is None else before.body), time)
+        group, key = self._groups[leg.sites], (leg.grasps, by)
+        before = group.blocks.get(key)
+        group.blocks[key] = _Block(body or ("" if before is None else before.body), time)
         group.always = None
 
-    def clear(self, leg: TransitEdge) -> None:
+    def clear(self, leg: Leg) -> None:
         """Record that the straight motion of a leg was certified."""
-        group = self._of(leg)
+        group = self._groups[leg.sites]
         group.clear, group.always = True, None
 
-    def forbid(self, leg: TransitEdge, by: CubePlacement | None) -> None:
+    def forbid(self, leg: Leg, by: Site | None) -> None:
         """Exclude a leg, or while the cube `by` is there: its path could not be certified as sent."""
         self.block(leg, by, np.inf)
-        self._of(leg).forbidden.add((*leg.ways, by))
+        self._groups[leg.sites].forbidden.add((leg.grasps, by))
 
-    def is_blocked(self, leg: TransitEdge, by: CubePlacement | None) -> bool:
+    def is_blocked(self, leg: Leg, by: Site | None) -> bool:
         """Return whether the leg is known to be blocked by that cube (None: a fixed body)."""
-        return (*leg.ways, by) in self._of(leg).blocks
+        return (leg.grasps, by) in self._groups[leg.sites].blocks
 
-    def is_known(self, leg: TransitEdge) -> bool:
-        """Return whether a leg between the same stations was checked."""
-        group = self._of(leg)
-        return group.clear or bool(group.blocks)
+    def fastest_unchecked(self) -> Iterator[Leg]:
+        """Yield the fastest leg between each two sites without a checked leg."""
+        for (origin, goal), times in self.free.items():
+            a, b = np.unravel_index(int(np.argmin(np.round(times, 9))), times.shape)
+            group = self._groups[origin, goal]
+            if not group.clear and not group.blocks:
+                yield Leg(Stop(origin, int(a)), Stop(goal, int(b)))
 
-    def fastest_unknown(self) -> Iterator[TransitEdge]:
-        """Yield the fastest leg between each two stations without a checked leg."""
-        for kind, rows in self.free.items():
-            for i, row in enumerate(rows):
-                for j, times in enumerate(row):
-                    a, b = np.unravel_index(int(np.argmin(np.round(times, 9))), times.shape)
-                    leg = TransitEdge(kind, (i, j) if kind in (CARRY, GO_ON) else (i,), (int(a), int(b)))
-                    if not self.is_known(leg):
-                        yield leg
-
-    def time(self, leg: TransitEdge, by: CubePlacement | None) -> float | None:
+    def time(self, leg: Leg, by: Site | None) -> float | None:
         """Return the time of the known detour, s; None if none was planned yet."""
-        return self._of(leg).blocks[*leg.ways, by].time
+        return self._groups[leg.sites].blocks[leg.grasps, by].time
 
-    def found(self, leg: TransitEdge, by: CubePlacement | None, way: Array) -> bool:
+    def found(self, leg: Leg, by: Site | None, path: Array) -> bool:
         """Record the time of a detour; return whether it is about the assumed time."""
         out, into = self.ends(leg)
-        group = self._of(leg)
-        block = group.blocks[*leg.ways, by]
-        around = path_time(way, self.limits, out.velocity[0], -into.velocity[0])
+        group = self._groups[leg.sites]
+        block = group.blocks[leg.grasps, by]
+        around = path_time(path, self.limits, out.velocity[0], -into.velocity[0])
         time = float(out.time[0] + out.start[0] + around + into.time[0] + into.start[0])
-        excess = max(time - float(self._straight(leg.kind, leg.numbers)[leg.ways]), 0.0)
-        assumed = block.time
+        assumed, excess = block.time, self._excess(leg, time)
         if assumed is None:
             assumed = self._assumed(leg, block)
-            self.detours.learn(block.body, leg.kind == CARRY, way, excess, time - block.over)
+            self.detours.learn(block.body, leg.carries, path, excess, time - block.over)
         block.time, group.always = time, None
         if by is None:
             group.made = min(group.made, excess)
         return time <= assumed * (1.0 + _NEAR)
 
-    def faster(self, leg: TransitEdge, way: Array, saved: float) -> None:
+    def faster(self, leg: Leg, path: Array, saved: float) -> None:
         """Record that a known detour was made faster by `saved` s."""
-        group = self._of(leg)
+        group = self._groups[leg.sites]
         group.always = None
-        for (a, b, by), block in group.blocks.items():
-            if (a, b) == leg.ways and block.time is not None and block.time < NOT_NOW:
+        for (grasps, by), block in group.blocks.items():
+            if grasps == leg.grasps and block.time is not None and block.time < POSTPONED:
                 block.time -= saved
-                excess = max(block.time - float(self._straight(leg.kind, leg.numbers)[leg.ways]), 0.0)
-                self.detours.learn(block.body, leg.kind == CARRY, way, excess, -saved)
+                excess = self._excess(leg, block.time)
+                self.detours.learn(block.body, leg.carries, path, excess, -saved)
                 if by is None:
                     group.made = min(group.made, excess)
 
-    def ask_again(self) -> None:
+    def retry(self) -> None:
         """Forget failed and postponed detours; excluded legs stay excluded."""
         for group in self._groups.values():
             group.always = None
             for key, block in group.blocks.items():
-                if block.time in (NOT_NOW, np.inf) and key not in group.forbidden:
+                if block.time in (POSTPONED, np.inf) and key not in group.forbidden:
                     block.time = None
 
-    def _of(self, leg: TransitEdge) -> _Group:
-        return self._groups[leg.kind, leg.numbers]
-
     def _table(self, times: Callable[[LineEnds, LineEnds, Limits], Array]) -> Table:
-        limits = self.limits
-        return {
-            BEGIN: [[times(self.home, pick, limits)] for pick in self.picks],
-            CARRY: [[times(pick, place, limits) for place in self.places] for pick in self.picks],
-            GO_ON: [[times(place, pick, limits) for pick in self.picks] for place in self.places],
-            END: [[times(place, self.home, limits)] for place in self.places],
-        }
+        return {(a, b): times(self.lines[a], self.lines[b], self.limits) for a, b in self._sites}
 
-    def _costs(
-        self, table: Table, changed: Callable[[str, tuple[int, ...], Array, Moment], Array] | None
-    ) -> Costs:
-        """Return the times of a table for `plan.program.assignment.sequencing`, changed by the cubes' placements."""
+    def _costs(self, table: Table, blocked: Callable[[Sites, Array, Arrangement], Array]) -> Costs:
+        """Return the times of a table, as `blocked` changes them in an arrangement."""
 
-        def begin(pick: int, done: Progress) -> Array:
-            time = table[BEGIN][pick][0]
-            return np.asarray(
-                (time if changed is None else changed(BEGIN, (pick,), time, self.there(done)))[0]
-            )
+        def times(origin: Site, goal: Site, there: Arrangement) -> Array:
+            if origin.placed and goal != HOME:
+                done = len(self.sources) - sum(not site.placed for site in there)
+                if self.options.looks_after(done):
+                    return times(origin, HOME, there) + times(HOME, goal, there)
+            return blocked((origin, goal), table[origin, goal], there)
 
-        def carry(pick: int, place: int, done: Progress) -> Array:
-            time = table[CARRY][pick][place]
-            if changed is None:
-                return time
-            there = self.there(done)
-            time = changed(CARRY, (pick, place), time, there - {CubePlacement(False, pick)})
-            after = (there - {CubePlacement(False, pick)}) | {CubePlacement(True, place)}
-            closed = (
-                self._closed(CubePlacement(False, pick), there),
-                self._closed(CubePlacement(True, place), after),
-            )
-            if not any(closed):
-                return time
+        return times
+
+    def _with_obstacles(self, sites: Sites, time: Array, there: Arrangement) -> Array:
+        """Return the times between two sites with all obstacles that are known in an arrangement."""
+        group = self._groups.get(sites)
+        if group is not None and group.blocks:
+            time = self._with_blocks(group, sites, time, there)
+        closed = [self._closed(site, there) for site in sites] if sites[1].placed else []
+        if any(closed):
             time = np.array(time)
             time[closed[0], :], time[:, closed[1]] = np.inf, np.inf
-            return time
+        return time
 
-        def go_on(place: int, pick: int, done: Progress) -> Array:
-            if self.options.looks_after(len(done.picks)):
-                return np.asarray(end(place, done)[:, None] + begin(pick, done)[None])
-            time = table[GO_ON][place][pick]
-            return time if changed is None else changed(GO_ON, (place, pick), time, self.there(done))
-
-        def end(place: int, done: Progress) -> Array:
-            time = table[END][place][0]
-            return np.asarray(
-                (time if changed is None else changed(END, (place,), time, self.there(done)))[:, 0]
-            )
-
-        return Costs(begin, carry, go_on, end)
-
-    def _with_blocks(self, kind: str, numbers: tuple[int, ...], time: Array, there: Moment) -> Array:
-        group = self._groups.get((kind, numbers))
-        if group is None or not group.blocks:
-            return time
-        now = self._always(group, kind, numbers, time)
-        changed = False
-        for (a, b, by), block in group.blocks.items():
+    def _with_blocks(self, group: _Group, sites: Sites, time: Array, there: Arrangement) -> Array:
+        now, changed = self._always(group, sites, time), False
+        for (grasps, by), block in group.blocks.items():
             if by is not None and by in there:
                 now, changed = now if changed else np.array(now), True
-                now[a, b] = max(now[a, b], self._time(TransitEdge(kind, numbers, (a, b)), block))
+                now[grasps] = max(now[grasps], self._time(sites, grasps, block))
         return now
 
-    def _always(self, group: _Group, kind: str, numbers: tuple[int, ...], time: Array) -> Array:
+    def _always(self, group: _Group, sites: Sites, time: Array) -> Array:
         """Return the times with fixed obstacles; they are computed again after something was learnt."""
-        state = self.detours.made, self.presume
+        state = self.detours.made, self.assume_alike
         if group.always is None or group.always[0] != state:
             now, least = np.array(time), np.inf
-            for (a, b, by), block in group.blocks.items():
+            for (grasps, by), block in group.blocks.items():
                 if by is None:
-                    now[a, b] = max(time[a, b], self._time(TransitEdge(kind, numbers, (a, b)), block))
-                    least = min(least, now[a, b] - time[a, b])
-            if self.presume and not group.clear and least < np.inf:
+                    now[grasps] = max(time[grasps], self._time(sites, grasps, block))
+                    least = min(least, now[grasps] - time[grasps])
+            if self.assume_alike and not group.clear and least < np.inf:
                 now = np.maximum(now, time + least)
             group.always = state, now
         return group.always[1]
 
-    def _time(self, leg: TransitEdge, block: _Block) -> float:
-        return self._assumed(leg, block) if block.time is None else block.time
+    def _time(self, sites: Sites, grasps: tuple[int, int], block: _Block) -> float:
+        if block.time is not None:
+            return block.time
+        return self._assumed(Leg(Stop(sites[0], grasps[0]), Stop(sites[1], grasps[1])), block)
 
-    def _assumed(self, leg: TransitEdge, block: _Block) -> float:
+    def _assumed(self, leg: Leg, block: _Block) -> float:
         """Return the assumed time of a leg whose detour was not planned yet, s."""
-        straight = float(self._straight(leg.kind, leg.numbers)[leg.ways])
+        straight = self._straight(leg)
         least = straight + _OVERHEAD * straight + _OVERHEAD_S
         known = self.detours.known(block.body)
         if not known:
@@ -371,16 +306,19 @@ class TransitCosts:
             ends = self.ends(leg)
             block.over = min(block.over, float(self.detours.over(known[block.seen :], ends).min()))
             block.seen = len(known)
-        alike = self._of(leg).made
-        if alike < np.inf:
-            return max(least, min(block.over, straight + alike))
-        return max(least, min(block.over, straight + self.detours.median(block.body, leg.kind == CARRY)))
+        alike = self._groups[leg.sites].made
+        if alike == np.inf:
+            alike = self.detours.median(block.body, leg.carries)
+        return max(least, min(block.over, straight + alike))
 
-    def _straight(self, kind: str, numbers: tuple[int, ...]) -> Array:
-        rows = self.free[kind]
-        return rows[numbers[0]][numbers[1] if len(numbers) > 1 else 0]
+    def _straight(self, leg: Leg) -> float:
+        """Return the estimated time of the straight motion of a leg, s."""
+        return float(self.free[leg.sites][leg.grasps])
 
-    def _closed(self, station: CubePlacement, there: Moment) -> list[int]:
-        """Return the grasps of a station whose line is blocked."""
-        known = self._lines.get(station, set())
-        return sorted({way for way, by in known if by is None or by in there})
+    def _excess(self, leg: Leg, time: float) -> float:
+        """Return by how much a detour of `time` s takes longer than the straight motion, s."""
+        return max(time - self._straight(leg), 0.0)
+
+    def _closed(self, site: Site, there: Arrangement) -> list[int]:
+        """Return the grasps of a site whose line is blocked in an arrangement."""
+        return sorted({grasp for grasp, by in self._lines.get(site, ()) if by is None or by in there})

@@ -12,18 +12,19 @@ from arm.arguments import shown
 from arm.errors import ImpossibleError, InputError
 from arm.plan_file import GripperStep, Move, Step
 from arm.se3 import Array
-from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
+from plan.budget import BudgetSpent, Meter, budget_words
 from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.failure import failure_in
 from plan.program.assignment.cause import find_cause
 from plan.program.assignment.found import Found
+from plan.program.assignment.legs import Site
 from plan.program.assignment.search import TaskSearch
-from plan.program.assignment.sequence import sequence_steps, task_sequence
+from plan.program.assignment.sequence import sequence_steps, task_targets
 from plan.program.assignment.sequencing import best_order
 from plan.program.assignment.worlds import TaskWorlds
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.line_chains import LineChains
-from plan.program.planned import Planned
+from plan.program.planned import Planned, unfinished
 from plan.program.setting import Setting
 from plan.program.writer import ClearanceLost, MotionWriter
 from plan.scene import Station, Transfer
@@ -73,7 +74,8 @@ class AssignmentPlanner:
         first_cube: int = 0,
     ) -> None:
         self.setting, self.options, self.first_cube = setting, setting.options, first_cube
-        self.state = state or AttachmentState(None, None, ())
+        # the first step opens the jaws
+        self.state = AttachmentState(None, None, () if state is None else state.moved)
         self.scene = setting.scene.with_moved(dict(self.state.moved))
         self.transfers, self.q_start = goals.transfers, q_start
         if not self.transfers:
@@ -82,8 +84,7 @@ class AssignmentPlanner:
             if not isinstance(transfer, Transfer):
                 raise InputError(f"transfers: {shown(transfer)}: must be a Transfer", value=shown(transfer))
             self.scene.cube(transfer.cube)
-        self.moved, self.skip = dict(self.state.moved), goals.skip
-        self.goals, self.skipped = goals, list[dict[str, str]]()
+        self.goals, self.skip, self.skipped = goals, goals.skip, list[dict[str, str]]()
         self.without_place: tuple[Transfer, ...] = ()
         self.stations = list({t.place.name: t.place for t in self.transfers}.values())
         if len(self.stations) < len(self.transfers) and not (self.skip and self.options.assignment == "free"):
@@ -142,7 +143,9 @@ class AssignmentPlanner:
                     error, self.scene, self.transfers, self.q_start, self.options, table
                 ) from error
         except (BudgetSpent, KeyboardInterrupt) as stop:
-            raise _ended(stop, search) from stop
+            rejected = [] if search is None else list(search.rejected)
+            seen = f"; so far: {'; '.join(rejected[:2])}" if rejected else ""
+            raise unfinished(stop, f"sequence was found{seen}", rejected=rejected) from stop
         return self._result(search, found, steps)
 
     def search(self) -> TaskSearch:
@@ -160,21 +163,18 @@ class AssignmentPlanner:
             ReachTable((*picks.holes, *places.holes)).require()
 
         def search(transfers: tuple[Transfer, ...]) -> TaskSearch:
-            return TaskSearch(
-                TaskWorlds(self.scene, transfers, served),
-                [picks[t.pick.name].feasible() for t in transfers],
-                [places[station.name].feasible() for station in served],
-                self.q_start,
-                self.setting.planned,
-                self.options,
-            )
+            grasps = {Site(False, i): picks[t.pick.name].feasible() for i, t in enumerate(transfers)}
+            grasps |= {Site(True, j): places[station.name].feasible() for j, station in enumerate(served)}
+            worlds = TaskWorlds(self.scene, transfers, served)
+            return TaskSearch(self.setting, worlds, grasps, self.q_start)
 
         if not too_few:
             return search(self.transfers)
         searches = [search(some) for some in islice(combinations(self.transfers, len(served)), _MOST_SUBSETS)]
-        best = min(searches, key=_estimated_time)
-        self.without_place = tuple(t for t in self.transfers if t not in best.stages.transfers)
-        self.transfers = best.stages.transfers
+        # the fastest by the estimates without obstacles
+        best = min(searches, key=lambda some: round(best_order(some.choices, some.costs.now()).time, 6))
+        self.without_place = tuple(t for t in self.transfers if t not in best.worlds.transfers)
+        self.transfers = best.worlds.transfers
         return best
 
     def reach(self, stations: Sequence[Station]) -> ReachTable:
@@ -183,8 +183,7 @@ class AssignmentPlanner:
 
     def steps(self, search: TaskSearch, meter: Meter) -> tuple[list[Step], Found]:
         """Return the steps, timed and certified, and the assignment that they implement."""
-        ways = sum(map(len, (*search.picks, *search.places)))
-        left = min(ways, _ATTEMPTS)
+        left = min(sum(map(len, search.grasps.values())), _ATTEMPTS)
         while True:
             found = search.best()
             try:
@@ -198,9 +197,9 @@ class AssignmentPlanner:
                 left -= 1
                 if left <= 0 or search.stopped is not None:
                     raise error.why from error
-                sequence = task_sequence(found, search.stages, self.q_start, self.options, self.first_cube)
-                leg = sequence.leg(error.step, error.data.get("role"))
-                search.forbid(found.stops, leg.stop, leg.which, error.why)
+                # the lines of a goal end the leg to it and begin the next one
+                leg = error.step + (error.data.get("role") == "retract")
+                search.forbid(found.legs, min(leg, len(found.legs) - 1), error.why)
 
     def written(self, search: TaskSearch, found: Found) -> list[Step]:
         """Return the steps of an assignment.
@@ -208,32 +207,23 @@ class AssignmentPlanner:
         Raises:
             ClearanceLost: a motion does not keep its clearance after timing.
         """
-        setting, scene, options = self.setting, self.scene, self.options
-        sequence = task_sequence(found, search.stages, self.q_start, options, self.first_cube)
-        chains = LineChains(
-            setting.robot,
-            setting.unit,
-            sequence.targets,
-            setting.planned,
-            setting.tool_speed,
-            options,
-        )
-        bodies = (*scene.bodies, *scene.cubes)
-        worlds = AttachmentWorlds(setting.robot, bodies, sequence.targets, 0.0, scene.robot_holding)
-        writer = MotionWriter(worlds, sequence.targets, options, setting.builder)
+        setting, options = self.setting, self.options
+        targets = task_targets(found, search.worlds, self.q_start, options, self.first_cube)
+        worlds = AttachmentWorlds(setting.scene, targets, self.state)
+        chains, writer = LineChains(setting, worlds), MotionWriter(setting, worlds)
         first = GripperStep("open the gripper", "open", None, 0.0, options.settle_s)
-        steps = [first, *writer.steps(sequence_steps(found, sequence, chains))]
-        self.moved = {**dict(self.state.moved), **dict(writer.state.moved)}
+        steps = [first, *writer.steps(sequence_steps(found, chains))]
+        self.state = writer.state
         return steps
 
     def _result(self, search: TaskSearch, found: Found, steps: Sequence[Step]) -> Planned:
-        stages, bound_s = search.stages, float(np.floor(found.bound * 1e3)) / 1e3
+        worlds, bound_s = search.worlds, float(np.floor(found.bound * 1e3)) / 1e3
         cubes, touching = [], set()
-        for stop in found.stops:
-            transfer, place = stages.transfers[stop.visit.pick], stages.places[stop.visit.place]
+        for source, place_site in (planned.leg.sites for planned in found.legs if planned.leg.carries):
+            transfer, place = worlds.transfers[source.number], worlds.places[place_site.number]
             cubes.append({"cube": transfer.cube, "from": transfer.pick.name, "to": place.name})
             touching |= {frozenset((transfer.cube, name)) for name in transfer.pick.touches | place.touches}
-        reason = f"only {len(stages.places)} places are free and in reach"
+        reason = f"only {len(worlds.places)} places are free and in reach"
         no_place = [{"cube": t.cube, "from": t.pick.name, "reason": reason} for t in self.without_place]
         stopped = ""
         if search.stopped is not None:
@@ -248,7 +238,7 @@ class AssignmentPlanner:
             steps=tuple(steps),
             reached=(),
             lower_bound_s=bound_s,
-            state=AttachmentState(None, None, tuple(sorted(self.moved.items(), key=lambda item: item[0]))),
+            state=self.state,
             cubes=tuple(cubes),
             touching=frozenset(touching),
             stopped=stopped,
@@ -263,21 +253,3 @@ def _above(found: Found, steps: Sequence[Step]) -> dict[str, float]:
     gap = asdict(found.gap)
     gap["sent"] = sum(step.path.duration_s for step in steps if isinstance(step, Move)) - found.time
     return {name: round(seconds, 3) + 0.0 for name, seconds in gap.items()}
-
-
-def _estimated_time(search: TaskSearch) -> float:
-    """Return the estimated time of the best sequence without obstacles, s; inf if there is none."""
-    ordered = best_order(search.freedom, search.costs.now())
-    return np.inf if ordered is None else round(ordered.time, 6)
-
-
-def _ended(stop: BudgetSpent | KeyboardInterrupt, search: TaskSearch | None) -> BaseException:
-    """Return the error of a search that ended before a sequence was complete."""
-    rejected = [] if search is None else list(search.rejected)
-    seen = f"; so far: {'; '.join(rejected[:2])}" if rejected else ""
-    text = f"{budget_words(stop)}: no complete sequence was found{seen}"
-    if isinstance(stop, KeyboardInterrupt):
-        return PlanningInterrupted(text)
-    return ImpossibleError(
-        text, budget=stop.by, budget_s=stop.allowed_s, effort_s=stop.effort_s, rejected=rejected
-    )

@@ -7,7 +7,7 @@ computed again. If a blocked leg is still part of the best sequence, a detour is
 
 A wall blocks many legs in the same way. So the assumed time of a detour follows from the corners of known detours
 around the same body. If there are too many cubes for exact ordering, a leg that was not checked is assumed to be
-blocked if the checked legs between the same two stations are (`leg_costs`). The search ends when no sequence promises
+blocked if the checked legs between the same two sites are (`leg_costs`). The search ends when no sequence promises
 to save more than a small fraction of the time (`_GOOD_ENOUGH`, `_ALLOWED`).
 
 The same search over orders, with the obstacle-free bounds of the legs, gives a lower bound on the time of any plan.
@@ -15,33 +15,23 @@ The same search over orders, with the obstacle-free bounds of the legs, gives a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from plan.budget import BudgetSpent
 from plan.cartesian.reachability import GraspCandidate
-from plan.options import PlanOptions
-from plan.program.assignment.edge_checks import Blocked, EdgeChecks, TransitQuery, leg_error, line_error
-from plan.program.assignment.found import Found, Stop, explained
-from plan.program.assignment.leg_costs import BEGIN, CARRY, END, GO_ON, NOT_NOW, TransitCosts, TransitEdge
-from plan.program.assignment.sequencing import (
-    Choices,
-    Costs,
-    Ordered,
-    Progress,
-    Visit,
-    best_grasps,
-    best_order,
-    lower_bound,
-)
-from plan.program.assignment.worlds import CubePlacement, TaskWorlds
-from plan.program.goals.leg_times import line_ends, standing
-from plan.transit.optimise import Ends
+from plan.program.assignment.edge_checks import Blocked, EdgeChecks, leg_error, line_error
+from plan.program.assignment.found import Found, PlannedLeg, explained
+from plan.program.assignment.leg_costs import POSTPONED, LegCosts
+from plan.program.assignment.legs import AT_HOME, HOME, Arrangement, Leg, Site, Stop
+from plan.program.assignment.sequencing import Choices, Costs, Ordered, best_grasps, best_order, lower_bound
+from plan.program.assignment.worlds import TaskWorlds
+from plan.program.goals.leg_times import LineEnds, line_ends, standing
+from plan.program.setting import Setting
 
 # Largest number of detours between one pick and one place, at first and if no sequence was found.
 _DETOURS, _DETOURS_AT_MOST = 3, 12
@@ -54,43 +44,41 @@ class TaskSearch:
     """The search for one task.
 
     Args:
-        stages: its collision worlds.
-        picks, places: grasps in reach of each transfer and each place, from `plan.cartesian.reachability`.
+        setting: limits, clearances, lengths, seed, and which choices are free.
+        worlds: its collision worlds.
+        grasps: grasps in reach at each site, from `plan.cartesian.reachability`.
         q_home: configuration at the start and end, (n,) rad.
-        limits: limits for planning.
-        options: clearances, lengths, seed, and which choices are free.
+
+    Attributes:
+        stopped: why the search ended before the fastest sequence was known, or None.
     """
 
     def __init__(
         self,
-        stages: TaskWorlds,
-        picks: Sequence[Sequence[GraspCandidate]],
-        places: Sequence[Sequence[GraspCandidate]],
+        setting: Setting,
+        worlds: TaskWorlds,
+        grasps: Mapping[Site, Sequence[GraspCandidate]],
         q_home: Array,
-        limits: Limits,
-        options: PlanOptions,
     ) -> None:
-        self.stages, self.limits, self.options = stages, limits, options
+        self.worlds, self.options = worlds, setting.options
+        limits, options = setting.planned, setting.options
         # sorted by discrete keys, so that rounding cannot change the order
-        self.picks, self.places = (
-            [sorted(choices, key=lambda c: (c.yaw, c.branch)) for choices in side] for side in (picks, places)
-        )
-        self.freedom = Choices(
-            len(self.picks),
-            len(self.places),
+        self.grasps = {site: sorted(some, key=lambda c: (c.yaw, c.branch)) for site, some in grasps.items()}
+        self.choices = Choices(
+            len(worlds.cubes),
+            len(worlds.places),
             order=options.order == "free",
-            assignment=options.assignment == "free" and stages.alike,
+            assignment=options.assignment == "free" and worlds.alike,
         )
-        tool_speed = options.approach_speed * options.speed
-        ends = [
-            [line_ends([c.q_line for c in choices], options.offset, limits, tool_speed) for choices in side]
-            for side in (self.picks, self.places)
-        ]
-        self.costs = TransitCosts(ends[0], ends[1], standing(q_home), limits, options)
-        self.costs.presume = not self.freedom.exact
-        self.detours: dict[tuple[str, tuple[int, ...], CubePlacement | None], int] = {}
+        lines: dict[Site, LineEnds] = {HOME: standing(q_home)}
+        for site, some in self.grasps.items():
+            q_lines = [grasp.q_line for grasp in some]
+            lines[site] = line_ends(q_lines, options.offset, limits, setting.tool_speed)
+        self.costs = LegCosts(lines, limits, options)
+        self.costs.assume_alike = not self.choices.exact
+        self.detours: dict[tuple[object, ...], int] = {}
         self.most_detours = _DETOURS
-        self.proofs = EdgeChecks(stages, limits, options)
+        self.edges = EdgeChecks(setting, worlds, lines)
         self.rejected: dict[str, ImpossibleError] = {}
         self.stopped: BudgetSpent | KeyboardInterrupt | None = None
         self.complete: Found | None = None
@@ -114,30 +102,30 @@ class TaskSearch:
 
     def _best(self) -> Found:
         costs, bounds, promised = self.costs.now(), self.costs.bounds(), np.inf
-        bound = lower_bound(self.freedom, bounds, best_order(self.freedom, bounds))
-        gain = _ALLOWED if self.costs.presume else _GOOD_ENOUGH
+        bound = lower_bound(self.choices, bounds, best_order(self.choices, bounds))
+        gain = _ALLOWED if self.costs.assume_alike else _GOOD_ENOUGH
         best: Found | None = None
         for _ in range(_ROUNDS):
-            ordered = best_order(self.freedom, costs)
+            ordered = best_order(self.choices, costs)
             enough = np.inf if best is None else best.time * (1.0 - gain)
-            if ordered is None or ordered.time >= min(enough, NOT_NOW):
+            if ordered.time >= min(enough, POSTPONED):
                 if best is not None:
                     faster = self._polished(best)
-                    if faster.time < best.time and self.costs.presume:
+                    if faster.time < best.time and self.costs.assume_alike:
                         # similar detours are then assumed to be faster too
                         best = self.complete = faster
                         continue
-                    promised = min(lower_bound(self.freedom, costs, ordered), best.time)
+                    promised = min(lower_bound(self.choices, costs, ordered), best.time)
                     best = faster
                     break
                 if self.most_detours >= _DETOURS_AT_MOST:
                     break
                 self.most_detours = _DETOURS_AT_MOST
-                self.proofs.least_margin()
-                self.costs.ask_again()
+                self.edges.least_margin()
+                self.costs.retry()
                 continue
             best = self.complete = self._checked(ordered, costs, best, bound)
-            if self.costs.presume and self.costs.detours.made:
+            if self.costs.assume_alike and self.costs.detours.made:
                 self._probe()
         if best is None:
             raise self._impossible()
@@ -145,33 +133,25 @@ class TaskSearch:
 
     def _polished(self, found: Found) -> Found:
         """Return the same sequence with optimised detours."""
-        saved, stops = 0.0, list[Stop]()
-
-        def polished(way: Array) -> Array:
-            nonlocal saved
-            if len(way) == 2:
-                return way
-            leg, way, seconds = self.proofs.polish(way, self._query)
+        saved, legs = 0.0, list[PlannedLeg]()
+        for planned in found.legs:
+            path, seconds = planned.path, 0.0
+            if len(path) > 2:
+                path, seconds = self.edges.polish(planned.leg, planned.there, path)
             if seconds > 0.0:
-                self.costs.faster(leg, way, seconds)
+                self.costs.faster(planned.leg, path, seconds)
                 saved += seconds
-            return way
-
-        for stop in found.stops:
-            home = None if stop.home is None else polished(stop.home)
-            stops.append(replace(stop, out=polished(stop.out), across=polished(stop.across), home=home))
-        return replace(found, stops=tuple(stops), time=found.time - saved)
+            legs.append(replace(planned, path=path))
+        return replace(found, legs=tuple(legs), time=found.time - saved)
 
     def confirm(self, found: Found) -> bool:
         """Certify the transits of a sequence that was found; return whether all are (`EdgeChecks.confirm`)."""
-        ways = [way for stop in found.stops for way in (stop.out, stop.across, stop.home) if way is not None]
-        return all(self.proofs.confirm(way, self._query) for way in ways)
+        return all(self.edges.confirm(planned.leg, planned.there, planned.path) for planned in found.legs)
 
     def _probe(self) -> None:
-        """Check the fastest leg between any two stations without a checked leg, as a sample of the others."""
-        there = self.costs.there(Progress(frozenset(), frozenset()))
-        for leg in self.costs.fastest_unknown():
-            found = self.proofs.straight(leg, self._query(leg), there)
+        """Check the fastest leg between any two sites without a checked leg, as a sample of the others."""
+        for leg in self.costs.fastest_unchecked():
+            found = self.edges.straight(leg, self.worlds.start)
             if not isinstance(found, Blocked):
                 self.costs.clear(leg)
             elif found.by is None and not found.end:
@@ -179,164 +159,105 @@ class TaskSearch:
 
     def _checked(self, ordered: Ordered, costs: Costs, best: Found | None, bound: float) -> Found | None:
         """Return the best clear sequence with the order and places of `ordered`; `best` if that is faster."""
-        pairs = [(visit.pick, visit.place) for visit in ordered.visits]
-        current: Ordered | None = ordered
-        while current is not None and current.time < NOT_NOW and (best is None or current.time < best.time):
-            stops = self._stops(current)
-            if stops is not None:
-                return Found(stops, current.time, bound)
-            current = best_grasps(pairs, costs)
+        while ordered.time < (POSTPONED if best is None else min(best.time, POSTPONED)):
+            legs = self._legs(ordered)
+            if legs is not None:
+                return Found(legs, ordered.time, bound)
+            ordered = best_grasps(ordered.pairs, costs)
         return best
 
-    def forbid(self, stops: Sequence[Stop], index: int, which: str, error: ImpossibleError) -> None:
-        """Exclude a leg of a stop (``out``, ``across`` or ``home``) that could not be certified after timing.
+    def forbid(self, legs: Sequence[PlannedLeg], index: int, error: ImpossibleError) -> None:
+        """Exclude a leg that could not be certified after timing.
 
         If the error is about one of its lines (data: role), the line is excluded from all legs. If a cube that may be
         elsewhere at another time blocks it (data: pair), it is excluded only while a cube is there.
         """
-        stop, before = stops[index], stops[index - 1] if index else None
-        visit, role = stop.visit, error.data.get("role")
-        by = self._in_the_way(stops, index, which, error.data.get("pair", ()))
-        pick = CubePlacement(False, visit.pick), visit.pick_way
-        place = CubePlacement(True, visit.place), visit.place_way
-        went_on = before is not None and before.home is None
-        came = (
-            (CubePlacement(True, before.visit.place), before.visit.place_way) if before and went_on else place
-        )
-        lines = {"out": (came, pick), "across": (pick, place), "home": (place, place)}
-        legs = {
-            "across": TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)),
-            "home": TransitEdge(END, (visit.place,), (visit.place_way, 0)),
-            "out": TransitEdge(GO_ON, (came[0].number, visit.pick), (came[1], visit.pick_way))
-            if went_on
-            else TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)),
-        }
+        leg, role = legs[index].leg, error.data.get("role")
+        by = self._in_the_way(legs, index, error.data.get("pair", ()))
         if role in ("retract", "approach"):
-            station, way = lines[which][role == "approach"]
-            self.costs.close_line(station, way, by)
+            self.costs.close_line(leg.goal if role == "approach" else leg.origin, by)
         else:
-            self.costs.forbid(legs[which], by)
+            self.costs.forbid(leg, by)
         self._reject(error)
 
-    def _in_the_way(
-        self, stops: Sequence[Stop], index: int, which: str, pair: Sequence[str]
-    ) -> CubePlacement | None:
-        """Return the cube of a pair that may be elsewhere at another time; None if there is none.
+    def _in_the_way(self, legs: Sequence[PlannedLeg], index: int, pair: Sequence[str]) -> Site | None:
+        """Return the site of a cube of a pair that may be elsewhere at another time; None if there is none.
 
-        Cubes at the leg's own stations do not count: they are there whenever the leg is used.
+        Cubes at the leg's own sites do not count: they are there whenever the leg is used.
         """
-        stop, cubes = stops[index], self.stages.cubes
-        at = {cubes[s.number].name: s for s in stop.before if not s.placed}
-        at |= {cubes[s.visit.pick].name: CubePlacement(True, s.visit.place) for s in stops[:index]}
-        own = {cubes[stop.visit.pick].name}
-        if which == "out" and index and stops[index - 1].home is None:
-            own.add(cubes[stops[index - 1].visit.pick].name)
-        return next((at[name] for name in pair if name in at and name not in own), None)
+        sources = {planned.leg.goal.site: planned.leg.origin.site for planned in legs[:index]}
+        at = {}
+        for site in legs[index].there - set(legs[index].leg.sites):
+            source = sources[site] if site.placed else site
+            at[self.worlds.cubes[source.number].name] = site
+        return next((at[name] for name in pair if name in at), None)
 
-    def _stops(self, ordered: Ordered) -> tuple[Stop, ...] | None:
-        """Return the stops of a sequence if all its lines and legs are clear; otherwise record the blocked ones."""
-        stops: list[Stop] = []
-        done, last, whole = Progress(frozenset(), frozenset()), None, True
-        for count, visit in enumerate(ordered.visits, start=1):
-            there = self.costs.there(done)
-            carrying = there - {CubePlacement(False, visit.pick)}
-            done = Progress(done.picks | {visit.pick}, done.places | {visit.place})
-            after = self.costs.there(done)
-            if not self._lines_clear(visit, there, after):
-                whole, last = False, None
-                continue
-            out = None
-            if count == 1 or self.options.looks_after(count - 1):
-                out = self._across(TransitEdge(BEGIN, (visit.pick,), (0, visit.pick_way)), there)
-            elif last is not None:
-                leg = TransitEdge(GO_ON, (last.place, visit.pick), (last.place_way, visit.pick_way))
-                out = self._across(leg, there)
-            across = self._across(
-                TransitEdge(CARRY, (visit.pick, visit.place), (visit.pick_way, visit.place_way)), carrying
-            )
-            home, goes_home = None, count == len(ordered.visits) or self.options.looks_after(count)
-            if goes_home:
-                home = self._across(TransitEdge(END, (visit.place,), (visit.place_way, 0)), after)
-            last = None if goes_home else visit
-            if out is None or across is None or (goes_home and home is None):
-                whole = False
-                continue
-            pick, place = (
-                self.picks[visit.pick][visit.pick_way],
-                self.places[visit.place][visit.place_way],
-            )
-            stops.append(Stop(visit, pick, place, there, out, across, home))
-        return tuple(stops) if whole else None
+    def _legs(self, ordered: Ordered) -> tuple[PlannedLeg, ...] | None:
+        """Return the legs of a sequence if all its lines and legs are clear; otherwise record the blocked ones."""
+        legs: list[PlannedLeg] = []
+        complete, there = True, self.worlds.start
+        at: Stop | None = AT_HOME  # None after a place whose lines are blocked
+        stops = list(zip(ordered.stops[::2], ordered.stops[1::2], strict=True))
+        for count, (pick, place) in enumerate(stops, start=1):
+            carrying = there - {pick.site}
+            after = carrying | {place.site}
+            returns = count == len(stops) or self.options.looks_after(count)
+            clear = self._lines_clear(pick, place, there, after)
+            complete = complete and clear and at is not None
+            if clear:
+                leaving = [(place, AT_HOME, after)] if returns else []
+                for origin, goal, now in ((at, pick, there), (pick, place, carrying), *leaving):
+                    path = None if origin is None else self._path(Leg(origin, goal), now)
+                    if origin is None or path is None:
+                        complete = False
+                        continue
+                    grasp = None if goal == AT_HOME else self.grasps[goal.site][goal.grasp]
+                    legs.append(PlannedLeg(Leg(origin, goal), grasp, now, path))
+            at, there = AT_HOME if returns else place if clear else None, after
+        return tuple(legs) if complete else None
 
-    def _lines_clear(
-        self, visit: Visit, there: frozenset[CubePlacement], after: frozenset[CubePlacement]
-    ) -> bool:
+    def _lines_clear(self, pick: Stop, place: Stop, there: Arrangement, after: Arrangement) -> bool:
         clear = True
-        for placed, number, way, now in (
-            (False, visit.pick, visit.pick_way, there),
-            (True, visit.place, visit.place_way, after),
-        ):
-            choice = (self.places if placed else self.picks)[number][way]
-            blocked = self.proofs.line(choice, CubePlacement(placed, number), visit.pick, now)
+        for stop, now in ((pick, there), (place, after)):
+            grasp = self.grasps[stop.site][stop.grasp]
+            blocked = self.edges.line(grasp, stop.site, pick.site.number, now)
             if blocked is not None:
-                self.costs.close_line(CubePlacement(placed, number), way, blocked.by)
-                self._reject(line_error(choice, blocked.check, self.options.line_clearance))
+                self.costs.close_line(stop, blocked.by)
+                self._reject(line_error(grasp, blocked.check, self.options.line_clearance))
                 clear = False
         return clear
 
-    def _across(self, leg: TransitEdge, now: frozenset[CubePlacement]) -> Array | None:
+    def _path(self, leg: Leg, now: Arrangement) -> Array | None:
         """Return the way-points of a leg; None if it costs more than assumed, which is recorded."""
-        crossing = self._query(leg)
-        found = self.proofs.straight(leg, crossing, now)
+        found = self.edges.straight(leg, now)
         if not isinstance(found, Blocked):
             if len(found) == 2:
                 self.costs.clear(leg)
             return found
-        by = found.by
+        by, body = found.by, found.check.pair[1]
         if found.end:
             self._give_up(leg, found)
             return None
         if not self.costs.is_blocked(leg, by):
-            self.costs.block(leg, by, None, found.check.pair[1])
+            self.costs.block(leg, by, None, body)
             return None
         if self.costs.time(leg, by) is None:
-            made = self.detours.get((leg.kind, leg.numbers, by), 0)
+            made = self.detours.get((leg.sites, by), 0)
             if made >= self.most_detours:
-                self.costs.block(leg, by, NOT_NOW)
+                self.costs.block(leg, by, POSTPONED)
                 return None
-            self.detours[leg.kind, leg.numbers, by] = made + 1
-        known = self.costs.detours.nearest(found.check.pair[1], self.costs.ends(leg))
-        way = self.proofs.around(leg, crossing, now, known, thorough=self.most_detours > _DETOURS)
-        if way is None:
+            self.detours[leg.sites, by] = made + 1
+        known = self.costs.detours.nearest(body, self.costs.ends(leg))
+        path = self.edges.around(leg, now, known, thorough=self.most_detours > _DETOURS)
+        if path is None:
             self._give_up(leg, found)
             return None
-        return way if self.costs.found(leg, by, way) else None
+        return path if self.costs.found(leg, by, path) else None
 
-    def _query(self, leg: TransitEdge) -> TransitQuery:
-        out, into = self.costs.ends(leg)
-        return TransitQuery(
-            out.offset[0],
-            into.offset[0],
-            Ends(out.velocity[0], -into.velocity[0]),
-            leg.numbers[0] if leg.kind == CARRY else None,
-            self._own(leg),
-        )
-
-    def _give_up(self, leg: TransitEdge, blocked: Blocked) -> None:
+    def _give_up(self, leg: Leg, blocked: Blocked) -> None:
         """Record that no path was found for a leg."""
         self.costs.block(leg, blocked.by, np.inf)
-        self._reject(leg_error(leg, blocked, self.options.clearance, self.stages))
-
-    def _own(self, leg: TransitEdge) -> frozenset[CubePlacement]:
-        """Return the cubes at the leg's own stations, which are there whenever it is used."""
-        match leg.kind:
-            case "begin":
-                return frozenset((CubePlacement(False, leg.numbers[0]),))
-            case "go on":
-                return frozenset((CubePlacement(True, leg.numbers[0]), CubePlacement(False, leg.numbers[1])))
-            case "end":
-                return frozenset((CubePlacement(True, leg.numbers[0]),))
-        return frozenset()
+        self._reject(leg_error(leg, blocked, self.options.clearance, self.worlds))
 
     def _reject(self, error: ImpossibleError) -> None:
         self.rejected.setdefault(str(error), error)
@@ -344,9 +265,9 @@ class TaskSearch:
     def _impossible(self) -> ImpossibleError:
         reasons = list(self.rejected)
         shown = "; ".join(reasons[:2]) + (f"; and {len(reasons) - 2} more" if len(reasons) > 2 else "")
-        names = ", ".join(t.cube for t in self.stages.transfers)
+        names = ", ".join(t.cube for t in self.worlds.transfers)
         return ImpossibleError(
             f"{names} cannot be moved to their places: {shown}",
-            cubes=[t.cube for t in self.stages.transfers],
+            cubes=[t.cube for t in self.worlds.transfers],
             rejected=[{"reason": str(e), **e.data} for e in self.rejected.values()],
         )

@@ -1,14 +1,14 @@
 """Order, place and grasp of each cube with the least sum of given leg times.
 
-A task alternates between picks and places: start, pick, place, pick, place, .., end. Each pick and place has several
-grasps (yaw and branch); a *way* is the number of a grasp. With few cubes, dynamic programming over the picks done and
-the places filled is exact (M. Held, R. Karp, "A dynamic programming approach to sequencing problems", 1962). With many
-cubes, exchanges improve one order, and `order_bound` gives a lower bound.
+A task alternates between sources and places: home, source, place, source, place, .., home. Each site has several grasps
+(yaw and branch). With few cubes, dynamic programming over the arrangements is exact (M. Held, R. Karp, "A dynamic
+programming approach to sequencing problems", 1962). With many cubes, exchanges improve one order, and `order_bound`
+gives a lower bound.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import comb
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from arm.se3 import Array
+from plan.program.assignment.legs import HOME, Arrangement, Site, Stop
 from plan.program.assignment.order_bound import LegTimes, order_bound
 
 # Largest number of expansions for which dynamic programming is used.
@@ -25,42 +26,11 @@ _TIE = 1e-9
 # Finite substitute for an infinite time, s, so that orders with fewer impossible legs rank better.
 _BLOCKED = 1e10
 
-Pairs = list[tuple[int, int]]  # pick and place, in order
+Pairs = list[tuple[int, int]]  # numbers of the source and the place of each cube, in order
 
-
-@dataclass(frozen=True)
-class Visit:
-    """One cube: its pick and place, and the grasp at each."""
-
-    pick: int
-    place: int
-    pick_way: int
-    place_way: int
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress before a step: picks that are done, and places that are filled."""
-
-    picks: frozenset[int]
-    places: frozenset[int]
-
-
-@dataclass(frozen=True)
-class Costs:
-    """Times of the legs, s; they may depend on the progress, because cubes may be obstacles.
-
-    Attributes:
-        begin: (pick, done) -> (ways,) from the start.
-        carry: (pick, place, done) -> (pick ways, place ways).
-        go_on: (place, pick, done) -> (place ways, pick ways); `done` includes the place.
-        end: (place, done) -> (ways,) to the end.
-    """
-
-    begin: Callable[[int, Progress], Array]
-    carry: Callable[[int, int, Progress], Array]
-    go_on: Callable[[int, int, Progress], Array]
-    end: Callable[[int, Progress], Array]
+# Times (grasps, grasps) s of the leg from one site to another while cubes rest in some arrangement, which may be
+# obstacles.
+Costs = Callable[[Site, Site, Arrangement], Array]
 
 
 @dataclass(frozen=True)
@@ -78,15 +48,20 @@ class Choices:
     order: bool = True
     assignment: bool = True
 
-    def next_picks(self, done: frozenset[int]) -> Iterator[int]:
-        """Yield the picks that may be next."""
-        left = (i for i in range(self.picks) if i not in done)
-        return left if self.order else iter(list(left)[:1])
+    @property
+    def start(self) -> Arrangement:
+        """The arrangement at the start."""
+        return frozenset(Site(False, i) for i in range(self.picks))
 
-    def places_of(self, pick: int, filled: frozenset[int]) -> Iterator[int]:
-        """Yield the places where a pick's cube may go."""
+    def next_picks(self, there: Arrangement) -> list[int]:
+        """Return the numbers of the cubes that may be next."""
+        left = [i for i in range(self.picks) if Site(False, i) in there]
+        return left if self.order else left[:1]
+
+    def places_of(self, pick: int, there: Arrangement) -> list[int]:
+        """Return the numbers of the places where a cube may go."""
         every = range(self.places) if self.assignment else (pick,)
-        return (j for j in every if j not in filled)
+        return [j for j in every if Site(True, j) not in there]
 
     @property
     def exact(self) -> bool:
@@ -104,163 +79,131 @@ class Choices:
 
 @dataclass(frozen=True)
 class Ordered:
-    """Visits in order, and their time, s."""
+    """A sequence: its stops, source and place of each cube in turn, and its time, s; inf if a leg is impossible."""
 
-    visits: tuple[Visit, ...]
+    stops: tuple[Stop, ...]
     time: float
 
+    @property
+    def pairs(self) -> Pairs:
+        """Numbers of the source and the place of each cube, in order."""
+        numbers = [stop.site.number for stop in self.stops]
+        return list(zip(numbers[::2], numbers[1::2], strict=True))
 
-def best_order(freedom: Choices, costs: Costs) -> Ordered | None:
-    """Return the visits with the least sum of times; None if all sums are infinite."""
-    if freedom.exact:
-        return _exactly(freedom, costs)
-    return _improved(freedom, costs)
+
+def best_order(choices: Choices, costs: Costs) -> Ordered:
+    """Return the sequence with the least sum of times."""
+    return _exactly(choices, costs) if choices.exact else _improved(choices, costs)
 
 
 @dataclass(frozen=True, eq=False)
 class _Node:
-    """Least times to reach a pick or place after some progress, with back pointers.
+    """Least times to reach a site in some arrangement, with back pointers.
 
     Attributes:
-        at: number of the pick or place.
-        time: (ways,) s.
-        before, way: for each way, the previous node and the way there.
+        site: the site.
+        time: (grasps,) s.
+        before: for each grasp, the previous node and the grasp there.
     """
 
-    at: int
+    site: Site
     time: Array
-    before: tuple[_Node | None, ...]
-    way: tuple[int, ...]
+    before: tuple[tuple[_Node, int], ...]
+
+    def traced(self) -> Ordered:
+        """Return the fastest sequence that ends here."""
+        stops: list[Stop] = []
+        node, grasp = self.before[0]
+        while node.site != HOME:
+            stops.append(Stop(node.site, grasp))
+            node, grasp = node.before[grasp]
+        return Ordered(tuple(reversed(stops)), float(self.time[0]))
 
 
-def _exactly(freedom: Choices, costs: Costs) -> Ordered | None:
-    nothing = Progress(frozenset(), frozenset())
-    layer: dict[Progress, dict[int, _Node]] = {nothing: {}}
-    for count in range(freedom.picks):
-        following: dict[Progress, dict[int, _Node]] = {}
-        for done, places in layer.items():
-            for pick in freedom.next_picks(done.picks):
-                over = _to_pick(pick, done, places, costs, first=count == 0)
-                if over is None:
-                    continue
-                for place in freedom.places_of(pick, done.places):
-                    carried = over.time[:, None] + costs.carry(pick, place, done)
-                    after = Progress(done.picks | {pick}, done.places | {place})
-                    node = _reached(place, [(over, carried)])
-                    known = following.setdefault(after, {})
+_START = _Node(HOME, np.zeros(1), ())
+
+
+def _exactly(choices: Choices, costs: Costs) -> Ordered:
+    layer: dict[Arrangement, dict[Site, _Node]] = {choices.start: {HOME: _START}}
+    for _ in range(choices.picks):
+        following: dict[Arrangement, dict[Site, _Node]] = {}
+        for there, nodes in layer.items():
+            for pick in choices.next_picks(there):
+                source, carrying = Site(False, pick), there - {Site(False, pick)}
+                taken = _reached(source, nodes.values(), costs, there)
+                for j in choices.places_of(pick, there):
+                    place = Site(True, j)
+                    node = _reached(place, [taken], costs, carrying)
+                    known = following.setdefault(carrying | {place}, {})
                     known[place] = _better(known.get(place), node)
         layer = following
-    ends = [
-        _reached(-1, [(node, (node.time + costs.end(place, done))[:, None])])
-        for done, places in layer.items()
-        for place, node in places.items()
-    ]
-    finite = [node for node in ends if np.isfinite(node.time[0])]
-    if not finite:
-        return None
-    best = min(finite, key=lambda node: round(float(node.time[0]), 9))
-    time = float(best.time[0])
-    return Ordered(_traced(best), time)
+    ends = [_reached(HOME, [node], costs, there) for there, nodes in layer.items() for node in nodes.values()]
+    return min(ends, key=lambda node: round(float(node.time[0]), 9)).traced()
 
 
-def _to_pick(pick: int, done: Progress, places: dict[int, _Node], costs: Costs, first: bool) -> _Node | None:
-    if first:
-        time = costs.begin(pick, done)
-        return _Node(pick, time, (None,) * len(time), (0,) * len(time))
-    ways = [(node, node.time[:, None] + costs.go_on(place, pick, done)) for place, node in places.items()]
-    return _reached(pick, ways) if ways else None
-
-
-def _reached(at: int, ways: Sequence[tuple[_Node, Array]]) -> _Node:
-    """Return the node of a place that is reached from other nodes, with times (ways there, ways here)."""
-    times = np.concatenate([time for _, time in ways])
-    from_node = [(node, way) for node, time in ways for way in range(len(time))]
-    best = np.argmin(np.round(times, 9), axis=0)
-    origin = [from_node[b] for b in best.tolist()]
-    return _Node(
-        at, times[best, np.arange(times.shape[1])], tuple(n for n, _ in origin), tuple(w for _, w in origin)
-    )
+def _reached(site: Site, origins: Iterable[_Node], costs: Costs, there: Arrangement) -> _Node:
+    """Return the node of a site that is reached from other nodes."""
+    times = [(node, node.time[:, None] + costs(node.site, site, there)) for node in origins]
+    before = [(node, grasp) for node, time in times for grasp in range(len(time))]
+    every = np.concatenate([time for _, time in times])
+    best = np.argmin(np.round(every, 9), axis=0)
+    return _Node(site, every[best, np.arange(every.shape[1])], tuple(before[b] for b in best.tolist()))
 
 
 def _better(known: _Node | None, node: _Node) -> _Node:
+    """Return the faster of two nodes of a site, for each grasp."""
     if known is None:
         return node
     keep = known.time <= node.time + _TIE
-    return _Node(
-        node.at,
-        np.where(keep, known.time, node.time),
-        tuple(a if k else b for k, a, b in zip(keep, known.before, node.before, strict=True)),
-        tuple(a if k else b for k, a, b in zip(keep, known.way, node.way, strict=True)),
-    )
+    before = tuple(a if k else b for k, a, b in zip(keep, known.before, node.before, strict=True))
+    return _Node(node.site, np.where(keep, known.time, node.time), before)
 
 
-def _traced(end: _Node) -> tuple[Visit, ...]:
-    stops: list[tuple[int, int]] = []
-    node, way = end.before[0], end.way[0]
-    while node is not None:
-        stops.append((node.at, way))
-        before, way_before = node.before[way], node.way[way]
-        node, way = before, way_before
-    stops.reverse()
-    return tuple(
-        Visit(pick, place, pick_way, place_way)
-        for (pick, pick_way), (place, place_way) in zip(stops[::2], stops[1::2], strict=True)
-    )
+def best_grasps(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered:
+    """Return the sequence with the best grasps for a given order and assignment."""
+    there: Arrangement = frozenset(Site(False, pick) for pick, _ in pairs)
+    node = _START
+    for pick, j in pairs:
+        source, place = Site(False, pick), Site(True, j)
+        taken = _reached(source, [node], costs, there)
+        there -= {source}
+        node = _reached(place, [taken], costs, there)
+        there |= {place}
+    return _reached(HOME, [node], costs, there).traced()
 
 
-def best_grasps(pairs: Sequence[tuple[int, int]], costs: Costs) -> Ordered | None:
-    """Return the best grasps for a given order and assignment, as pairs of pick and place; None if all are infinite."""
-    done = Progress(frozenset(), frozenset())
-    node: _Node | None = None
-    for pick, place in pairs:
-        over = _to_pick(pick, done, {} if node is None else {node.at: node}, costs, first=node is None)
-        if over is None:
-            return None
-        node = _reached(place, [(over, over.time[:, None] + costs.carry(pick, place, done))])
-        done = Progress(done.picks | {pick}, done.places | {place})
-    if node is None:
-        return None
-    end = _reached(-1, [(node, (node.time + costs.end(node.at, done))[:, None])])
-    time = float(end.time[0])
-    return Ordered(_traced(end), time) if np.isfinite(time) else None
-
-
-def lower_bound(freedom: Choices, costs: Costs, ordered: Ordered | None) -> float:
+def lower_bound(choices: Choices, costs: Costs, ordered: Ordered) -> float:
     """Return a lower bound over all choices, s, given the result of `best_order` for the same times.
 
     If exchanges were used, it holds if a leg's time depends on the progress only by the number of cubes moved.
     """
-    if ordered is None or freedom.exact:
-        return np.inf if ordered is None else ordered.time
-    return order_bound(_least_times(freedom, _finite(costs)), ordered.time)
+    if choices.exact or np.isinf(ordered.time):
+        return ordered.time
+    return order_bound(_least_times(choices, _finite(costs)), ordered.time)
 
 
-def _improved(freedom: Choices, costs: Costs) -> Ordered | None:
+def _improved(choices: Choices, costs: Costs) -> Ordered:
     """Improve an order by exchanges, from the assignment with the shortest carries."""
     costs = _finite(costs)
-    legs = _least_times(freedom, costs)
-    best: Ordered | None = None
-    for first in _firsts(freedom, legs):
-        found = _exchanged(_chained(first, freedom, legs), freedom, costs, legs)
-        if found is not None and (best is None or found.time < best.time - 1e-6):
-            best = found
-        if best is not None and best.time < _BLOCKED:
-            return best
-    return None
+    legs = _least_times(choices, costs)
+    for first in _firsts(choices, legs):
+        found = _exchanged(_chained(first, choices, legs), choices, costs, legs)
+        if found.time < _BLOCKED:
+            return found
+    return Ordered((), np.inf)
 
 
-def _exchanged(pairs: Pairs, freedom: Choices, costs: Costs, legs: LegTimes) -> Ordered | None:
-    """Return the visits after all exchanges that save time."""
-    best = best_grasps(pairs, costs)
-    improving = best is not None
+def _exchanged(pairs: Pairs, choices: Choices, costs: Costs, legs: LegTimes) -> Ordered:
+    """Return the sequence after all exchanges that save time."""
+    best, improving = best_grasps(pairs, costs), True
     while improving:
         improving = False
-        for trial in _exchanges(pairs, freedom):
+        for trial in _exchanges(pairs, choices):
             # the sum of the least leg times is a lower bound
-            if best is None or _least_time(trial, legs) >= best.time - 1e-6:
+            if _least_time(trial, legs) >= best.time - 1e-6:
                 continue
             found = best_grasps(trial, costs)
-            if found is not None and found.time < best.time - 1e-6:
+            if found.time < best.time - 1e-6:
                 best, pairs, improving = found, trial, True
                 break
     return best
@@ -268,39 +211,29 @@ def _exchanged(pairs: Pairs, freedom: Choices, costs: Costs, legs: LegTimes) -> 
 
 def _finite(costs: Costs) -> Costs:
     """Return the same times, with `_BLOCKED` in place of infinite ones."""
-
-    def capped(time: Array) -> Array:
-        return np.minimum(time, _BLOCKED)
-
-    return Costs(
-        lambda pick, done: capped(costs.begin(pick, done)),
-        lambda pick, place, done: capped(costs.carry(pick, place, done)),
-        lambda place, pick, done: capped(costs.go_on(place, pick, done)),
-        lambda place, done: capped(costs.end(place, done)),
-    )
+    return lambda origin, goal, there: np.minimum(costs(origin, goal, there), _BLOCKED)
 
 
-def _least_times(freedom: Choices, costs: Costs) -> LegTimes:
+def _least_times(choices: Choices, costs: Costs) -> LegTimes:
     """Return the least times of each leg over all grasps, without other cubes in the way; they rank and bound orders.
 
     Whether the arm goes home between two cubes depends on the number of cubes moved.
     """
-    n, m = freedom.picks, freedom.places
-    nothing: frozenset[int] = frozenset()
-    every = frozenset(range(n))
+    n, m = choices.picks, choices.places
+    sources, places = ([Site(placed, k) for k in range(count)] for placed, count in ((False, n), (True, m)))
     carry, go_on = np.full((n, m), _BLOCKED), np.full((n, m, n), _BLOCKED)
-    for i in range(n):
-        for j in freedom.places_of(i, nothing):
-            carry[i, j] = costs.carry(i, j, Progress(every - {i}, nothing)).min()
-        others = [k for k in range(n) if k != i]
+    for i, source in enumerate(sources):
+        for j in choices.places_of(i, frozenset()):
+            carry[i, j] = costs(source, places[j], frozenset()).min()
+        others = [k for k in sources if k != source]
         for count in range(1, n):
-            if freedom.order or count == i:
-                done = [Progress(frozenset(others[:count]), frozenset((j,))) for j in range(m)]
-                go_on[count, :, i] = [costs.go_on(j, i, d).min() for j, d in enumerate(done)]
-    begin = [costs.begin(i, Progress(nothing, nothing)).min() for i in range(n)]
-    if not freedom.order:
+            if choices.order or count == i:
+                left = frozenset((source, *others[count:]))
+                go_on[count, :, i] = [costs(place, source, left | {place}).min() for place in places]
+    begin = [costs(HOME, source, choices.start).min() for source in sources]
+    if not choices.order:
         begin[1:] = [_BLOCKED] * (n - 1)
-    end = [costs.end(j, Progress(every, frozenset((j,)))).min() for j in range(m)]
+    end = [costs(place, HOME, frozenset((place,))).min() for place in places]
     return LegTimes(np.array(begin), carry, go_on, np.array(end))
 
 
@@ -311,17 +244,17 @@ def _least_time(pairs: Sequence[tuple[int, int]], legs: LegTimes) -> float:
     return float(sum(times))
 
 
-def _firsts(freedom: Choices, legs: LegTimes) -> list[int]:
+def _firsts(choices: Choices, legs: LegTimes) -> list[int]:
     """Return the possible first picks, the nearest first."""
-    if not freedom.order:
+    if not choices.order:
         return [0]
-    return sorted(range(freedom.picks), key=lambda i: (round(float(legs.begin[i]), 6), i))
+    return sorted(range(choices.picks), key=lambda i: (round(float(legs.begin[i]), 6), i))
 
 
-def _chained(first: int, freedom: Choices, legs: LegTimes) -> Pairs:
+def _chained(first: int, choices: Choices, legs: LegTimes) -> Pairs:
     """Return the assignment with the shortest carries, in the order of the nearest next pick."""
     _, place_of = linear_sum_assignment(np.round(legs.carry, 6))
-    left = set(range(freedom.picks)) - {first}
+    left = set(range(choices.picks)) - {first}
     pairs = [(first, int(place_of[first]))]
     while left:
         onward = legs.go_on[len(pairs), pairs[-1][1]]
@@ -331,19 +264,19 @@ def _chained(first: int, freedom: Choices, legs: LegTimes) -> Pairs:
     return pairs
 
 
-def _exchanges(pairs: Sequence[tuple[int, int]], freedom: Choices) -> Iterator[list[tuple[int, int]]]:
-    if freedom.assignment:
+def _exchanges(pairs: Sequence[tuple[int, int]], choices: Choices) -> Iterator[list[tuple[int, int]]]:
+    if choices.assignment:
         for a, b in combinations(range(len(pairs)), 2):
             trial = list(pairs)
             trial[a], trial[b] = (pairs[a][0], pairs[b][1]), (pairs[b][0], pairs[a][1])
             yield trial
-        spare = [j for j in range(freedom.places) if j not in {place for _, place in pairs}]
+        spare = [j for j in range(choices.places) if j not in {place for _, place in pairs}]
         for a in range(len(pairs)):
             for place in spare:
                 trial = list(pairs)
                 trial[a] = (pairs[a][0], place)
                 yield trial
-    if freedom.order:
+    if choices.order:
         for a, b in combinations(range(len(pairs)), 2):
             trial = list(pairs)
             trial[a], trial[b] = pairs[b], pairs[a]

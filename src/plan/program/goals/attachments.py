@@ -16,6 +16,7 @@ from arm.robot.shapes import Body, Sphere
 from arm.se3 import Array, frozen, inverse
 from plan.collision.world import Distance, World, distance_of
 from plan.program.goals.target import Target
+from plan.scene import Scene
 
 Pairs = frozenset[frozenset[str]]
 
@@ -57,79 +58,59 @@ class AttachmentWorlds:
     """Worlds of one program, each built at its first use.
 
     Args:
-        robot: the arm.
-        bodies: at their poses at the start.
+        scene: the arm without and with an attached body, bodies and cubes at their poses at the start.
         targets: goals of the program.
-        padding: subtracted from every distance, m.
-        holding: the arm while a body is attached, such as with its jaws closed on it; default: `robot`.
         start: state at the start; default: nothing is attached.
+        padding: subtracted from every distance, m.
 
     Raises:
-        InputError: two bodies have the same name; `start` holds an unknown body; a target names an unknown body,
-            attaches while a body is attached, or detaches while none is.
+        InputError: `start` holds an unknown body; a target names an unknown body, attaches while a body is attached, or
+            detaches while none is.
     """
 
     def __init__(
         self,
-        robot: Robot,
-        bodies: Sequence[Body],
+        scene: Scene,
         targets: Sequence[Target],
-        padding: float = 0.0,
-        holding: Robot | None = None,
         start: AttachmentState | None = None,
+        padding: float = 0.0,
     ) -> None:
-        self.robot, self.holding, self.padding = robot, holding or robot, padding
+        self.robot, self.holding = scene.robot_open, scene.robot_holding
+        self.targets, self.padding = targets, padding
         self.start = start or AttachmentState(None, None, ())
-        self.bodies = {b.name: b for b in bodies}
-        own = {b.name for b in robot.bodies}
-        names = own | set(self.bodies)
-        if len(names) < len(robot.bodies) + len(bodies):
-            every = [*(b.name for b in robot.bodies), *(b.name for b in bodies)]
-            twice = next(name for name in every if every.count(name) > 1)
-            raise InputError(f"bodies: two are named {twice!r}; names must differ", name=twice)
+        self.bodies = {b.name: b for b in (*scene.bodies, *scene.cubes)}
+        names = {b.name for b in self.robot.bodies} | set(self.bodies)
         held = self.start.held
+        bodies = ", ".join(sorted(self.bodies)) or "no body"
         if held is not None and held not in self.bodies:
-            why = f"state: held = {held!r}: must be one of {', '.join(sorted(self.bodies)) or 'no body'}"
-            raise InputError(why, name=held)
+            raise InputError(f"state: held = {held!r}: must be one of {bodies}", name=held)
         for target in targets:
             unknown = sorted({name for pair in target.pairs for name in pair} - names)
             if unknown:
-                raise target.error(
-                    "allowed_collisions", unknown[0], f"must be one of {', '.join(sorted(names))}"
-                )
-            if target.attach is not None:
-                if target.attach not in self.bodies:
-                    raise target.error(
-                        "attach",
-                        target.attach,
-                        f"must be one of {', '.join(sorted(self.bodies)) or 'no body'}",
-                    )
-                if held is not None:
-                    raise target.error(
-                        "attach", target.attach, f"{held} is attached already; detach it first"
-                    )
-                held = target.attach
-            if target.detach:
-                if held is None:
-                    raise target.error("detach", True, "no body is attached there")
-                held = None
+                rule = f"must be one of {', '.join(sorted(names))}"
+                raise target.error("allowed_collisions", unknown[0], rule)
+            if target.attach is not None and target.attach not in self.bodies:
+                raise target.error("attach", target.attach, f"must be one of {bodies}")
+            if target.attach is not None and held is not None:
+                raise target.error("attach", target.attach, f"{held} is attached already; detach it first")
+            if target.detach and held is None:
+                raise target.error("detach", True, "no body is attached there")
+            held = target.attach or (None if target.detach else held)
         self.movable = {name for name in (self.start.held, *(t.attach for t in targets)) if name is not None}
         self._worlds: dict[tuple[object, ...], World] = {}
 
-    def world(self, situation: AttachmentState, allowed_collisions: Pairs = frozenset()) -> World:
+    def world(self, state: AttachmentState, allowed_collisions: Pairs = frozenset()) -> World:
         """Return the world of a state with these allowed collisions; pairs of fixed bodies are ignored."""
-        moving = {*(body.name for body in self.robot.bodies), situation.held or ""}
+        moving = {*(body.name for body in self.robot.bodies), state.held or ""}
         allowed_collisions = frozenset(pair for pair in allowed_collisions if pair & moving)
-        key = (situation.key, allowed_collisions)
+        key = (state.key, allowed_collisions)
         if key not in self._worlds:
-            moved = dict(situation.moved)
+            moved = dict(state.moved)
             bodies = [b.at(moved.get(b.name, b.T_base_body)) for b in self.bodies.values()]
-            still = [b for b in bodies if b.name != situation.held]
-            held = None if situation.held is None else self.bodies[situation.held]
-            robot = self.holding if held is not None else self._closed if situation.closed else self.robot
-            self._worlds[key] = World(
-                robot, still, held, situation.T_tool_held, allowed_collisions, self.padding
-            )
+            still = [b for b in bodies if b.name != state.held]
+            held = None if state.held is None else self.bodies[state.held]
+            robot = self.holding if held is not None else self._closed if state.closed else self.robot
+            self._worlds[key] = World(robot, still, held, state.T_tool_held, allowed_collisions, self.padding)
         return self._worlds[key]
 
     @cached_property
@@ -147,13 +128,13 @@ class AttachmentWorlds:
             self._worlds[key] = World(self.robot, still, None, None, allowed_collisions, self.padding)
         return self._worlds[key]
 
-    def gap(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> Distance:
+    def gap(self, state: AttachmentState, target: Target, T_base_tool: Array) -> Distance:
         """Return the distance from the body that a target attaches to the hand or the tool frame, whichever is nearer.
 
         The hand is all bodies on the last joint; `T_base_tool` alone determines its pose.
         """
         body = self.bodies[target.attach or ""]
-        body = body.at(dict(situation.moved).get(body.name, body.T_base_body))
+        body = body.at(dict(state.moved).get(body.name, body.T_base_body))
         T_base_joint = mul(T_base_tool, inverse(mul(self.robot.T_joint_end, self.robot.T_end_tool)))
         hand = [
             Body(b.name, b.shape, frozen(mul(T_base_joint, b.T_joint_body)), "robot")
@@ -163,18 +144,18 @@ class AttachmentWorlds:
         tool = Body("the tool frame", Sphere(_POINT), T_base_tool, "robot")
         return min((distance_of(part, body) for part in (*hand, tool)), key=lambda d: d.value)
 
-    def after(self, situation: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
+    def after(self, state: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
         """Return the state after the actions at a target."""
-        moved = dict(situation.moved)
-        closed = situation.closed or (target.cube is None and bool(target.jaws))
-        held, T_tool_held = situation.held, situation.T_tool_held
+        moved = dict(state.moved)
+        closed = state.closed or (target.cube is None and bool(target.jaws))
+        held, T_tool_held = state.held, state.T_tool_held
         if target.attach is not None:
             T_base_body = moved.pop(target.attach, self.bodies[target.attach].T_base_body)
             held, T_tool_held = target.attach, frozen(mul(inverse(T_base_tool), T_base_body))
         elif target.detach and held is not None and T_tool_held is not None:
             moved[held] = frozen(mul(T_base_tool, T_tool_held))
             held = T_tool_held = None
-        elif closed == situation.closed:
-            return situation
+        elif closed == state.closed:
+            return state
         rest = tuple(sorted(moved.items(), key=lambda item: item[0]))
         return AttachmentState(held, T_tool_held, rest, closed)

@@ -8,7 +8,8 @@ import numpy as np
 
 from arm.numerics.angles import arccos
 from arm.numerics.products import mul
-from plan.motion.phase import Join
+from arm.se3 import Array
+from plan.motion.phase import Join, LinearPath
 from plan.program.goals.line_chains import LinearMove
 from plan.program.goals.target import Target
 
@@ -18,23 +19,23 @@ _FLATTEST = 0.05  # least sine of half the change of direction in the formula of
 
 
 def join_of(
-    before: LinearMove | None, after: LinearMove | None, at: Target | None, targets: Sequence[Target]
+    before: LinearPath | Array, after: LinearPath | Array, at: Target | None, targets: Sequence[Target]
 ) -> Join:
     """Return how a phase meets the one before it.
 
     Args:
-        before, after: the lines of both phases; None for a transit.
+        before, after: the paths of both phases: lines of chains, or way-points of transits.
         at: target between them, or None.
         targets: those of the program.
     """
-    if before is not None and after is not None:
+    if isinstance(before, LinearMove) and isinstance(after, LinearMove):
         return Join(
             blend_radius=_corner(before, after, targets).blend_radius,
             cut=blend_distance(before, after, targets),
         )
-    if before is None and after is None and at is not None:
-        return Join(blend_radius=at.blend_radius)
-    return Join()
+    if at is None or isinstance(before, LinearMove) or isinstance(after, LinearMove):
+        return Join()
+    return Join(blend_radius=at.blend_radius)
 
 
 def _corner(before: LinearMove, after: LinearMove, targets: Sequence[Target]) -> Target:

@@ -68,17 +68,6 @@ class Freedom:
             goal[3:5] = now[3:5] * min(1.0, self.tilt / max(float(norm(now[3:5])), _STRAIGHT))
         return frozen(_placed(T, goal))
 
-    def violation(self, T: Array, T_now: Array, free: tuple[str, ...]) -> float:
-        """Return the largest excess of a tool at T_now beyond the limits about T, m or rad; 0 within them."""
-        now = coordinates_of(T, T_now)
-        worst = max(0.0, float(norm(now[3:5])) - self.tilt) if self.tilt > 0.0 else 0.0
-        for k, name in enumerate(FREE):
-            if name in free or (self.tilt > 0.0 and name in ("rx", "ry")):
-                continue
-            low, high = self.ranges.get(name, (0.0, 0.0))
-            worst = max(worst, low - now[k], now[k] - high)
-        return float(worst)
-
 
 def coordinates_of(T: Array, T_now: Array) -> Array:
     """Return the coordinates (6,) of a tool at T_now about the pose T: x, y, z, swing (rx, ry), twist rz."""

@@ -7,58 +7,39 @@ candidate for each inverse kinematics solution at its first target.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, norm
-from arm.robot.model import Robot
 from arm.se3 import Array, frozen, rotation, rotation_vector
 from plan.cartesian.clear_line import follow_clear_line
-from plan.cartesian.line import JointPath, Line, LineOptions, follow_line
+from plan.cartesian.line import Line, LineOptions, follow_line
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import FREE
 from plan.motion.phase import LinearPath
-from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
+from plan.program.setting import Setting
 from plan.transit.near_ends import NearEnd
 
 _TOLERANCE = 5e-6  # m, largest deviation of the tool from a line
 _NOWHERE = 1e-9  # m or rad, length below which a line is left out
 
 
-@dataclass(frozen=True, eq=False)
-class LinearMove:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LinearMove(LinearPath):
     """A line of a chain.
 
     Attributes:
         role: approach, line or retract.
         target: index of the target at its end; of a retract, at its start.
-        linear: the line, the joint path and the speed.
     """
 
     role: str
     target: int
-    linear: LinearPath
-
-    @property
-    def line(self) -> Line:
-        """The line of the tool."""
-        return self.linear.line
-
-    @property
-    def path(self) -> JointPath:
-        """The joint path."""
-        return self.linear.path
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of the tool, m/s (rad/s for a pure rotation)."""
-        return self.linear.speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,30 +96,18 @@ def groups(targets: Sequence[Target]) -> list[range]:
 
 
 class LineChains:
-    """Follows the lines of a list.
+    """Follows the lines of a program.
 
     Args:
-        robot: the arm.
-        unit: encoder counts.
-        targets: the list.
-        limits: joint limits on lines.
-        tool_speed: largest speed on lines of targets that state none, m/s.
-        options: clearance, solver, and the least speed of lines.
-        worlds: worlds in which lines bend around obstacles (`plan.cartesian.clear_line`); None: lines are plain.
+        setting: arm, unit, limits, and options of lines.
+        worlds: worlds and goals of the program.
+        bends: whether lines bend around obstacles (`plan.cartesian.clear_line`); otherwise they are plain.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        unit: Unit,
-        targets: Sequence[Target],
-        limits: Limits,
-        tool_speed: float,
-        options: PlanOptions,
-        worlds: AttachmentWorlds | None = None,
-    ) -> None:
-        self.robot, self.unit, self.targets, self.limits = robot, unit, targets, limits
-        self.tool_speed, self.options, self.worlds = tool_speed, options, worlds
+    def __init__(self, setting: Setting, worlds: AttachmentWorlds, bends: bool = False) -> None:
+        self.setting, self.worlds, self.bends = setting, worlds, bends
+        self.robot, self.targets = setting.robot, worlds.targets
+        self.limits, self.options = setting.planned, setting.options
 
     @property
     def can_bend(self) -> bool:
@@ -156,20 +125,21 @@ class LineChains:
         q = q_first
         for index in group:
             target = self.targets[index]
-            outwards: LinearPath | None = None
+            outwards: LinearMove | None = None
             if index > group.start:
-                items += self.to(index, q)
-                q = items[-1].path.q[-1] if items and isinstance(items[-1], LinearMove) else q
+                lines = self.to(index, q)
+                items += lines
+                q = lines[-1].path.q[-1] if lines else q
             elif target.approach > 0.0:
                 outwards = self.along_axis("approach", index, q, -target.approach)
-                items.append(LinearMove("approach", index, outwards.reversed()))
-            executed = self.unit.positions(self.unit.counts(q))
+                items.append(outwards.reversed())
+            executed = self.setting.unit.positions(self.setting.unit.counts(q))
             items.append(TargetReached(index, frozen(executed), self.robot.T_base_tool(executed)))
             if target.retract > 0.0:
-                changed = self.worlds is not None and (target.attach is not None or target.detach)
+                changed = self.bends and (target.attach is not None or target.detach)
                 if outwards is None or target.retract != target.approach or changed:
                     outwards = self.along_axis("retract", index, q, -target.retract)
-                items.append(LinearMove("retract", index, outwards))
+                items.append(replace(outwards, role="retract"))
                 q = outwards.path.q[-1]
         begin = items[0].path.q[0] if isinstance(items[0], LinearMove) else q_first
         return LineChain(tuple(items), branch, frozen(begin), frozen(q))
@@ -199,7 +169,7 @@ class LineChains:
                 q = step.path.q[-1]
         return steps
 
-    def along_axis(self, role: str, index: int, q: Array, length: float) -> LinearPath:
+    def along_axis(self, role: str, index: int, q: Array, length: float) -> LinearMove:
         """Return the line from q along the tool's own z axis."""
         start = self.robot.T_base_tool(q)
         end = np.array(start)
@@ -208,7 +178,7 @@ class LineChains:
         if step is None:
             why = f"{role} of {abs(length):g} m: must be longer than {_NOWHERE:g} m, or 0 for none"
             raise ImpossibleError(why, length_m=abs(length))
-        return step.linear
+        return step
 
     def follow(
         self,
@@ -228,11 +198,11 @@ class LineChains:
             tolerance=_TOLERANCE, slowest=self.options.slowest, solver=self.options.solver, free_axis=axis
         )
         try:
-            if self.worlds is None:
+            if not self.bends:
                 path = follow_line(self.robot, q, line.T_start, line.T_end, self.limits, options)
             else:
                 world, clearance = (
-                    self.world(self.worlds, role, index),
+                    self.world(role, index),
                     target.clearance_on_lines(self.options),
                 )
                 turns = _turns(target, role)
@@ -245,16 +215,16 @@ class LineChains:
             raise ImpossibleError(
                 f"{role} at {target.name!r}: {error}", target=target.name, **data
             ) from error
-        linear = LinearPath(line, path, target.speed or self.tool_speed, axis)
-        return LinearMove(role, index, linear)
+        speed = target.speed or self.setting.tool_speed
+        return LinearMove(line, path, speed, axis, role=role, target=index)
 
-    def world(self, worlds: AttachmentWorlds, role: str, index: int) -> World:
+    def world(self, role: str, index: int) -> World:
         """Return the world on a line, with all earlier targets at their nominal poses despite free directions."""
-        state = worlds.start
+        state = self.worlds.start
         for target in self.targets[: index + (role == "retract")]:
             T_base_tool = target.poses[0] if target.q is None else self.robot.T_base_tool(target.q)
-            state = worlds.after(state, target, T_base_tool)
-        return worlds.world(state, self.targets[index].pairs)
+            state = self.worlds.after(state, target, T_base_tool)
+        return self.worlds.world(state, self.targets[index].pairs)
 
 
 def _turns(target: Target, role: str) -> str | None:

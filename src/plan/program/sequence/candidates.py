@@ -7,18 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
-from arm.robot.model import Robot
 from arm.se3 import Array
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
 from plan.kinematics.numeric_ik import SearchOptions, Solutions, solve_ik
 from plan.kinematics.product_of_exponentials import product_of_exponentials
-from plan.options import PlanOptions
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
+from plan.program.setting import Setting
 from plan.trajectory.time_estimates import straight_time, straight_times
 
 # Continuous joints give thousands of solutions. Of more than _MANY, the _NEAR nearest (in time) to the best solution of
@@ -30,24 +28,17 @@ class Candidates:
     """Solutions at the first target of every group.
 
     Args:
-        robot, worlds, targets, groups: those of the program.
-        limits: limits for planning.
-        options: clearances.
+        setting: arm, limits, clearances.
+        worlds: worlds and goals of the program.
+        groups: the goals of each chain.
         ik: budget of the inverse kinematics.
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        worlds: AttachmentWorlds,
-        targets: Sequence[Target],
-        groups: Sequence[range],
-        limits: Limits,
-        options: PlanOptions,
-        ik: SearchOptions,
+        self, setting: Setting, worlds: AttachmentWorlds, groups: Sequence[range], ik: SearchOptions
     ) -> None:
-        self.robot, self.worlds, self.targets, self.groups = robot, worlds, targets, groups
-        self.limits, self.options, self.ik = limits, options, ik
+        self.robot, self.limits, self.options = setting.robot, setting.planned, setting.options
+        self.worlds, self.targets, self.groups, self.ik = worlds, worlds.targets, groups, ik
         self._found: list[Solutions] = []
 
     @property
@@ -197,7 +188,7 @@ class Candidates:
             clearance_m=clearance,
         )
 
-    def unfollowed(self, number: int, why: Sequence[ImpossibleError]) -> ImpossibleError:
+    def not_followed(self, number: int, why: Sequence[ImpossibleError]) -> ImpossibleError:
         """Return the refusal of a group whose lines cannot be followed from any solution; it quotes the furthest."""
         target = self.targets[self.groups[number].start]
         order = [t.name for t in self.targets]

@@ -40,12 +40,18 @@ class Layer:
         """Where legs from it begin, a row each."""
         return stacked([t.depart for t in self.times])
 
-    def spent(self, what: str) -> Array:
-        """Return ``inner`` or ``between_s`` of each candidate, s."""
-        return np.array([getattr(t, what) for t in self.times])
+    @cached_property
+    def inner(self) -> Array:
+        """Estimate of the time of each candidate from end to end, s."""
+        return np.array([t.inner for t in self.times])
+
+    @cached_property
+    def between_s(self) -> Array:
+        """Lower bound on the time of each candidate from its first to its last stop, s."""
+        return np.array([t.between_s for t in self.times])
 
 
-def to_go(layers: Sequence[Layer], estimates: Sequence[Array]) -> list[Array]:
+def cost_to_go(layers: Sequence[Layer], estimates: Sequence[Array]) -> list[Array]:
     """Return the estimated times from the end of each chain to the end of the program, over straight motions, s.
 
     Args:
@@ -54,7 +60,7 @@ def to_go(layers: Sequence[Layer], estimates: Sequence[Array]) -> list[Array]:
     """
     left = [np.zeros(len(layers[-1].chains))]
     for estimate, layer in zip(reversed(estimates), reversed(layers), strict=False):
-        left.insert(0, (estimate + layer.spent("inner") + left[0]).min(axis=1))
+        left.insert(0, (estimate + layer.inner + left[0]).min(axis=1))
     return left
 
 
@@ -66,5 +72,5 @@ def lower_bound(layers: Sequence[Layer], limits: Limits) -> float:
     best = np.zeros(len(layers[0].chains))
     reached = [layer for layer in layers[:-1] if not any(time.passed for time in layer.times)]
     for a, b in pairwise([*reached, layers[-1]]):
-        best = (best[:, None] + leg_bounds(a.depart, b.arrive, limits)).min(axis=0) + b.spent("between_s")
+        best = (best[:, None] + leg_bounds(a.depart, b.arrive, limits)).min(axis=0) + b.between_s
     return float((best + layers[-1].depart.least).min())

@@ -17,16 +17,16 @@ from arm.arguments import shown
 from arm.errors import ImpossibleError, InputError
 from arm.plan_file import Move, Step, touching_pairs
 from arm.se3 import Array, frozen
-from plan.budget import BudgetSpent, Meter, PlanningInterrupted, budget_words
+from plan.budget import BudgetSpent, Meter, budget_words
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.line_chains import LineChain, LineChains, SequenceStep, TargetReached, groups
 from plan.program.goals.target import Target
-from plan.program.planned import Planned, Reached
+from plan.program.planned import Planned, Reached, unfinished
 from plan.program.sequence.candidates import Candidates
-from plan.program.sequence.cause import with_failure
 from plan.program.sequence.layers import Layer
+from plan.program.sequence.refusals import with_failure
 from plan.program.sequence.search import Found, PoseSearch
 from plan.program.sequence.times import chain_time, standing_time
 from plan.program.setting import Setting
@@ -83,12 +83,10 @@ class SequencePlanner:
             goal if goal.q is None else replace(goal, q=setting.at_counts(goal.name, goal.q))
             for goal in (first, *targets[1:])
         ]
-        scene, robot = setting.scene, setting.robot
-        self.worlds = AttachmentWorlds(
-            robot, (*scene.bodies, *scene.cubes), self.targets, padding, scene.robot_holding, state
-        )
+        self.worlds = AttachmentWorlds(setting.scene, self.targets, state, padding)
+        cubes = {cube.name for cube in setting.scene.cubes}
         for target in targets:
-            if target.attach is not None and target.attach not in {cube.name for cube in scene.cubes}:
+            if target.attach is not None and target.attach not in cubes:
                 raise target.error(
                     "attach", target.attach, "must be one of the scene's cubes; its bodies are fixed"
                 )
@@ -96,19 +94,8 @@ class SequencePlanner:
         self.groups = groups(self.targets)
         self.search: PoseSearch | None = None
         self.followed: dict[tuple[bool, int, int], LineChain | ImpossibleError] = {}
-        self.writer = MotionWriter(self.worlds, self.targets, self.options, setting.builder)
-        self.chains = {
-            bends: LineChains(
-                robot,
-                setting.unit,
-                self.targets,
-                setting.planned,
-                setting.tool_speed,
-                self.options,
-                self.worlds if bends else None,
-            )
-            for bends in (False, True)
-        }
+        self.writer = MotionWriter(setting, self.worlds)
+        self.chains = {bends: LineChains(setting, self.worlds, bends) for bends in (False, True)}
 
     def planned(self, meter: Meter) -> Planned:
         """Return the plan.
@@ -127,41 +114,30 @@ class SequencePlanner:
             raise self._ended(stop) from stop
 
     def _planned(self, meter: Meter) -> Planned:
-        planned = self.setting.planned
-        candidates = Candidates(
-            self.setting.robot,
-            self.worlds,
-            self.targets,
-            self.groups,
-            planned,
-            self.options,
-            self.effort.ik,
-        )
+        candidates = Candidates(self.setting, self.worlds, self.groups, self.effort.ik)
         candidates.solve(self.start.chains[0].q_in)
         self._require_clear_start()
         # plain lines first; if no plan was found, lines bend if they can
         can_bend = self.chains[True].can_bend
         wider = [_BENT, *_WIDENINGS] if can_bend else _WIDENINGS[1:]
-        for widening, bends in [(1, False), *((times, can_bend) for times in wider)]:
-            width = max(1, int(widening * self.effort.candidates))
+        factors = [(1, False), *((times, can_bend) for times in wider)]
+        trials = [(max(1, int(times * self.effort.candidates)), bends) for times, bends in factors]
+        for width, bends in trials[:-1]:
             try:
-                layers = [self._layer(candidates, number, width, bends) for number in range(len(self.groups))]
-                search = self.search = PoseSearch(
-                    self.worlds,
-                    self.targets,
-                    [self.start, *layers],
-                    planned,
-                    self.options,
-                    self.effort.detours,
-                )
-                return self._result(search, *self._written(search, meter))
+                return self._searched(candidates, width, bends, meter)
             except ImpossibleError as error:
                 # if all allowed detours failed, more solutions cost much and rarely help
-                spent = bool(error.data.get("detours_spent"))
-                widest = width >= candidates.most or widening == _WIDENINGS[-1]
-                if spent or (widest and bends == can_bend):
+                if error.data.get("detours_spent") or (width >= candidates.most and bends == can_bend):
                     raise
-        raise ImpossibleError("no width was tried", widenings=_WIDENINGS)
+        return self._searched(candidates, *trials[-1], meter)
+
+    def _searched(self, candidates: Candidates, width: int, bends: bool, meter: Meter) -> Planned:
+        """Return the plan over the first `width` solutions of each group; `bends`: lines may bend."""
+        layers = [self._layer(candidates, number, width, bends) for number in range(len(self.groups))]
+        search = self.search = PoseSearch(
+            self.setting, self.worlds, [self.start, *layers], self.effort.detours
+        )
+        return self._result(search, *self._written(search, meter))
 
     def _require_clear_start(self) -> None:
         """Refuse a start that is too near to a body, unless the first target is that configuration."""
@@ -203,7 +179,7 @@ class SequencePlanner:
             else:
                 why.append(chain)
         if not made:
-            raise candidates.unfollowed(number, why)
+            raise candidates.not_followed(number, why)
         times = tuple(chain_time(chain, self.targets, self.setting.planned) for chain in made)
         return Layer(self.targets[group.start].name, tuple(made), times)
 
@@ -219,18 +195,9 @@ class SequencePlanner:
             else (f"no path to {names[0]} was found yet" if names else "inverse kinematics was not complete")
         )
         nearest = "" if miss is None else f". Nearest miss: {miss}"
-        text = f"{budget_words(stop)}: no complete plan was found; {far}{nearest}"
-        if isinstance(stop, KeyboardInterrupt):
-            return PlanningInterrupted(text)
-        return ImpossibleError(
-            text,
-            **({} if miss is None else miss.data),
-            budget=stop.by,
-            budget_s=stop.allowed_s,
-            effort_s=stop.effort_s,
-            reached=reached,
-            left=names[len(reached) :],
-        )
+        data = {} if miss is None else miss.data
+        data = {**data, "reached": reached, "left": names[len(reached) :]}
+        return unfinished(stop, f"plan was found; {far}{nearest}", **data)
 
     def _written(self, search: PoseSearch, meter: Meter) -> tuple[Found, list[Step]]:
         """Return the best sequence that is certified after timing, and its steps."""
@@ -252,14 +219,12 @@ class SequencePlanner:
                 search.forbid(error.step + 1, before, found.legs[error.step].index)
 
     def _result(self, search: PoseSearch, found: Found, steps: Sequence[Step]) -> Planned:
-        state = self.worlds.start
-        reached: list[Reached] = []
-        for leg in found.legs:
-            for item in leg.chain.items:
-                if isinstance(item, TargetReached):
-                    target = self.targets[item.target]
-                    reached.append(Reached(target.name, item.q, item.T_base_tool, leg.chain.branch))
-                    state = self.worlds.after(state, target, item.T_base_tool)
+        reached = [
+            Reached(self.targets[item.target].name, item.q, item.T_base_tool, leg.chain.branch)
+            for leg in found.legs
+            for item in leg.chain.items
+            if isinstance(item, TargetReached)
+        ]
         plan = Planned(
             setting=self.setting,
             q_start=search.layers[0].chains[0].q_in,
@@ -268,9 +233,9 @@ class SequencePlanner:
             reached=tuple(reached),
             lower_bound_s=float(np.floor(found.bound * 1e3)) / 1e3,
             candidates=tuple(len(layer.chains) for layer in search.layers),
-            detours=search.effort.detours,
+            detours=sum(search.made),
             near_ends=tuple(_near_ends(search, found.legs)),
-            state=state,
+            state=self.writer.state,
             touching=frozenset(
                 pair for step in steps if isinstance(step, Move) for pair in touching_pairs(step)
             ),

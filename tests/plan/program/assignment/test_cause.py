@@ -11,8 +11,8 @@ from arm.errors import ImpossibleError
 from arm.se3 import frozen
 from plan.failure import (
     AFTER_TIMING,
-    NO_WAY_ACROSS,
     START_BLOCKED,
+    TRANSIT_BLOCKED,
     failure_in,
 )
 from plan.program.assignment.cause import find_cause
@@ -74,7 +74,7 @@ def test_a_start_beside_a_crate_is_named(seed: int) -> None:
 def test_walls_all_round_are_no_way_across() -> None:
     asked = under_a_lid()
     error, failure = refused(asked)
-    assert failure.kind == NO_WAY_ACROSS
+    assert failure.kind == TRANSIT_BLOCKED
     assert failure.step == "from the start to 01-02/1"
     assert failure.body == "wall e"
     assert failure.ways[0].distance_mm is not None

@@ -15,7 +15,7 @@ def test_the_excess_by_cause_adds_up(name: str) -> None:
     gap = found.gap
     assert gap.order + gap.straight + gap.around == pytest.approx(found.time - found.bound, abs=1e-9)
     assert min(gap.order, gap.straight, gap.around) >= -1e-9
-    around = any(len(way) > 2 for stop in found.stops for way in (stop.out, stop.across))
+    around = any(len(planned.path) > 2 for planned in found.legs)
     assert (gap.around > 1e-3) == around
     again = explained(found, search.costs, 1.5)
     assert again.gap.unexplored == 1.5

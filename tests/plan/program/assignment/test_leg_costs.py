@@ -6,47 +6,56 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import load_unit
-from arm.se3 import frozen
+from arm.se3 import Array, frozen
 from plan.options import PlanOptions
-from plan.program.assignment.leg_costs import CARRY, NOT_NOW, Detours, TransitCosts, TransitEdge
-from plan.program.assignment.sequencing import Progress
-from plan.program.assignment.worlds import CubePlacement
+from plan.program.assignment.leg_costs import POSTPONED, Detours, LegCosts
+from plan.program.assignment.legs import HOME, Leg, Site, Stop
 from plan.program.goals.leg_times import line_ends, standing
 from plan.trajectory.time_estimates import path_time
 
 LIMITS = load_unit("crs93").limits()
-NOTHING_DONE = Progress(frozenset(), frozenset())
+SOURCE, PLACE = Site(False, 0), Site(True, 0)
 
 
-def costs() -> TransitCosts:
-    """One cube and one place with two ways each."""
+def costs() -> LegCosts:
+    """One cube and one place with two grasps each."""
     line = np.linspace(0.0, 0.1, 5)[:, None] * np.ones(6)
     ends = line_ends([frozen(line), frozen(line + 0.2)], 0.1, LIMITS, None)
-    return TransitCosts([ends], [ends], standing(np.zeros(6)), LIMITS, PlanOptions())
+    lines = {HOME: standing(np.zeros(6)), SOURCE: ends, PLACE: ends}
+    return LegCosts(lines, LIMITS, PlanOptions())
 
 
-@pytest.mark.parametrize("by", [None, CubePlacement(False, 0)])
+def carry(source_grasp: int, place_grasp: int) -> Leg:
+    return Leg(Stop(SOURCE, source_grasp), Stop(PLACE, place_grasp))
+
+
+def times(noted: LegCosts) -> Array:
+    """What carrying takes, by the grasps at both ends."""
+    return noted.now()(SOURCE, PLACE, frozenset())
+
+
+@pytest.mark.parametrize("by", [None, SOURCE])
 def test_what_had_no_budget_is_asked_again_and_what_could_not_be_proved_is_not(
-    by: CubePlacement | None,
+    by: Site | None,
 ) -> None:
     noted = costs()
-    legs = [TransitEdge(CARRY, (0, 0), ways) for ways in ((0, 0), (0, 1), (1, 0), (1, 1))]
-    noted.block(legs[0], by, NOT_NOW)
+    legs = [carry(*grasps) for grasps in ((0, 0), (0, 1), (1, 0), (1, 1))]
+    noted.block(legs[0], by, POSTPONED)
     noted.block(legs[1], by, np.inf)
     noted.forbid(legs[2], by)
     noted.block(legs[3], by, 2.5)
 
-    noted.ask_again()
+    noted.retry()
 
     assert [noted.time(leg, by) for leg in legs] == [None, None, np.inf, 2.5]
 
 
 def test_only_a_forbidden_leg_has_infinite_cost() -> None:
     noted = costs()
-    before = noted.now().carry(0, 0, NOTHING_DONE)
-    noted.forbid(TransitEdge(CARRY, (0, 0), (1, 0)), None)
-    noted.ask_again()
-    after = noted.now().carry(0, 0, NOTHING_DONE)
+    before = times(noted)
+    noted.forbid(carry(1, 0), None)
+    noted.retry()
+    after = times(noted)
     assert np.isfinite(before).all()
     assert np.isinf(after[1, 0])
     untouched = np.array([[True, True], [False, True]])
@@ -55,25 +64,23 @@ def test_only_a_forbidden_leg_has_infinite_cost() -> None:
 
 def test_legs_between_the_same_stations_are_taken_to_be_blocked_alike_until_one_is_clear() -> None:
     noted = costs()
-    before = noted.now().carry(0, 0, NOTHING_DONE)
-    leg = TransitEdge(CARRY, (0, 0), (0, 0))
+    before = times(noted)
+    leg = carry(0, 0)
     noted.block(leg, None, float(before[0, 0]) + 2.0, "wall")
-    assert noted.now().carry(0, 0, NOTHING_DONE) == pytest.approx(before + 2.0)
-    noted.presume = False
+    assert times(noted) == pytest.approx(before + 2.0)
+    noted.assume_alike = False
     only = np.array([[2.0, 0.0], [0.0, 0.0]])
-    assert noted.now().carry(0, 0, NOTHING_DONE) == pytest.approx(before + only)
-    noted.presume = True
-    noted.clear(TransitEdge(CARRY, (0, 0), (1, 1)))
-    assert noted.now().carry(0, 0, NOTHING_DONE) == pytest.approx(before + only)
+    assert times(noted) == pytest.approx(before + only)
+    noted.assume_alike = True
+    noted.clear(carry(1, 1))
+    assert times(noted) == pytest.approx(before + only)
 
 
 def test_what_a_cube_blocks_says_nothing_of_other_legs() -> None:
     noted = costs()
-    before = noted.now().carry(0, 0, NOTHING_DONE)
-    noted.block(
-        TransitEdge(CARRY, (0, 0), (0, 0)), CubePlacement(True, 0), float(before[0, 0]) + 2.0, "cube 1"
-    )
-    assert (noted.now().carry(0, 0, NOTHING_DONE) == before).all()
+    before = times(noted)
+    noted.block(carry(0, 0), PLACE, float(before[0, 0]) + 2.0, "cube 1")
+    assert (times(noted) == before).all()
 
 
 def test_a_way_that_was_made_tells_what_others_around_the_same_body_take() -> None:

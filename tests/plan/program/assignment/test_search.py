@@ -20,7 +20,8 @@ from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program.assignment.edge_checks import _POLISH, MARGIN
-from plan.program.assignment.found import Found, Stop
+from plan.program.assignment.found import Found
+from plan.program.assignment.legs import HOME, Site
 from plan.program.assignment.search import _ALLOWED, TaskSearch
 from plan.program.assignment.sequencing import best_grasps, best_order
 from plan.program.tasks import plan_task
@@ -79,10 +80,11 @@ def every_sequence(search: TaskSearch) -> Iterator[tuple[float, Ways]]:
     heap: list[tuple[float, Ways]] = []
     t, looks = search.costs.free, search.options.look == "each"
     for (i, k), (j, m) in product(permutations(range(2)), repeat=2):
-        sizes = [len(search.picks[i]), len(search.places[j]), len(search.picks[k]), len(search.places[m])]
-        a = t["begin"][i][0][0][:, None] + t["carry"][i][j]
-        between = t["end"][j][0] + t["begin"][k][0][0][None] if looks else t["go on"][j][k]
-        b = t["carry"][k][m] + t["end"][m][0][:, 0]
+        picks, places = (Site(False, i), Site(False, k)), (Site(True, j), Site(True, m))
+        sizes = [len(search.grasps[site]) for site in (picks[0], places[0], picks[1], places[1])]
+        a = t[HOME, picks[0]][0][:, None] + t[picks[0], places[0]]
+        between = t[places[0], HOME] + t[HOME, picks[1]] if looks else t[places[0], picks[1]]
+        b = t[picks[1], places[1]] + t[places[1], HOME][:, 0]
         total = a[:, :, None, None] + between[None, :, :, None] + b[None, None]
         assert total.shape == tuple(sizes)
         heap += [
@@ -99,10 +101,10 @@ def straight_and_clear(search: TaskSearch, truth: Truth, ways: Ways) -> bool:
     (i, k), (j, m), (a, b, c, d) = ways
     options, transfers = truth.options, truth.case.transfers
     asked, line = options.clearance + MARGIN, options.line_clearance
-    pick_1, place_1 = search.picks[i][a].q_line, search.places[j][b].q_line
-    pick_2, place_2 = search.picks[k][c].q_line, search.places[m][d].q_line
+    pick_1, place_1 = search.grasps[Site(False, i)][a].q_line, search.grasps[Site(True, j)][b].q_line
+    pick_2, place_2 = search.grasps[Site(False, k)][c].q_line, search.grasps[Site(True, m)][d].q_line
     none: frozenset[str] = frozenset()
-    home = search.costs.home.offset[0]
+    home = search.costs.lines[HOME].offset[0]
     w = truth.world
     legs = [
         (
@@ -150,14 +152,14 @@ def test_no_straight_sequence_is_faster(name: str) -> None:
     truth = Truth(*CASES[name])
     least = next(time for time, ways in every_sequence(search) if straight_and_clear(search, truth, ways))
     assert found.time <= least + 1e-6
-    if all(len(way) == 2 for stop in found.stops for way in ways_of(stop)):
+    if all(len(planned.path) == 2 for planned in found.legs):
         assert found.time == pytest.approx(least, abs=1e-6)
     assert found.bound <= found.time
 
 
-@pytest.mark.parametrize("presume", [False, True])
+@pytest.mark.parametrize("assume_alike", [False, True])
 def test_what_is_known_of_the_legs_is_what_the_sequence_takes(
-    presume: bool, monkeypatch: pytest.MonkeyPatch
+    assume_alike: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also of ways around that were made faster at the end; here only then."""
     shorten, made = TransitOptimiser.shorten, list[int]()
@@ -168,48 +170,39 @@ def test_what_is_known_of_the_legs_is_what_the_sequence_takes(
 
     monkeypatch.setattr(TransitOptimiser, "shorten", late)
     search = search_of(*CASES["wall"])
-    search.costs.presume = presume
+    search.costs.assume_alike = assume_alike
     found = search.best()
     assert _POLISH in made
-    pairs = [(stop.visit.pick, stop.visit.place) for stop in found.stops]
+    carries = [planned.leg.sites for planned in found.legs if planned.leg.carries]
+    pairs = [(source.number, place.number) for source, place in carries]
     known = best_grasps(pairs, search.costs.now())
-    assert known is not None
     assert found.time * (1.0 - _ALLOWED) <= known.time <= found.time + 1e-6
-
-
-def ways_of(stop: Stop) -> list[Array]:
-    return [stop.out, stop.across, *([] if stop.home is None else [stop.home])]
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_certified_motions_are_clear_at_samples(name: str) -> None:
     found, truth = searched(name)[1], Truth(*CASES[name])
     none: frozenset[str] = frozenset()
-    left, done = [0, 1], []
-    for stop in found.stops:
-        i, j = stop.visit.pick, stop.visit.place
-        before = tuple(left), tuple(done)
-        left.remove(i)
-        carrying = tuple(left), tuple(done)
-        done.append(j)
-        after = tuple(left), tuple(done)
-        looked = [
-            (stop.out, 0.011, truth.world(*before, None, none)),
-            (stop.across, 0.011, truth.world(*carrying, i, none)),
-            (stop.pick.q_line, 0.005, truth.world(*before, None, none)),
-            (stop.pick.q_line, 0.005, truth.world(*carrying, i, truth.case.transfers[i].pick.touches)),
-            (stop.place.q_line, 0.005, truth.world(*carrying, i, truth.case.transfers[j].place.touches)),
-            (stop.place.q_line, 0.005, truth.world(*after, None, none)),
-        ]
-        if stop.home is not None:
-            looked.append((stop.home, 0.011, truth.world(*after, None, none)))
-        for way, clearance, world in looked:
-            for a, b in pairwise(way):
+    for planned in found.legs:
+        (origin, goal), there, grasp = planned.leg.sites, planned.there, planned.grasp
+        numbers = [tuple(sorted(s.number for s in there if s.placed is placed)) for placed in (False, True)]
+        held = origin.number if planned.leg.carries else None
+        looked = [(planned.path, 0.011, truth.world(*numbers, held, none))]
+        if grasp is not None:
+            pick = goal.number if held is None else held
+            others = tuple(i for i in numbers[0] if i != pick)
+            full = (others, (*numbers[1], goal.number)) if goal.placed else numbers
+            station = truth.case.transfers[goal.number]
+            touches = (station.place if goal.placed else station.pick).touches
+            looked.append((grasp.q_line, 0.005, truth.world(*full, None, none)))
+            looked.append((grasp.q_line, 0.005, truth.world(others, numbers[1], pick, touches)))
+        for path, clearance, world in looked:
+            for a, b in pairwise(path):
                 count = max(3, int(np.abs(b - a).sum() / 0.04))
                 for u in np.linspace(0.0, 1.0, count):
                     assert not world.in_collision(a + u * (b - a), clearance - 1e-6)
-    assert not left
-    assert found.stops[-1].home is not None
+    assert sum(planned.leg.carries for planned in found.legs) == 2
+    assert found.legs[-1].leg.goal.site == HOME
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -258,11 +251,11 @@ def test_a_cube_in_the_way_of_a_line_goes_first() -> None:
         # the jaws move along the tool's y: across the gap or along it
         assert abs(apply(q, (0.0, 1.0, 0.0))[1] - q[1, 3]) > 0.9
         search = search_of(case, OPTIONS)
-        free = best_order(search.freedom, search.costs.now())  # nothing is known to be in the way yet
+        free = best_order(search.choices, search.costs.now())  # nothing is known to be in the way yet
         found = search.best()
-        assert free is not None
-        assert [s.visit.pick for s in found.stops] == [1 - hemmed, hemmed]
-        changed.append(free.visits[0].pick == hemmed)
+        order = [planned.leg.origin.site.number for planned in found.legs if planned.leg.carries]
+        assert order == [1 - hemmed, hemmed]
+        changed.append(free.stops[0].site.number == hemmed)
         assert found.time >= free.time - 1e-9
     assert any(changed)  # for one of the two, the order is another than without the cube in the way
 

@@ -15,6 +15,7 @@ from arm.se3 import transform
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.program.planned import Pause
+from plan.scene import Scene
 from plans.waypoints import planned
 from tasks.pose_lists import TABLE, down
 
@@ -23,7 +24,7 @@ def test_what_is_carried_stands_where_it_was_brought(robot: Robot) -> None:
     cup = Body("cup", Sphere(0.02), transform(t=(0.4, -0.2, 0.1)), "cube")
     pick = Target("pick", down(0.4, -0.2, 0.12), attach="cup")
     place = Target("place", down(0.4, 0.2, 0.22), detach=True)
-    worlds = AttachmentWorlds(robot, [TABLE, cup], [pick, place], 0.0)
+    worlds = AttachmentWorlds(Scene(robot, robot, (TABLE,), (cup,)), [pick, place])
     held = worlds.after(worlds.start, pick, pick.T_base_tool)
     assert held.held == "cup"
     np.testing.assert_allclose(held.T_tool_held[:3, 3], (0.0, 0.0, 0.02), atol=1e-12)

@@ -12,6 +12,7 @@ from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder
 from arm.se3 import rot_x, rot_y, rot_z, rotation, transform
+from plan.kinematics.numeric_ik import FREE
 from plan.program.goals.freedom import Freedom, coordinates_of
 from plan.program.goals.target import Target
 from plans.waypoints import planned, refusal_of
@@ -23,6 +24,17 @@ TILT = Freedom({"rz": (-0.5, 1.0)}, np.radians(20.0))
 
 def random_pose(rng: np.random.Generator) -> np.ndarray:
     return T @ transform(rotation(rng.normal(size=3)), 0.1 * rng.normal(size=3))
+
+
+def violation(freedom: Freedom, T: np.ndarray, T_now: np.ndarray, free: tuple[str, ...] = ()) -> float:
+    """Largest excess of a tool at T_now beyond the limits about T, m or rad."""
+    now = coordinates_of(T, T_now)
+    worst = max(0.0, float(np.hypot(*now[3:5])) - freedom.tilt) if freedom.tilt > 0.0 else 0.0
+    for value, name in zip(now, FREE, strict=True):
+        if name not in free and not (freedom.tilt > 0.0 and name in ("rx", "ry")):
+            low, high = freedom.ranges.get(name, (0.0, 0.0))
+            worst = max(worst, low - value, value - high)
+    return worst
 
 
 def test_coordinates_give_the_pose_again() -> None:
@@ -41,7 +53,7 @@ def test_coordinates_give_the_pose_again() -> None:
 )
 def test_samples_are_within_the_limits_and_come_near_all_of_them(freedom: Freedom) -> None:
     poses = freedom.sampled(T, 400, seed=3)
-    assert max(freedom.violation(T, pose, ()) for pose in poses) < 1e-12
+    assert max(violation(freedom, T, pose) for pose in poses) < 1e-12
     found = np.array([coordinates_of(T, pose) for pose in poses])
     for name, (low, high) in freedom.ranges.items():
         column = found[:, ("x", "y", "z", "rx", "ry", "rz").index(name)]
@@ -58,7 +70,7 @@ def test_the_nearest_pose_is_the_tool_s_own_where_that_is_allowed() -> None:
         np.testing.assert_allclose(TILT.nearest(T, pose, ()), pose, atol=1e-9)
     for _ in range(50):
         nearest = TILT.nearest(T, random_pose(rng), ())
-        assert TILT.violation(T, nearest, ()) < 1e-9
+        assert violation(TILT, T, nearest) < 1e-9
         np.testing.assert_allclose(nearest[:3, 3], T[:3, 3], atol=1e-12)
 
 
@@ -87,7 +99,7 @@ def test_a_tilt_leads_past_what_an_exact_pose_would_hit(robot: Robot, crs97: Uni
     target = Target("a", at, tilt=np.radians(30.0), ranges={"rz": (-np.pi, np.pi)})
     plan = planned(robot, crs97, [TABLE, lid], target)
     reached = plan.reached[0].T_base_tool
-    assert target.freedom.violation(at, reached, ()) < 1e-4
+    assert violation(target.freedom, at, reached) < 1e-4
     assert np.arccos(at[:3, 2] @ reached[:3, 2]) > np.radians(2.0)
 
 
@@ -98,4 +110,4 @@ def test_a_box_of_positions_and_a_line_to_it(robot: Robot, crs97: Unit) -> None:
     second = Target("b", down(0.40, 0.2, 0.15), free="rz", ranges={"x": (-0.08, 0.08)}, by="line")
     plan = planned(robot, crs97, [TABLE, post], first, second)
     for target, reached in zip((first, second), plan.reached, strict=True):
-        assert target.freedom.violation(target.poses[0], reached.T_base_tool, ("rz",)) < 1e-4
+        assert violation(target.freedom, target.poses[0], reached.T_base_tool, ("rz",)) < 1e-4

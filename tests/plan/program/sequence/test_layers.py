@@ -11,7 +11,7 @@ import pytest
 from arm.controller.unit import Limits
 from plan.program.goals.leg_times import leg_times, passing
 from plan.program.goals.line_chains import LineChain
-from plan.program.sequence.layers import Layer, lower_bound, to_go
+from plan.program.sequence.layers import Layer, cost_to_go, lower_bound
 from plan.program.sequence.times import ChainTime, standing_time
 
 LIMITS = Limits(np.full(3, -3.0), np.full(3, 3.0), np.array([1.0, 0.5, 2.0]), np.array([2.0, 2.0, 4.0]))
@@ -42,7 +42,7 @@ def test_what_is_to_go_is_the_best_of_all_sequences_and_bounded(seed: int) -> No
         legs = [e[i, j] for e, (i, j) in zip(estimates, pairwise(indices), strict=True)]
         inner = [layer.times[i].inner for layer, i in zip(made[1:], indices[1:], strict=True)]
         times.append(sum(legs) + sum(inner))
-    left = to_go(made, estimates)
+    left = cost_to_go(made, estimates)
     assert left[0] == pytest.approx(np.array([min(times)]))
     assert (left[-1] == 0.0).all()
     assert 0.8 * min(times) < lower_bound(made, LIMITS) <= min(times)

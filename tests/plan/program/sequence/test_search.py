@@ -51,14 +51,14 @@ def test_the_sequence_is_the_best_of_all(robot: Robot, crs97: Unit) -> None:
     plan = Spy(setting, targets, setting.at_counts("q_start", q), effort=effort).planned(meter)
     search = found[-1]
     best = search.best(meter)
-    from plan.program.sequence.search import _State
+    from plan.program.sequence.search import _Prefix
 
     times = {}
     for indices in itertools.product(*(range(len(layer.chains)) for layer in search.layers[1:])):
-        state: _State | float | None = _State(0, 0, search.worlds.start, 0.0, ())
+        state: _Prefix | float | None = _Prefix(0, 0, search.worlds.start, 0.0, ())
         for index in indices:
-            state = search._taken(state, index, postpone=False) if isinstance(state, _State) else None
-        if isinstance(state, _State):
+            state = search._taken(state, index, postpone=False) if isinstance(state, _Prefix) else None
+        if isinstance(state, _Prefix):
             times[indices] = state.cost
     assert len(times) > 8
     assert plan.detours > 0

@@ -1,12 +1,14 @@
-"""Why a list cannot be planned, as data, and what would help."""
+"""Why a list of poses, or a step of it, was refused, and what would help."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from arm.controller.unit import Unit
+from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder
 from arm.se3 import transform
@@ -15,8 +17,19 @@ from plan.advice.search import advise
 from plan.failure import LINE_BLOCKED, OUT_OF_REACH, START_BLOCKED, Failure, failure_in
 from plan.program.goals.target import Target
 from plan.scene import Scene
-from plans.waypoints import Q_START, refusal_of
+from plans.waypoints import Q_START, planned, refusal_of
 from tasks.pose_lists import FAST, TABLE, down
+
+
+def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs97: Unit) -> None:
+    cage = [Body("wall", Box((0.9, 0.02, 1.0)), transform(t=(0.58, 0.0, 0.45)), "wall")]
+    cage.append(Body("back", Box((0.9, 0.02, 1.0)), transform(t=(-0.58, 0.0, 0.45)), "wall"))
+    cage.append(Body("lid", Box((2.0, 2.0, 0.02)), transform(t=(0.0, 0.0, 0.7)), "wall"))
+    turned = np.radians([-60, -35, -85, 0, -60, 0])
+    with pytest.raises(ImpossibleError, match=r"no path to other side") as caught:
+        planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
+    assert caught.value.data["clearance_m"] == FAST.clearance
+    assert f"(required: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
 
 
 def failure_of(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target) -> Failure:
