@@ -81,9 +81,7 @@ def fit_sides(
         lever: outward displacement of each piece of a side per rad of rotation, (pieces,) m.
         blurs: standard deviations to try, m.
     """
-    places = PLACES[COARSE]
-    every = np.broadcast_to(places[:, None], (len(places), PIECES))
-    fits = []
+    places, fits = PLACES[COARSE, None], []
     for blur in blurs:
         besides = [
             beside_unseen(side.plate_grey, PIECES, at.mouth)
@@ -91,7 +89,7 @@ def fit_sides(
             else beside(at.empty, at.mouth, at.corner, blur, light)
             for side, at in zip(sides, around, strict=True)
         ]
-        each = [own_evidence(side, at, every, blur) for side, at in zip(sides, besides, strict=True)]
+        each = [own_evidence(side, at, places, blur) for side, at in zip(sides, besides, strict=True)]
         fits.append(SidesFit(blur, straight_lines(each, lever), each, besides))
     return max(fits, key=lambda fit: fit.lines.worth)
 
@@ -145,13 +143,10 @@ class _Lines:
 
 def straight_lines(each: Sequence[Array], lever: Array) -> _Lines:
     """Find the likeliest rotation of sides, by their pieces' evidence (k, pieces) at coarse places."""
-    places = PLACES[COARSE]
-    capped = [np.maximum(one, one.max(axis=0) - ACCIDENT) for one in each]
-    tried = []
-    for turn in TURNS:
-        of_sides = [_along(one, places + turn * lever[:, None]) for one in capped]
-        tried.append(_Lines(float(sum(float(np.max(one)) for one in of_sides)), float(turn), of_sides))
-    return max(tried, key=lambda lines: lines.worth)
+    of_sides = [_rotated(np.maximum(one, one.max(axis=0) - ACCIDENT), lever) for one in each]
+    worth = np.sum([log.max(axis=1) for log in of_sides], axis=0)
+    best = int(np.argmax(worth))
+    return _Lines(float(worth[best]), float(TURNS[best]), [log[best] for log in of_sides])
 
 
 def _refined(fit: SidesFit, sides: Sequence[Side], lever: Array) -> float:
@@ -168,9 +163,10 @@ def _refined(fit: SidesFit, sides: Sequence[Side], lever: Array) -> float:
     return float(turns[np.argmax(worth)])
 
 
-def _along(one: Array, at: Array) -> Array:
-    """Log likelihood (k,) of a side with its pieces at `at` (pieces, k) m, from that of the pieces at coarse places."""
+def _rotated(one: Array, lever: Array) -> Array:
+    """Log likelihood (turns, k) of a side at coarse places with each of `TURNS`, from that of its pieces there."""
     places, low = PLACES[COARSE], one.min(axis=0)
+    at = places + TURNS[:, None] * lever[:, None, None]
     pieces = [np.interp(at[j], places, one[:, j], left=low[j], right=low[j]) for j in range(PIECES)]
     return np.asarray(np.sum(pieces, axis=0))
 

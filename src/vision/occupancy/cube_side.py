@@ -189,7 +189,7 @@ def beside_unseen(plate_grey: float, pieces: int, mouth: float) -> Beside:
 
 
 def own_evidence(side: Side, at: Beside, places: Array, blur: float) -> Array:
-    """Log evidence (k, pieces) of each single piece with the side at `places` (k, pieces) m outwards."""
+    """Log evidence (k, pieces) of each single piece with the side at `places` (k, pieces) or (k, 1) m outwards."""
     mean, own, shared = _columns(side, at, places, blur, side.foot)
     left = (side.grey - mean) @ side.white.T
     A = side.white @ np.concatenate([own, shared], axis=-1)
@@ -240,7 +240,7 @@ def _evidence(
 
 
 def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) -> tuple[Array, Array, Array]:
-    """Return the linear model with the side at `places` (k, p) and the foot at `foot` m beyond it.
+    """Return the linear model with the side at `places` (k, p) or (k, 1) and the foot at `foot` m beyond it.
 
     Its parts are the mean (k, p, n), the columns of each piece's own unknowns, and those of the shared unknowns,
     (k, p, n, c). Each column is scaled to a standard deviation of 1.
@@ -298,7 +298,7 @@ def _columns(side: Side, at: Beside, places: Array, blur: float, foot: float) ->
             z = (x - at.mouth) / blur
             bump = np.exp(-0.5 * z**2) * (ends < at.mouth) * step
             shared += [bump * (prior.mouth / (blur * PEAK)), bump * z * BLUR_SHARE]
-    like = np.broadcast_to(mean, (*places.shape, len(x)))
+    like = np.broadcast_to(mean, (len(places), *side.grey.shape))
     columns = [np.stack([np.broadcast_to(c, like.shape) for c in group], axis=-1) for group in (own, shared)]
     return like, columns[0], columns[1]
 
