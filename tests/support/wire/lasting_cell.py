@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -29,6 +31,25 @@ from driver.mars.mars import Mars
 from tasks.small import leave_cubes, small_scenes
 
 
+def _scenes(folder: Path) -> Path:
+    """Small scenes with two cubes."""
+    scenes = small_scenes(folder)
+    leave_cubes(scenes, 1, 3)
+    return scenes
+
+
+@cache
+def _planned(task: str) -> str:
+    """The plan file for what the first look shows; it is the same wherever the scenes are."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        file = _scenes(folder) / f"{task}.toml"
+        look, plan = folder / "look.json", folder / "plan.json"
+        look_step(file, None, None, look, None, Console(as_json=True))
+        plan_step(file, look, plan, None, Console(as_json=True), False)
+        return plan.read_text()
+
+
 class LastingCell:
     """A simulated cell that outlives the sessions with its controller."""
 
@@ -40,10 +61,9 @@ class LastingCell:
         options: EmulatorOptions | None = None,
         to_unit: Tap | None = None,
     ) -> None:
-        scenes = small_scenes(folder)
+        scenes = _scenes(folder)
         self.folder, self.file = folder, scenes / f"{task}.toml"
         world = scenes / f"{task}.world.toml"
-        leave_cubes(scenes, 1, 3)
         self.task = read_task(self.file)
         cell_ = self.task.cell
         truth = read_world(world, cell_.boards[0].marker_size)
@@ -79,9 +99,7 @@ class LastingCell:
         monkeypatch.setattr(TaskRun, "_on_progress", on_progress)
         monkeypatch.setattr(TaskRun, "_on_step", on_step)
         self.newest = self.plan = folder / "plan.json"
-        console = Console(as_json=True)
-        look_step(self.file, None, None, folder / "look.json", None, console)
-        plan_step(self.file, folder / "look.json", self.plan, None, console, False)
+        self.plan.write_text(_planned(task))
 
     @contextmanager
     def opened(self, *arguments: Any) -> Iterator[Connection]:
