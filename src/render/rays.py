@@ -47,16 +47,31 @@ class SubpixelRays:
 
 
 def pixel_rays(camera: Camera, displaced: Array | None = None) -> PixelRays:
-    """Return the rays of all pixels: undistorted on a grid, splines between.
+    """Return the rays of all pixels: undistorted on a grid, splines between. Arrays of a still image are read-only.
 
     Args:
         camera: whose pixels.
         displaced: px by which each point of the image has moved, see `smooth_displacement`.
     """
+    if displaced is not None:
+        return _splined(camera, displaced)
+    return _of_lens(tuple(camera.K.ravel().tolist()), tuple(camera.distortion.tolist()), camera.size)
+
+
+@lru_cache(maxsize=2)
+def _of_lens(K: tuple[float, ...], distortion: tuple[float, ...], size: tuple[int, int]) -> PixelRays:
+    """Return the rays of a lens, which are the same wherever the camera is."""
+    lens = Camera(np.reshape(K, (3, 3)), np.array(distortion), size, np.eye(4))
+    rays = _splined(lens, np.zeros(2))
+    for each in (rays.x, rays.y):
+        each.flags.writeable = False
+    return rays
+
+
+def _splined(camera: Camera, displaced: Array) -> PixelRays:
     width, height = camera.size
     columns, rows = _grid(width), _grid(height)
-    pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
-    points = camera.normalised(pixels if displaced is None else pixels - displaced)
+    points = camera.normalised(np.stack(np.meshgrid(columns, rows), axis=-1) - displaced)
     return PixelRays(
         *((_spline(height) @ (points[..., i] @ _spline(width).T)).astype(np.float32) for i in range(2))
     )

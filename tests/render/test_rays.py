@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from arm.se3 import transform
 from render.rays import pixel_rays, smooth_displacement, subpixel_rays
 from vision.camera.model import Camera
 
@@ -14,6 +18,20 @@ def test_pixel_rays_project_back_to_their_pixels(camera: Camera) -> None:
     u, v = np.meshgrid(np.arange(0, 1920, 7), np.arange(0, 1200, 7))
     error = camera.project(points) - np.stack([u, v], axis=-1)
     assert np.abs(error).max() < 2e-4
+
+
+def test_rays_follow_the_lens_alone_and_nobody_changes_them(camera: Camera, small: Camera) -> None:
+    rays, moved = pixel_rays(small), pixel_rays(small.at(transform(t=(0.1, 0.2, 0.3))))
+    assert np.array_equal(rays.x, moved.x)
+    with pytest.raises(ValueError, match="read-only"):
+        rays.y[0, 0] = 0.0
+    bent = small.distortion + (0.01, 0.0, 0.0, 0.0, 0.0)
+    for other in (
+        camera,
+        replace(small, distortion=bent),
+        replace(small, K=small.K + np.diag([1.0, 0.0, 0.0])),
+    ):
+        assert not np.array_equal(pixel_rays(other).x, rays.x)
 
 
 def test_rays_inside_pixels_are_where_the_lens_puts_them(camera: Camera) -> None:
