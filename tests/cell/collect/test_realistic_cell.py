@@ -19,7 +19,7 @@ from cell.files.task import read_task
 from cell.files.world import World, read_world
 from plan.kinematics.ik import inverse_kinematics
 from tasks.whole_run import run_whole
-from typed.command_line import a465
+from typed.command_line import a465, replace_in
 from typed.doc_commands import ROOT
 
 REALISTIC = data_file("scenes/realistic")
@@ -90,6 +90,7 @@ def test_the_commands_of_the_page_find_the_shipped_calibration(
         (folder / name).unlink()
     own = (folder / "cell.toml").read_text()
     (folder / "cell.toml").write_text(re.sub(r"(?m)^(calibration|background) = .*\n", "", own))
+    replace_in(folder / "cell.toml", "photographs = 5", "photographs = 2")
     page = (ROOT / "docs/simulated-cell.md").read_text()
     typed = [line.split()[1:] for line in page.splitlines() if line.startswith("a465 ")]
     assert [words[0] for words in typed] == ["render", "calibrate", "calibrate"]
@@ -107,7 +108,8 @@ def test_the_commands_of_the_page_find_the_shipped_calibration(
     down = transform(rot_x(np.pi))
     tools = [transform(t=(x, y, z)) @ down for x in (0.42, 0.54) for y in (-0.15, 0.15) for z in (0.06, 0.15)]
     apart = _seen_tools(made, tools, shipped) - _seen_tools(shipped, tools, shipped)
-    assert np.linalg.norm(apart, axis=1).max() < SIGMAS * np.hypot(_told_mm(shipped), _told_mm(made))
+    told_mm = np.sqrt(2.0) * min(_told_mm(shipped), _told_mm(made))  # fewer photographs excuse nothing
+    assert np.linalg.norm(apart, axis=1).max() < SIGMAS * told_mm
 
 
 @pytest.mark.slow
