@@ -12,7 +12,7 @@ from arm.se3 import Array
 from render.light import BACKGROUND_GREY
 from render.rays import Floats, PixelRays
 from render.solids import REGIONS, Solid
-from render.window import Window, window_of
+from render.window import Window, cells_of, window_of
 
 NOTHING = 0  # surface of rays that hit nothing
 
@@ -40,7 +40,8 @@ class FirstHits:
 
 def in_view(solids: Sequence[Solid], T_base_camera: Array, rays: PixelRays) -> list[InView]:
     """Return the solids that may be in an image with these rays."""
-    windows = [window_of(s.T_base_solid, s.half_extent, T_base_camera, rays) for s in solids]
+    cells = cells_of(rays)
+    windows = [window_of(s.T_base_solid, s.half_extent, T_base_camera, cells) for s in solids]
     return [
         InView(number, solid, window)
         for number, (solid, window) in enumerate(zip(solids, windows, strict=True), start=1)

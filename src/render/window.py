@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.se3 import Array, apply, inverse
-from render.rays import PixelRays
+from arm.se3 import Array, Indices, apply, inverse
+from render.rays import Floats, PixelRays
 
 NEAREST = 0.02  # m in front of the camera; nearer parts are invisible
 STEP_PX = 16  # pitch at which the image's rays are sampled
@@ -32,9 +32,33 @@ class Window:
         return PixelRays(rays.x[self.area], rays.y[self.area])
 
 
-def window_of(
-    T_base_solid: Array, half_extent: Array, T_base_camera: Array, rays: PixelRays
-) -> Window | None:
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """An image's rays, sampled: where the rays of each grid cell are on the plane z = 1.
+
+    Attributes:
+        rows, columns: pixels of the grid's lines.
+        low, high: bounds of the cells' rays along x and along y, (2, rows - 1, columns - 1).
+        slack: a quarter of a cell, for the curved sides of cells and the neighbours of edge pixels, same shape.
+    """
+
+    rows: Indices
+    columns: Indices
+    low: Floats
+    high: Floats
+    slack: Floats
+
+
+def cells_of(rays: PixelRays) -> Cells:
+    """Sample the rays of an image."""
+    rows, columns = (np.unique(np.append(np.arange(0, n, STEP_PX), n - 1)) for n in rays.x.shape)
+    at = np.stack([f[np.ix_(rows, columns)] for f in (rays.x, rays.y)])
+    corners = np.stack([at[:, :-1, :-1], at[:, 1:, :-1], at[:, :-1, 1:], at[:, 1:, 1:]])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return Cells(rows, columns, low, high, 0.25 * (high - low))
+
+
+def window_of(T_base_solid: Array, half_extent: Array, T_base_camera: Array, cells: Cells) -> Window | None:
     """Return the window of all pixels (and their neighbours) whose rays can hit a box; None if there are none.
 
     The plane z = 1 is used, where edges are straight despite the distortion.
@@ -43,22 +67,18 @@ def window_of(
         T_base_solid: pose of the box's centre, 4x4.
         half_extent: its half edges, (3,) m.
         T_base_camera: pose of the camera, 4x4.
-        rays: of the camera's pixels.
+        cells: of the camera's rays.
     """
     points = _visible_corners(inverse(T_base_camera) @ T_base_solid, half_extent)
     if not len(points):
         return None
-    low, high = (points[:, :2] / points[:, 2:]).min(axis=0), (points[:, :2] / points[:, 2:]).max(axis=0)
-    height, width = rays.x.shape
-    rows, columns = (np.unique(np.append(np.arange(0, n, STEP_PX), n - 1)) for n in (height, width))
-    x, y = (f[np.ix_(rows, columns)] for f in (rays.x, rays.y))
-    # a grid cell may be hit unless its corners are all on one side of the rectangle
-    inside = np.ones((len(rows) - 1, len(columns) - 1), dtype=bool)
-    for values, least, most in ((x, low[0], high[0]), (y, low[1], high[1])):
-        cells = np.stack([values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]])
-        inside &= (cells.max(axis=0) >= least - _slack(cells)) & (cells.min(axis=0) <= most + _slack(cells))
+    on_plane = points[:, :2] / points[:, 2:]
+    low, high = (f[:, None, None] for f in (on_plane.min(axis=0), on_plane.max(axis=0)))
+    # a cell may be hit unless its corners are all on one side of the rectangle
+    inside = ((cells.high >= low - cells.slack) & (cells.low <= high + cells.slack)).all(axis=0)
     if not inside.any():
         return None
+    rows, columns = cells.rows, cells.columns
     hit_rows, hit_columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     return Window(
         int(rows[hit_rows[0]]),
@@ -66,11 +86,6 @@ def window_of(
         int(columns[hit_columns[0]]),
         int(columns[hit_columns[-1] + 1]) + 1,
     )
-
-
-def _slack(cells: Array) -> Array:
-    """Return a quarter of a cell, which allows for the curved sides of cells and the neighbours of edge pixels."""
-    return np.asarray(0.25 * (cells.max(axis=0) - cells.min(axis=0)))
 
 
 def _visible_corners(T_camera_solid: Array, half: Array) -> Array:
