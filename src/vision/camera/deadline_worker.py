@@ -10,6 +10,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 END_S = 2.0  # wall time for an idle thread to end
+LATE_S = 0.5  # and for one whose call missed its deadline, and may hang for ever
 
 
 class Worker:
@@ -59,13 +60,12 @@ class Worker:
         return future.result()
 
     def end(self, seconds: float = END_S) -> None:
-        """End the thread after its pending calls; wait for that, unless a call hangs.
+        """End the thread after its pending calls; wait for that, also for a call that is only late.
 
         A program that exits before is aborted by the C library, as a native frame is on the thread's stack.
         """
         self._calls.put(None)
-        if not self.lost:
-            self._thread.join(seconds)
+        self._thread.join(min(seconds, LATE_S) if self.lost else seconds)
 
     def _run(self) -> None:
         while (call := self._calls.get()) is not None:

@@ -42,3 +42,13 @@ def test_a_worker_that_was_ended_is_gone() -> None:
     assert worker.call(lambda: 7, 5.0) == 7
     worker.end()
     assert "ends" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_a_worker_whose_call_was_late_is_gone_too() -> None:
+    """A slow decoder returned while the program was exiting, which ended with code 134 instead of 2."""
+    worker, free = Worker("late"), threading.Event()
+    with pytest.raises(TimeoutError):
+        worker.call(lambda: free.wait(20.0), 0.05)
+    threading.Timer(0.05, free.set).start()
+    worker.end()
+    assert "late" not in {thread.name for thread in threading.enumerate()}

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from arm.errors import CameraError
 from vision.camera.deadline_worker import T, Worker
 from vision.camera.frame_source import Image
@@ -21,6 +23,8 @@ from vision.camera.video.settings import VideoSettings, set_device
 FAILED_FRAMES = 2  # frames per look that could not be decoded and are taken again
 OPEN_S = 20.0  # wall time for a step of opening
 CLOSE_S = 5.0
+MOST_REPEATS = 25  # frames of a recording that equal the one before: more are a frozen one
+NO_NOISE = "shows nothing but black or white, or its compression drops what differs"
 MARGIN_S = 2.0  # wall time for a call of the driver beyond the time-out
 VIDEO_MAJOR = 81  # of every V4L2 device (Linux, Documentation/admin-guide/devices.txt)
 
@@ -30,7 +34,7 @@ class VideoCamera:
 
     Devices and streams are read all the time (`FrameReader`), and only frames taken after the call of `grab` plus
     `VideoSettings.latency` are used. A file's frames are used once each, in their order: it is a recording, and does
-    not show the present cell.
+    not show the present cell. Of frames that repeat to the bit only the first is used.
 
     Attributes:
         selector: of the source.
@@ -68,6 +72,7 @@ class VideoCamera:
         self._reader: FrameReader | None = None
         self._last: Image | None = None
         self._opened, self._coded = 0.0, False
+        self._given = 0  # frames of a recording
 
     # -- opening and closing
 
@@ -78,7 +83,7 @@ class VideoCamera:
             CameraError: the source is missing or in use, refuses a setting, or gives no frame of the required size.
         """
         self._require_there()
-        self._worker, self._last = Worker(f"camera {self.selector}"), None
+        self._worker, self._last, self._given = Worker(f"camera {self.selector}"), None, 0
         try:
             self._ask(self._open, OPEN_S, "opening it")
             if self.selector.kind != "file":
@@ -233,8 +238,7 @@ class VideoCamera:
         if self.device is None:
             raise self._error("closed", "is not open")
         if self._reader is None:
-            step_s = self.settings.timeout + MARGIN_S
-            return [self._ask(self._next_of_file, step_s, f"image {n + 1}") for n in range(count)]
+            return [self._next_of_file(n + 1) for n in range(count)]
         reader, number = self._reader, self._reader.last_number()
         after = time.monotonic() + self.settings.latency_of(self.selector)
         until = after + self.settings.timeout
@@ -264,23 +268,33 @@ class VideoCamera:
             reader.want(False)
         return images
 
-    def _next_of_file(self) -> Image:
-        while True:
-            if not self.device.grab():
-                raise self._error("ended", "the recording has no more frames")
+    def _next_of_file(self, number: int) -> Image:
+        """The next frame of a recording that differs from the one before it."""
+        for repeats in range(MOST_REPEATS + 1):
+            image = self._ask(self._decoded, self.settings.timeout + MARGIN_S, f"image {number}")
+            if image is None:
+                again = f", and its last {repeats} repeat the one before to the bit" if repeats else ""
+                rule = f"the recording has no more frames{again}; {self._given} were used"
+                raise self._error("ended", rule, repeats=repeats, used=self._given)
+            if self._last is None or not np.array_equal(image, self._last):
+                self._require_size(image)
+                self._last, self._given = image, self._given + 1
+                return image
+        rule = f"the recording repeats the same image more than {MOST_REPEATS} times, to the bit: it is frozen, or "
+        raise self._error("stale", rule + NO_NOISE, repeats=MOST_REPEATS + 1)
+
+    def _decoded(self) -> Image | None:
+        """The next frame of a recording that can be decoded; None at its end."""
+        while self.device.grab():
             if (image := retrieve(self.device, self._coded)) is not None:
-                break
-        self._require_size(image)
-        return image
+                return image
+        return None
 
     def _late(self, reader: FrameReader, unfit: list[Frame]) -> CameraError:
         """The error for a frame that did not come in time, after frames that could not be used."""
         wait_s = self.settings.timeout
         if unfit and all(frame.repeats for frame in unfit):
-            rule = (
-                f"sent the same image {len(unfit)} times in {wait_s:g} s, to the bit: it is frozen, shows nothing but "
-                "black or white, or its compression drops what differs"
-            )
+            rule = f"sent the same image {len(unfit)} times in {wait_s:g} s, to the bit: it is frozen, or {NO_NOISE}"
             return self._error("stale", rule, frames=len(unfit))
         if unfit:
             late = max(frame.received - frame.taken for frame in unfit)

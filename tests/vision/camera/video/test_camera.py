@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -13,9 +14,9 @@ import pytest
 
 from arm.errors import CameraError
 from video.fake_device import DEVICE, SIZE, STREAM, FakeDevice, plugged, scene_of
-from vision.camera.frame_source import FrameSource
+from vision.camera.frame_source import FrameSource, Image
 from vision.camera.video import camera as video
-from vision.camera.video.camera import VideoCamera
+from vision.camera.video.camera import MOST_REPEATS, VideoCamera
 from vision.camera.video.settings import VideoSettings
 
 pytestmark = pytest.mark.xdist_group("video")
@@ -229,21 +230,43 @@ def test_streams_have_limits_for_opening_and_reading(device: FakeDevice) -> None
         assert "set it in the camera itself" in not_opened(STREAM, settings, "setting")
 
 
+def write_clip(file: Path, codec: str, images: Sequence[Image]) -> None:
+    height, width = images[0].shape[:2]
+    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*codec), 10.0, (width, height))
+    for image in images:
+        writer.write(image)
+    writer.release()
+
+
+def test_a_recording_that_repeats_its_frames_gives_each_image_once(tmp_path: Path) -> None:
+    """As one that was recorded faster than its camera sends: scatter between images was told to be 0."""
+    rng = np.random.default_rng(1)
+    images = [rng.integers(0, 256, (48, 64, 3), dtype=np.uint8) for _ in range(3)]
+    file = tmp_path / "doubled.mkv"
+    write_clip(file, "FFV1", [image for image in images for _ in range(2)])
+    with VideoCamera(f"video:{file}") as camera:
+        found = camera.grab(3)
+        assert not any(np.array_equal(a, b) for a, b in pairwise(found))
+        assert "its last 1 repeat the one before to the bit; 3 were used" in refused(camera, "ended")
+    frozen = tmp_path / "frozen.mkv"
+    write_clip(frozen, "FFV1", images[:1] * (MOST_REPEATS + 2))
+    with VideoCamera(f"video:{frozen}") as camera:
+        camera.grab(1)
+        assert f"repeats the same image more than {MOST_REPEATS} times" in refused(camera, "stale")
+
+
 def test_a_file_gives_each_of_its_frames_once(tmp_path: Path) -> None:
     file, rng = tmp_path / "clip.avi", np.random.default_rng(0)
     truth = [np.full((48, 64, 3), level, dtype=np.uint8) for level in (40, 80, 120)]
     for image in truth:
         image[8:16] = rng.integers(0, 256, (1, 64, 1))
-    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 48))
-    for image in truth:
-        writer.write(image)
-    writer.release()
+    write_clip(file, "MJPG", truth)
     with VideoCamera(f"video:{file}") as camera:
         first, second = camera.grab(2)
         assert abs(int(first[40, 3]) - 40) < 3
         assert abs(int(second[40, 3]) - 80) < 3
         assert abs(int(camera.grab(1)[0][40, 3]) - 120) < 3
-        assert "the recording has no more frames" in refused(camera, "ended")
+        assert "the recording has no more frames; 3 were used" in refused(camera, "ended")
         assert "it is a recording" in camera.doubts[0]
     with VideoCamera(f"video:{file}", size=(32, 24)) as camera:
         assert "sent a frame of 64 x 48 px" in refused(camera, "size")
