@@ -67,6 +67,7 @@ LIGHTS = (
     "one marker bloomed",
     "glare beside a side",
     "gamma and blur",
+    "a gleaming rim inside a side",
 )
 ASIDE = "one marker glued 0.07 mm aside"
 FAULTS = (*LIGHTS, ASIDE)
@@ -85,6 +86,8 @@ def _light(fault: str, rng: np.random.Generator) -> Exposure:
         return Exposure(gain=0.9, glare=spot)
     if fault == LIGHTS[4]:
         return Exposure(gamma=float(rng.uniform(0.45, 0.8)), blur_px=float(rng.uniform(0.7, 2.5)))
+    if fault == LIGHTS[5]:
+        return Exposure(rim=(strong / 4.0, float(rng.uniform(1.5, 5.0)), side))
     return Exposure(gain=float(rng.uniform(0.6, 1.1)))
 
 

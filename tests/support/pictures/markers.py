@@ -24,10 +24,18 @@ MARGIN_PX = 48.0
 
 @dataclass(frozen=True, eq=False)
 class Pane:
-    """The part of the image around one marker: its first pixel, camera, and light (h, w), 255 is the sensor's end."""
+    """The part of the image around one marker.
+
+    Attributes:
+        first_px: of the whole image.
+        camera: of this part.
+        outline_px: true corners of the marker in this part, (4, 2).
+        light: (h, w), 255 is the sensor's end.
+    """
 
     first_px: Array
     camera: Camera
+    outline_px: Array
     light: np.ndarray[tuple[int, int], np.dtype[np.float32]]
 
 
@@ -42,6 +50,8 @@ class Exposure:
         gains: of each marker on top, as uneven light gives them; between them it changes evenly.
         glare: extra light in a spot beside a side of the first marker: grey levels, distance from the side and
             standard deviation of the spot in marker sides, and which side; None for none.
+        rim: gleam of a raised rim inside a side of the first marker, as of a 3D print, which fades along the side: grey
+            levels, width px, and which side; None for none.
         noise: grey levels.
         frames: photographs.
     """
@@ -51,6 +61,7 @@ class Exposure:
     blur_px: float = 0.7
     gains: tuple[float, float] = (1.0, 1.0)
     glare: tuple[float, float, float, int] | None = None
+    rim: tuple[float, float, int] | None = None
     noise: float = 2.0
     frames: int = 3
 
@@ -66,7 +77,7 @@ def panes(board: Board, T_base_board: Array) -> list[Pane]:
         cut = window(camera, low, (width, height))
         scene = [TABLE, plate_body(board.name, T_base_board)]
         light = render(cut, scene, [PlacedBoard(board, T_base_board)], "DICT_4X4_50", psf_px=0.0)
-        found.append(Pane(low, cut, np.asarray(light, dtype=np.float32)))
+        found.append(Pane(low, cut, pixels - low, np.asarray(light, dtype=np.float32)))
     return found
 
 
@@ -78,7 +89,10 @@ def photographed(
     middles = np.array([pane.first_px + np.array(pane.camera.size) / 2.0 for pane in around])
     along = middles[1] - middles[0]
     for number, pane in enumerate(around):
-        light = np.asarray(cv2.GaussianBlur(pane.light, (0, 0), of.blur_px), dtype=float)
+        sharp = pane.light
+        if of.rim is not None and number == 0:
+            sharp = sharp + _rim(pane, of.rim).astype(np.float32)
+        light = np.asarray(cv2.GaussianBlur(sharp, (0, 0), of.blur_px), dtype=float)
         height, width = light.shape
         places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1) + pane.first_px
         share = (places - middles[0]) @ along / (along @ along)
@@ -104,6 +118,21 @@ def _glare(pane: Pane, places: Array, glare: tuple[float, float, float, int]) ->
     middle = pane.first_px + np.array(pane.camera.size) / 2.0 + (0.5 + away) * size * direction
     distance = ((places - middle) ** 2).sum(axis=-1)
     return np.asarray(grey * np.exp(-0.5 * distance / (spread * size) ** 2))
+
+
+def _rim(pane: Pane, rim: tuple[float, float, int]) -> Array:
+    grey, width_px, side = rim
+    start, end = pane.outline_px[side], pane.outline_px[(side + 1) % 4]
+    along = end - start
+    y, x = np.mgrid[: pane.light.shape[0], : pane.light.shape[1]]
+    away = np.stack([x, y], axis=-1) - start
+    part = away @ along / (along @ along)
+    inside = (
+        away @ np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    )  # corners go clockwise in the image
+    # its two ends to a pixel's part, as a lens would draw them
+    covered = np.clip(inside + 0.5, 0.0, 1.0) * np.clip(width_px - inside + 0.5, 0.0, 1.0)
+    return np.where((part > 0.0) & (part < 1.0), grey * (1.0 - part) * covered, 0.0)
 
 
 def one_marker(
