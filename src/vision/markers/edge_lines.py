@@ -1,8 +1,8 @@
 """Measure the corners of a marker as intersections of its four border lines (docs/sources.md, "Corners in images").
 
-Grey profiles are sampled across each side of the black square; the centroid of the gradient is the edge point. A robust
-line fit through the undistorted edge points follows. It is unbiased, whereas cornerSubPix is biased by 0.15 px inward
-at such outer corners.
+Grey profiles are sampled across each side of the black square; a robust centroid of the gradient is the edge point. A
+robust line fit through the undistorted edge points follows. It is unbiased, whereas cornerSubPix is biased by 0.15 px
+inward at such outer corners.
 """
 
 from __future__ import annotations
