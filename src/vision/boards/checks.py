@@ -184,7 +184,7 @@ def uncertain(pose: BoardPose, limits: BoardLimits) -> Iterator[ImpossibleError]
         ("its rotation", np.degrees(spread.turn), np.degrees(limits.turn_rad), "deg"),
     )
     over = [
-        f"{what} to {value:.2g} {unit} (allowed {limit:g})"
+        f"{what} to {value:.3g} {unit} (allowed {limit:g})"
         for what, value, limit, unit in values
         if value > limit
     ]
