@@ -145,9 +145,9 @@ class SequencePlanner:
         if first.q is not None and np.array_equal(first.q, q):
             return
         world = self.worlds.world(self.worlds.start)
-        seen = world.distance(q)
         least = 0.0 if self.options.near_ends else self.options.clearance
-        if seen.value < least:
+        if world.in_collision(q, least):
+            seen = world.distance(q)
             own = self_collision_help(world, q, self.options.clearance)
             own = own or "; start elsewhere, require less clearance, or set the option near_ends"
             raise ImpossibleError(
