@@ -28,6 +28,7 @@ from plan.program.assignment.legs import HOME, Arrangement, Leg, Site
 from plan.program.assignment.worlds import TaskWorlds
 from plan.program.goals.leg_times import LineEnds
 from plan.program.setting import Setting
+from plan.transit.edges import SampledEdges
 from plan.transit.optimise import Ends
 from plan.transit.planner import TransitPlanner
 from plan.transit.straight import check_straight, sampled
@@ -36,8 +37,9 @@ from plan.transit.straight import check_straight, sampled
 _SLACK = 0.5
 # Nodes of RRT-Connect while other sequences may do.
 _FEW_SAMPLES = 150
-# Optimisation steps for a detour, and for one that will be used; the least useful saving of the latter, s.
+# Optimisation steps for a detour at first, and for one that will be used; the least useful saving of the latter, s.
 _ROUGH, _POLISH, _WORTH_S = 2, 6, 0.02
+_KNOWN_TRAVEL = 0.2  # rad summed over the joints, between samples of a path over known corners
 # Steps of the first joint for the check of bodies that only this joint moves, rad.
 _PASSING = np.radians(0.25)
 _UNCHANGED = 1e-5  # m, largest change of a distance that counts as none
@@ -68,10 +70,14 @@ class EdgeChecks:
         setting: limits, clearances, seed, budgets.
         worlds: its collision worlds.
         lines: the lines of every grasp, of each site, and home.
+        alike: whether the detour of one leg is assumed for others (`LegCosts.assume_alike`). Detours are then optimised
+            fully at once, and may begin with the corners of any other.
     """
 
-    def __init__(self, setting: Setting, worlds: TaskWorlds, lines: Mapping[Site, LineEnds]) -> None:
-        self.worlds, self.lines = worlds, lines
+    def __init__(
+        self, setting: Setting, worlds: TaskWorlds, lines: Mapping[Site, LineEnds], alike: bool = False
+    ) -> None:
+        self.worlds, self.lines, self.alike = worlds, lines, alike
         self.limits, self.options = setting.planned, setting.options
         self._clear_lines: set[tuple[object, ...]] = set()
         self._blocked: dict[tuple[Leg, Arrangement], Blocked] = {}
@@ -145,7 +151,9 @@ class EdgeChecks:
             known: corners (c, n) of detours around the same body, the most promising last.
             thorough: whether to use the whole budget.
         """
-        budget = replace(self.options.transit, steps=min(self.options.transit.steps, _ROUGH))
+        budget = self.options.transit
+        if not self.alike:
+            budget = replace(budget, steps=min(budget.steps, _ROUGH))
         if not thorough:
             budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
         for there in self._arrangements(leg, now):
@@ -156,11 +164,24 @@ class EdgeChecks:
             if blocked is None or blocked.end:
                 continue
             planner = self._planner(leg, there, budget, known)
+            if self.alike:
+                planner.known = self._first_clear(leg, planner)
             path = planner.around(*self._ends(leg), blocked.check.time)
             if path is not None:
                 self._paths[key] = frozen(path)
                 return self._paths[key]
         return None
+
+    def _first_clear(self, leg: Leg, planner: TransitPlanner) -> list[Array]:
+        """Return the most promising known corners over which a path is clear at samples, or an empty list.
+
+        Without them corners are drawn and trees are grown, which costs far more than these checks.
+        """
+        edges, (q_from, q_to) = SampledEdges(planner.too_near, _KNOWN_TRAVEL), self._ends(leg)
+        for corners in reversed(planner.known):
+            if edges.path_clear(np.concatenate([q_from[None], corners, q_to[None]])):
+                return [corners]
+        return []
 
     def polish(self, leg: Leg, now: Arrangement, path: Array) -> tuple[Array, float]:
         """Optimise a detour with more effort; return the new path and the time saved, s.

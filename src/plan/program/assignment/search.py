@@ -78,7 +78,7 @@ class TaskSearch:
         self.costs.assume_alike = not self.choices.exact
         self.detours: dict[tuple[object, ...], int] = {}
         self.most_detours = _DETOURS
-        self.edges = EdgeChecks(setting, worlds, lines)
+        self.edges = EdgeChecks(setting, worlds, lines, self.costs.assume_alike)
         self.rejected: dict[str, ImpossibleError] = {}
         self.stopped: BudgetSpent | KeyboardInterrupt | None = None
         self.complete: Found | None = None

@@ -12,7 +12,9 @@ from plan.collision.certificate import certify_curve
 from plan.program.assignment.found import PlannedLeg
 from plan.program.assignment.legs import Arrangement
 from plan.trajectory.time_estimates import path_time
+from plan.transit.corners import FewCorners
 from plan.transit.optimise import TransitOptimiser
+from plan.transit.planner import TransitPlanner
 from plans.small_search import CASES, search_of
 
 
@@ -70,3 +72,20 @@ def test_a_path_that_is_polished_is_no_slower_and_keeps_its_clearance(
         assert saved >= 0.0
         world = edges._world(leg, there)
         assert certify_curve(world, curve_of_waypoints(better), search.options.clearance).proved
+
+
+def test_a_detour_passes_known_corners_where_that_path_is_clear(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many more promising ones are blocked; nothing else is searched."""
+    search = search_of(*CASES["wall"])
+    edges, found = search.edges, search.best()
+    edges.alike = True
+    planned = next(planned for planned in found.legs if len(planned.path) > 2)
+    leg, path = planned.leg, planned.path
+    key = _, there = edges._key(leg, planned.there, path)
+    middle = path[:1] + edges._blocked[key].check.time * (path[-1:] - path[:1])
+    monkeypatch.setattr(FewCorners, "paths", lambda *_: iter(()))
+    monkeypatch.setattr(TransitPlanner, "by_trees", lambda *_: None)
+    for known, passes in (([path[1:-1], *[middle] * 10], True), ([middle] * 10, False)):
+        del edges._paths[key]
+        over = edges.around(leg, there, known, thorough=False)
+        assert (over is not None) == passes
