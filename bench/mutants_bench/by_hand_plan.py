@@ -95,7 +95,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "replay-meetings",
         "plan/verify.py",
-        "        _require_meetings(motion, unit, scaled, joints)\n",
+        "        _require_meetings(motion, unit, jump, joints)\n",
         "        pass\n",
         "moves may meet with a jump of velocity",
         _REPLAY,
@@ -111,17 +111,17 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "pieces-ends-only",
         "plan/collision/subdivision.py",
-        "            return middle, np.abs(control - middle).max(axis=0), control, np.zeros_like(middle)\n",
-        "            return middle, np.abs(control[[0, 3]] - middle).max(axis=0), control, np.zeros_like(middle)\n",
+        "    return middle, np.abs(control - middle[:, None]).max(axis=1)\n",
+        "    return middle, np.abs(control[:, [0, 3]] - middle[:, None]).max(axis=1)\n",
         "reach of a cubic from its ends only: the certificate is unsound",
         _PIECES,
     ),
     (
         "pieces-split-ends-only",
         "plan/collision/subdivision.py",
-        "    reach = np.abs(control - middle[:, None]).max(axis=1)\n",
-        "    reach = np.abs(control[:, [0, 3]] - middle[:, None]).max(axis=1)\n",
-        "reach of a part of a cubic from its ends only",
+        "parts.control.shape[1:])\n    middle, reach = _about_middle(control)\n",
+        "parts.control.shape[1:])\n    middle, reach = _about_middle(control[:, [0, 0, 3, 3]])\n",
+        "middle and reach of a part of a cubic from its ends only",
         _PIECES,
     ),
     (
@@ -206,26 +206,24 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     ),
     (
         "transit-lifted-limits",
-        "plan/transit/planner.py",
+        "plan/transit/corners.py",
         "        inside = inside & ((turned >= limits.lower) & (turned <= limits.upper)).all(axis=-1)\n",
         "",
         "lifted corners beyond limits",
         (
+            "plan/transit/test_corners.py",
             "plan/transit/test_planner.py",
-            "plan/trajectory/test_time_estimates.py",
-            "plan/transit/test_rrt_connect.py",
         ),
     ),
     (
         "transit-drawn-limits",
-        "plan/transit/planner.py",
+        "plan/transit/corners.py",
         "        return np.clip(start + along * (goal - start) + offset, self.limits.lower, self.limits.upper)\n",
         "        return start + along * (goal - start) + offset\n",
         "drawn corners beyond limits",
         (
+            "plan/transit/test_corners.py",
             "plan/transit/test_planner.py",
-            "plan/trajectory/test_time_estimates.py",
-            "plan/transit/test_rrt_connect.py",
         ),
     ),
     (

@@ -33,7 +33,7 @@ class Reached(TypedDict):
 
 def reached(trial: Trial, test: str, file: str) -> Reached:
     """Seconds by test and tests by line, of one file of tests; from the cache, or by running it once."""
-    known = CACHE / f"{sha256((ROOT / 'tests' / test).read_text())[:20]}.json"
+    known = CACHE / f"{sha256((ROOT / 'tests' / test).read_text() + trial.marks)[:20]}.json"
     if known.is_file():
         cached: Reached = json.loads(known.read_text())
         if cached["texts"].get(file) == _text(file):

@@ -73,7 +73,8 @@ class Mutant:
 
 def read_list(path: Path) -> list[Mutant]:
     """Mutants of a list file."""
-    return [Mutant(**{**entry, "tests": tuple(entry.get("tests", ()))}) for entry in read_json(path)]
+    entries = read_json(path)
+    return [Mutant(**{"new": "", **entry, "tests": tuple(entry.get("tests", ()))}) for entry in entries]
 
 
 def write_list(path: Path, mutants: Iterable[Mutant]) -> None:

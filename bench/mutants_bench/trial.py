@@ -61,9 +61,14 @@ class Outcome:
 
 
 class Trial:
-    """A copy; removed by `close`. Nothing outside it is written, and no worktree that is in use is touched."""
+    """A copy; removed by `close`. Nothing outside it is written, and no worktree that is in use is touched.
 
-    def __init__(self) -> None:
+    Args:
+        marks: expression of the marks that tests have, such as ``not slow``; "": all tests.
+    """
+
+    def __init__(self, marks: str = "") -> None:
+        self.marks = marks
         self._folder = tempfile.TemporaryDirectory(prefix="a465-mutants-")
         self.root = Path(self._folder.name).resolve()
         ignored = shutil.ignore_patterns("__pycache__", "_data", "_build", "results")
@@ -123,6 +128,7 @@ class Trial:
             import pytest
 
             words = ["-q", "-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=no", *tests]
+            words += ["-m", self.marks] if self.marks else []
             if reach is None:
                 code = int(pytest.main(["-x", *words]))
             else:

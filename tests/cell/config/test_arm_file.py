@@ -56,6 +56,7 @@ def test_locked_joints_and_pairs(file: Path) -> None:
         ('end_frame = "flange"', 'end_frame = "hand"', "scara.urdf: no joint or frame named 'hand'"),
         ("[0.9, 0.8, 0.0, 0.0]", "[0.9, 0.8]", "q_start = [0.9, 0.8]: must be a number for each joint: j1, j2, j3, j4"),
         ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 0.0]", "q_start = [9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
+        ("[0.9, 0.8, 0.0, 0.0]", "[-9, 0.8, 0.0, 0.0]", "q_start = [-9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
         (", j4 = 50 }", " }", "acceleration: joint 'j4' is missing"),
         ("j4 = 50", "j4 = 0", "arm.acceleration = {'j1': 20, 'j2': 25, 'j3': 8, 'j4': 0}: must be a number above 0"),
         ("clearance_mm = 10", "clearance_mm = 2", "clearance_mm = 2: must be a number in mm from 5 to 1000"),
@@ -72,3 +73,27 @@ def test_what_is_wrong_is_told(file: Path, old: str, new: str, told: str) -> Non
         read_arm_file(file)
     assert str(refusal.value).startswith(str(file))
     assert told in str(refusal.value)
+
+
+def test_a_plan_is_bound_to_all_that_decides_it(file: Path) -> None:
+    """The plan states its speed; what is in the URDF and the SRDF is compared as such."""
+    inputs = read_arm_file(file).inputs
+    assert {"clearance_mm", "q_start", "arm.end_frame", "arm.tool_mm"} <= {*inputs}
+    assert not {"speed", "arm.urdf", "arm.srdf"} & {*inputs}
+    assert any(key.startswith("bodies") for key in inputs)
+
+
+def test_only_what_is_said_may_touch(file: Path) -> None:
+    """A pair, the neighbours, or the pairs of an SRDF."""
+    free = read_arm_file(file).robot.disabled_collisions
+    replace_in(file, "neighbours_may_touch = true", "")
+    bare = read_arm_file(file).robot.disabled_collisions
+    assert free > bare
+    replace_in(file, "tool_mm", 'disabled_collisions = [["base", "quill"]]\ntool_mm')
+    assert read_arm_file(file).robot.disabled_collisions == bare | {frozenset(("base", "quill"))}
+    srdf = '<robot name="scara"><disable_collisions link1="base" link2="forearm" reason="Never"/></robot>'
+    links = sorted({name for pair in free for name in pair})
+    file.with_suffix(".srdf").write_text(srdf.replace("forearm", next(n for n in links if n != "base")))
+    replace_in(file, 'urdf = "scara.urdf"', 'urdf = "scara.urdf"\nsrdf = "scara.srdf"')
+    with_srdf = read_arm_file(file).robot.disabled_collisions
+    assert len(with_srdf) == len(bare) + 2

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.robot.shapes import Body, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Sphere
 from arm.se3 import Array, transform
 from arms.around import bodies_around, one_ball, some_q
 from arms.grazing import ARMS, arm
 from plan.collision import separation
+from plan.collision.covers import ROUNDING
 from plan.collision.separation import OpenPairs
 from plan.collision.world import World
 
@@ -81,3 +82,19 @@ def test_balls_that_overlap_are_open_whatever_is_enough(
     assert [world.pair_names(i) for i in found.pair.tolist()] == [("l1", "inside")]
     assert found.bound.tolist() == [-np.inf]
     assert found.least[0] == pytest.approx(-0.015, abs=1e-6)
+
+
+def test_bounds_are_below_the_distance_by_their_rounding(tmp_path: Path) -> None:
+    """A ball beside balls and boxes, whose distances are exact."""
+    kinds = [Sphere(0.02), Box((0.04, 0.04, 0.04)), Capsule(0.02, 0.1), Sphere(0.02)]
+    bodies = [
+        Body(f"body {i}", shape, transform(t=(0.3 + (-1) ** i * 0.1 * (i + 1), 0.0, 0.0)), "wall")
+        for i, shape in enumerate(kinds)
+    ]
+    world = World(one_ball(tmp_path, base=False), bodies)
+    bound = world.volumes.distances(world.volumes.placed(np.zeros((1, 1))))[0]
+    for index, body in enumerate(bodies):
+        pair = next(i for i in range(len(world.pairs)) if body.name in world.pair_names(i))
+        exact = 0.1 * (index + 1) - 0.04
+        assert exact - 2.1 * ROUNDING < bound[pair] < exact - 0.9 * ROUNDING
+        assert world.pair_distances(np.zeros(1), np.array([pair]))[0] == pytest.approx(exact, abs=1e-6)

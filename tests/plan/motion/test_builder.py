@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from arm.controller.unit import Limits, load_unit
+from arm.errors import ImpossibleError
 from arm.plan_file import Plan
-from arm.robot.model import Robot
-from arm.robot.shapes import Body, Sphere
-from arm.se3 import transform
+from arm.robot.model import Robot, load_a465
+from arm.robot.shapes import Body, Box, Sphere
+from arm.se3 import rot_z, transform
+from plan.cartesian.line import Line, follow_line
+from plan.collision.certificate import certify_move
 from plan.collision.world import World
+from plan.kinematics.ik import inverse_kinematics
 from plan.motion import builder
 from plan.motion.builder import MotionBuilder
-from plan.motion.phase import MotionPhase
+from plan.motion.phase import Join, LinearPath, MotionPhase
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.joint_path import chained
 from plan.trajectory.rounding import vertex_jump
+from plan.trajectory.timing import time_curve
 from plan.trajectory.virtual_unit import virtual_unit
 from tasks.pose_lists import FAST, TABLE, down
 from tasks.task2 import Q_START
@@ -111,3 +117,141 @@ def test_a_blend_that_meets_a_body_is_not_timed(robot: Robot, monkeypatch: pytes
     assert len(moves) == 1
     assert moves[0].certified
     assert len(timed) == 1
+
+
+WAY = np.radians([[-35, -20, -100, 0, -60, 0], [0, -20, -100, 0, -60, 0], [0, -50, -60, 0, -60, 0]])
+
+
+def crate_below(robot: Robot, q: np.ndarray, gap: float) -> Body:
+    """A wide crate below the tool, `gap` m from the arm at q."""
+    place, low, high = robot.T_base_tool(q)[:3, 3], 0.0, 0.3
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        crate = Body("crate", Box((0.3, 0.3, 0.02)), transform(t=place - [0.0, 0.0, middle]), "wall")
+        low, high = (low, middle) if World(robot, [crate]).distance(q).value > gap else (middle, high)
+    return crate
+
+
+@pytest.fixture
+def mover(robot: Robot) -> MotionBuilder:
+    return MotionBuilder(robot, virtual_unit(robot, LIMITS), LIMITS, LIMITS, FAST)
+
+
+@pytest.mark.parametrize("stop", [False, True], ids=["flowing", "stopping"])
+@pytest.mark.parametrize("gap", [-0.002, 0.006, 0.012])
+def test_what_keeps_less_than_its_clearance_is_refused(
+    robot: Robot, mover: MotionBuilder, gap: float, stop: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also what does not touch, and if no sample saw it."""
+    monkeypatch.setattr(MotionPhase, "meets", lambda self, path: False)
+    way = WAY[[0, 1]]
+    phase = MotionPhase(
+        "to a", "transit", World(robot, [crate_below(robot, way.mean(axis=0), gap)]), 0.01, way
+    )
+    made = mover.stopping if stop else partial(mover.run, joins=[])
+    if gap > phase.clearance:
+        (move,) = made([phase])
+        assert phase.clearance <= move.clearance <= gap + 1e-3
+        assert min(move.clearances) == move.clearance
+        check = certify_move(phase.world, move.path, mover.unit, 0.01, tight=True)
+        assert check.clearance - 1e-4 <= move.clearance <= check.seen
+        return
+    with pytest.raises(ImpossibleError, match=r"'to a': .* comes within .* of crate") as refused:
+        made([phase])
+    assert refused.value.data["clearance_m"] == phase.clearance
+
+
+@pytest.mark.parametrize("beyond", ["lower", "upper"])
+def test_what_goes_past_a_limit_of_position_is_refused(robot: Robot, beyond: str) -> None:
+    """J2 and J3 turn between -50 and -20 deg, and -100 and -60 deg."""
+    sent = {"lower": np.array(LIMITS.lower), "upper": np.array(LIMITS.upper)}
+    sent[beyond][2] = np.radians({"lower": -99.0, "upper": -61.0}[beyond])
+    limits = replace(LIMITS, **sent)
+    mover = MotionBuilder(robot, virtual_unit(robot, LIMITS), LIMITS, limits, FAST)
+    phase = MotionPhase("to a", "transit", World(robot, []), 0.01, WAY)
+    for made in (partial(mover.run, joins=[]), mover.stopping):
+        with pytest.raises(
+            ImpossibleError, match="'to a': joint J3 would exceed its position limits"
+        ) as refused:
+            made([phase])
+        assert refused.value.data["beyond"] == pytest.approx(np.radians(1.0), abs=1e-3)
+
+
+def test_transits_are_one_move_only_in_one_world_and_near_their_target(
+    robot: Robot, mover: MotionBuilder
+) -> None:
+    world, other = World(robot, []), World(robot, [])
+    one, two = (
+        MotionPhase("one", "transit", world, 0.01, WAY[:2]),
+        MotionPhase("two", "transit", world, 0.01, WAY[1:]),
+    )
+    near, wide = Join(blend_radius=0.003), Join(blend_radius=0.05)
+    corner = robot.T_base_tool(WAY[1])[:3, 3]
+    for join in (near, wide):
+        (move,) = mover.run([one, two], [join])
+        q = mover.unit.positions(move.path.sample(2e-3))
+        passed = min(float(np.linalg.norm(robot.T_base_tool(at)[:3, 3] - corner)) for at in q)
+        assert passed <= join.blend_radius + 1e-4
+    assert passed > 0.001  # the corner is cut where there is room
+    assert len(mover.run([one, replace(two, world=other)], [wide])) == 2
+    assert len(mover.run([one, two], [Join()])) == 2
+
+
+@pytest.mark.parametrize("clearance", [0.01, 0.0100000999, 0.0123456789, 0.0])
+def test_stated_clearances_are_never_rounded_up(clearance: float) -> None:
+    stated = builder._rounded_down(clearance)
+    assert clearance - 1.01e-7 < stated <= clearance
+
+
+def test_a_motion_that_leaves_its_line_between_its_ends_is_seen(robot: Robot, mover: MotionBuilder) -> None:
+    """A straight joint motion between the ends of a line is millimetres beside it."""
+    T_start, T_end = (down(0.45, y, 0.1) @ transform(rot_z(1.0)) for y in (-0.1, 0.1))
+    q = inverse_kinematics(robot, T_start, LIMITS.lower, LIMITS.upper).q[0]
+    path = follow_line(robot, q, T_start, T_end, LIMITS)
+    world, along = World(robot, []), LinearPath(Line(T_start, T_end), path, 0.1)
+    phase = MotionPhase("line to b", "line", world, 0.01, along)
+    (on_line,) = mover.run([phase], [])
+    (beside,) = mover.run([MotionPhase("to b", "transit", world, 0.01, path.q[[0, -1]])], [])
+    assert not mover._off_lines([phase], [], on_line.path)
+    assert mover._off_lines([phase], [], beside.path)
+
+
+@pytest.mark.parametrize("spare", [0.97, 0.9])
+def test_rounding_costs_no_time_where_planned_limits_leave_room(robot: Robot, spare: float) -> None:
+    """What is sent may exceed the limits of planning by its rounding, and is then no slower."""
+    planned = replace(LIMITS, velocity=spare * LIMITS.velocity, acceleration=spare * LIMITS.acceleration)
+    mover = MotionBuilder(robot, UNIT, planned, LIMITS, FAST)
+    q = UNIT.positions(UNIT.counts(WAY))
+    chain = chained([q], planned, 1.0)
+    timed = time_curve(chain.path, planned, chain.caps, FAST.by_toppra)
+    (move,) = mover.run([MotionPhase("to a", "transit", World(robot, []), 0.01, q)], [])
+    assert move.path.duration_s <= timed.duration + 0.002
+
+
+def test_a_corner_is_cut_no_further_than_allowed(robot: Robot, mover: MotionBuilder) -> None:
+    """However much is asked to be cut: too long a cut is shortened, or refused."""
+    turned = transform(rot_z(1.0))
+    poses = [down(x, y, 0.1) @ turned for x, y in ((0.42, -0.1), (0.42, 0.0), (0.52, 0.0))]
+    q, lines = inverse_kinematics(robot, poses[0], LIMITS.lower, LIMITS.upper).q[0], list[LinearPath]()
+    for start, end in itertools.pairwise(poses):
+        path = follow_line(robot, q, start, end, LIMITS)
+        lines.append(LinearPath(Line(start, end), path, 0.1))
+        q = path.q[-1]
+    for cut, kept in ((0.004, True), (0.012, True), (0.05, False)):
+        rounded = mover._rounded(*lines, Join(blend_radius=0.003, cut=cut))
+        assert (rounded is not None) == kept
+        if rounded is not None:
+            length, ends = rounded
+            across = ends[0] + np.linspace(0.0, 1.0, 200)[:, None] * (ends[1] - ends[0])
+            away = [float(np.linalg.norm(robot.T_base_tool(at)[:3, 3] - poses[1][:3, 3])) for at in across]
+            assert min(away) <= 0.003
+            assert length <= cut
+
+
+@pytest.mark.parametrize("opening", [0.04, 0.06])
+def test_the_jaws_are_open_by_the_distance_of_their_inner_faces(opening: float) -> None:
+    arm = load_a465(tool_length=0.134112, jaw_opening=opening)
+    (move,) = MotionBuilder(arm, UNIT, LIMITS, LIMITS, FAST).run(
+        [MotionPhase("to a", "transit", World(arm, []), 0.01, WAY)], []
+    )
+    assert move.jaw_opening == pytest.approx(opening)

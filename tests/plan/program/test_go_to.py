@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import load_unit
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.budget import TransitBudget
@@ -54,3 +54,23 @@ def test_a_start_that_keeps_what_is_asked_may_lack_the_margin() -> None:
     )
     assert plan is not None
     assert min(m.clearance for m in plan.moves) >= 0.010
+
+
+@pytest.mark.parametrize(("end", "word"), [("from", "start"), ("to", "end")])
+@pytest.mark.parametrize("kind", ["body", "cube"])
+def test_an_end_that_is_too_near_is_named(end: str, word: str, kind: str) -> None:
+    """Bodies and cubes, at either end, with more distance than none."""
+    crate = under_the_tool(0.006)
+    among = Scene(ROBOT, ROBOT, (TABLE,), (crate,)) if kind == "cube" else scene(crate)
+    q = (Q_START, Q_END) if end == "from" else (Q_END, Q_START)
+    with pytest.raises(ImpossibleError, match=f"the {word} of the motion is itself too near") as caught:
+        plan_joint_motion(among, *q, UNIT, options=PlanOptions(clearance=0.010, transit=FEW))
+    assert caught.value.data["end"] == end
+    assert caught.value.data["pair"][1] == "crate"
+    assert caught.value.data["distance_m"] == pytest.approx(0.006, abs=1e-3)
+
+
+def test_a_motion_of_less_than_a_count_is_none() -> None:
+    assert plan_joint_motion(scene(), Q_START, Q_START + 1e-9, UNIT) is None
+    with pytest.raises(InputError, match="q_to: joint J2"):
+        plan_joint_motion(scene(), Q_START, Q_START + np.array([0.0, 9.0, 0.0, 0.0, 0.0, 0.0]), UNIT)

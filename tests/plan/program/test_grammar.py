@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pytest
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ImpossibleError
-from arm.plan_file import GripperStep, LookStep, Move, Plan, Step
+from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan, Step
 from plan.program.grammar import require_grammar
 
 PATH = CountPath((0,) * 6, (Segment(100, ((0,) * 6,)),))
@@ -70,7 +71,20 @@ def _with_look(after: str) -> Callable[[list[Step]], list[Step]]:
     return change
 
 
-FIRST = "cube 01-02/3"
+def _changed(name: str, **changes: object) -> Callable[[list[Step]], list[Step]]:
+    return lambda steps: [replace(s, **changes) if s.name == name else s for s in steps]  # type: ignore[arg-type]
+
+
+def _followed(after: str, step: Step) -> Callable[[list[Step]], list[Step]]:
+    return lambda steps: [s for old in steps for s in ([old, step] if old.name == after else [old])]
+
+
+def _first(steps: list[Step], name: str) -> Step:
+    return next(s for s in steps if s.name == name)
+
+
+FIRST, SECOND, LAST = "cube 01-02/3", "cube 01-02/1", "cube 01-02/4"
+OPENS = GripperStep("open again", "open", None, 0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -87,6 +101,20 @@ FIRST = "cube 01-02/3"
         ),  # the lift-off has that name too
         (lambda s: [*s[:1], *s[9:], *s[1:9]], "serves cube 1 out of order"),
         (lambda s: [*s, LookStep("look"), s[8]], "after the look that ends it|out of order"),
+        (lambda s: [*s, LookStep("look"), replace(s[-1], cube=2)], "after the look that ends it"),
+        (_followed(f"{FIRST}: open", Pause("there", 0.5)), "'there' serves no cube"),
+        (_followed(f"{FIRST}: close", OPENS), "'open again' serves no cube"),
+        (lambda s: [*s, replace(OPENS, action="close", fraction_closed=0.9)], "'open again' serves no cube"),
+        (
+            _changed("open the gripper", action="close", fraction_closed=0.9),
+            "'open the gripper' serves no cube",
+        ),
+        (_changed("open the gripper", fraction_closed=0.4), "says open but closes by 0.4"),
+        (_changed(f"{SECOND}: close", fraction_closed=0.0), "says close but closes by 0"),
+        (_changed(f"{SECOND}: open", fraction_closed=0.9), "says open but closes by 0.9"),
+        (lambda s: [*s[:10], *s[8:9], *s[10:]], "serves cube 0 out of order"),  # after the next one has begun
+        (_changed(f"{SECOND}: transit", held=FIRST), f"holds {FIRST}, not {SECOND}"),
+        (lambda s: s[: -s[::-1].index(_first(s, f"{LAST}: retract"))], "cube 3 lacks its transit"),
     ],
 )
 def test_other_orders_are_refused(change: Callable[[list[Step]], list[Step]], message: str) -> None:
@@ -94,6 +122,16 @@ def test_other_orders_are_refused(change: Callable[[list[Step]], list[Step]], me
     changed = Plan(plan.task, plan.unit, plan.speed, (1,) * 6, (1,) * 6, tuple(change(list(plan.steps))), {})
     with pytest.raises(ImpossibleError, match=message):
         require_grammar(changed)
+
+
+def test_a_plan_without_cubes_opens_and_closes_as_it_says() -> None:
+    closes = replace(OPENS, name="close", action="close", fraction_closed=0.9)
+    steps = (LookStep("look"), OPENS, closes, Pause("here", 0.5))
+    plan = Plan({"cubes": []}, "crs93", 0.5, (1,) * 6, (1,) * 6, steps, {})
+    require_grammar(plan)
+    for wrong in (replace(OPENS, fraction_closed=0.3), replace(closes, fraction_closed=0.0)):
+        with pytest.raises(ImpossibleError, match=f"says {wrong.action} but closes by"):
+            require_grammar(replace(plan, steps=(*steps, wrong)))
 
 
 def test_the_way_home_comes_before_the_look() -> None:

@@ -9,13 +9,18 @@ import pytest
 
 from arm.controller.unit import load_unit
 from arm.errors import ImpossibleError
+from arm.plan_file import GripperStep, touching_pairs
 from arm.robot.shapes import Body, Box
-from arm.se3 import inverse, transform
+from arm.se3 import frozen, inverse, transform
 from plan.cartesian.reachability import reach
+from plan.collision.certificate import certify_move
+from plan.collision.world import World
 from plan.options import PlanOptions
-from plan.program.recovery import plan_retreat
+from plan.program import recovery
+from plan.program.program import Program
+from plan.program.recovery import BESIDE, InJaws, place_held_object, plan_retreat
 from plan.trajectory.extremes import segment_extremes
-from tasks.task2 import JAW_OPENING, Task2, task2
+from tasks.task2 import CUBE, JAW_OPENING, Q_START, Task2, task2
 
 UNIT = load_unit("crs93")
 
@@ -61,3 +66,105 @@ def test_an_obstacle_is_named(case: Task2, q_place: np.ndarray) -> None:
     with pytest.raises(ImpossibleError, match=r"'the place of the jaws'.* from box") as refused:
         plan_retreat(scene, q_place, UNIT, UNIT.limits(), OPTIONS)
     assert "box" in refused.value.data["pair"]
+
+
+def half_out(case: Task2, share: float) -> tuple[np.ndarray, InJaws]:
+    """Cube 2 in the jaws, drawn out of its hole by a share of the line."""
+    station, cube = case.transfers[1].pick, case.scene.cube(case.transfers[1].cube)
+    table = reach(case.scene.robot_open, UNIT.limits(), {station.name: station.T_base_tool}, OPTIONS.offset)
+    grasp = table[station.name].feasible()[0]
+    T_tool_cube = inverse(case.scene.robot_open.T_base_tool(grasp.q_hole)) @ cube.T_base_body
+    q = grasp.q_line[round(share * (len(grasp.q_line) - 1))]
+    return UNIT.positions(UNIT.counts(q)), InJaws(cube.name, frozen(T_tool_cube), station.touches)
+
+
+def test_a_cube_half_in_its_hole_is_drawn_out_carried_and_released(case: Task2) -> None:
+    """Each move is certified again in a world that is made from what is known: where the cube is at each time."""
+    q, held = half_out(case, 0.1)
+    place = case.transfers[1].place
+    plan = place_held_object(case.scene, q, held, place, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    moves = list(plan.moves)
+    assert [m.role for m in moves] == ["retract", "transit", "approach", "retract", "home"]
+    assert [m.held for m in moves] == [held.cube] * 3 + [None] * 2
+    assert plan.start == tuple(UNIT.counts(q))
+    release = next(i for i, s in enumerate(plan.steps) if isinstance(s, GripperStep))
+    assert (plan.steps[release].action, plan.steps[release - 1]) == ("open", moves[2])
+    others = [c for c in case.scene.cubes if c.name != held.cube]
+    cube = case.scene.cube(held.cube)
+    at = case.scene.robot_open.T_base_tool(UNIT.positions(moves[2].path.end))
+    assert min(np.abs(T - at).max() for T in place.T_base_tool) < 1e-4
+    for move in moves:
+        allowed = touching_pairs(move)
+        if move.held:
+            world = World(
+                case.scene.robot_holding, [*case.scene.bodies, *others], cube, held.T_tool_cube, allowed
+            )
+        else:
+            bodies = [*case.scene.bodies, *others, cube.at(at @ held.T_tool_cube)]
+            world = World(case.scene.robot_open, bodies, allowed=allowed)
+        assert move.jaw_opening == (CUBE if move.held else JAW_OPENING)
+        on_line = move.role in ("approach", "retract")
+        assert move.clearance >= (OPTIONS.line_clearance - BESIDE if on_line else OPTIONS.clearance) - 1e-6
+        assert certify_move(world, move.path, UNIT, move.clearance - 1e-6).proved
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[Program]:
+    """Programs that recovery asks for; each is refused."""
+    found: list[Program] = []
+
+    def refuse(program: Program) -> None:
+        found.append(program)
+        raise ImpossibleError("refused")
+
+    monkeypatch.setattr(recovery, "plan_program", refuse)
+    return found
+
+
+@pytest.mark.parametrize(("share", "way_out"), [(0.0, True), (0.1, True), (1.0, False)])
+def test_the_way_out_is_as_clear_as_lines_and_may_be_shorter(
+    case: Task2, asked: list[Program], share: float, way_out: bool
+) -> None:
+    q, held = half_out(case, share)
+    with pytest.raises(ImpossibleError, match=f"{held.cube}, which is in the jaws, cannot be brought to"):
+        place_held_object(case.scene, q, held, case.transfers[1].place, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    assert [len(program.goals) for program in asked] == ([3, 3, 3] if way_out else [2])
+    if way_out:
+        lengths = [program.goals[0].retract / OPTIONS.offset for program in asked]
+        assert lengths == pytest.approx([1.0, 0.6, 0.3])
+        assert {program.goals[0].line_clearance for program in asked} == {OPTIONS.line_clearance - BESIDE}
+    at = case.scene.robot_open.T_base_tool(q) @ held.T_tool_cube
+    for program in asked:
+        assert sorted(c.name for c in program.scene.cubes) == sorted(c.name for c in case.scene.cubes)
+        np.testing.assert_allclose(program.scene.cube(held.cube).T_base_body, at, atol=1e-12)
+
+
+def test_a_cube_that_nearly_touches_is_drawn_out_first(case: Task2, asked: list[Program]) -> None:
+    """Above its hole, with more than nothing and less than the clearance of transits."""
+    shares = np.linspace(0.1, 0.4, 10)
+    others = [c for c in case.scene.cubes if c.name != case.transfers[1].cube]
+    near = 0
+    for share in shares:
+        q, held = half_out(case, share)
+        world = World(
+            case.scene.robot_holding,
+            [*case.scene.bodies, *others],
+            case.scene.cube(held.cube),
+            held.T_tool_cube,
+        )
+        if 0.0 < world.distance(q).value < OPTIONS.clearance:
+            near += 1
+            asked.clear()
+            with pytest.raises(ImpossibleError):
+                place_held_object(
+                    case.scene, q, held, case.transfers[1].place, Q_START, UNIT, UNIT.limits(), OPTIONS
+                )
+            assert len(asked) == 3
+    assert near
+
+
+def test_the_retreat_is_as_clear_as_lines(case: Task2, q_place: np.ndarray, asked: list[Program]) -> None:
+    with pytest.raises(ImpossibleError, match="refused"):
+        plan_retreat(case.scene, q_place, UNIT, UNIT.limits(), OPTIONS)
+    (goal,) = asked[0].goals
+    assert (goal.retract, goal.line_clearance) == (OPTIONS.offset, OPTIONS.line_clearance - BESIDE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,43 @@ def test_configurations_are_whole_counts_and_refused_beyond_limits(robot: Robot,
     np.testing.assert_allclose(at, q, atol=1e-4)
     with pytest.raises(InputError, match="q_start: joint J1"):
         setting.at_counts("q_start", q + [9.0, 0, 0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 1.0])
+def test_what_is_sent_is_limited_by_the_speed_and_what_is_planned_by_a_part_of_that(
+    robot: Robot, crs97: Unit, speed: float
+) -> None:
+    options = PlanOptions(speed=speed)
+    setting = Setting(Scene(robot, robot, (), ()), crs97, crs97.limits(), options)
+    full, sent, planned = crs97.limits(), setting.sent, setting.planned
+    np.testing.assert_allclose(sent.velocity, speed * full.velocity)
+    np.testing.assert_allclose(sent.acceleration, speed**2 * full.acceleration)
+    np.testing.assert_allclose(planned.velocity, options.velocity_fraction * sent.velocity)
+    np.testing.assert_allclose(planned.acceleration, options.acceleration_fraction * sent.acceleration)
+    assert setting.tool_speed == pytest.approx(speed * options.approach_speed)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_count_beyond_a_limit_is_taken(robot: Robot, crs97: Unit, seed: int) -> None:
+    """A configuration at a limit is refused where its nearest counts are beyond, and taken where they are not."""
+    rng, unit_limits = np.random.default_rng(seed), crs97.limits()
+    q, taken = np.radians([-35, -35, -85, 0, -60, 0]), {True: 0, False: 0}
+    for joint in (*range(6), *range(6)):
+        upper = np.array(unit_limits.upper)
+        upper[joint] = q[joint] + rng.uniform(0.0, 0.1)
+        setting = Setting(
+            Scene(robot, robot, (), ()), crs97, replace(unit_limits, upper=upper), PlanOptions()
+        )
+        at = np.array(q)
+        at[joint] = upper[joint]
+        beyond = bool(crs97.positions(crs97.counts(at))[joint] > upper[joint])
+        taken[not beyond] += 1
+        if beyond:
+            with pytest.raises(InputError, match="q_start: joint J"):
+                setting.at_counts("q_start", at)
+        else:
+            assert (setting.at_counts("q_start", at) <= upper).all()
+    assert min(taken.values()) > 0
 
 
 def test_unit_and_arm_have_the_same_number_of_joints(robot: Robot, crs97: Unit) -> None:

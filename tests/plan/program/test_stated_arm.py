@@ -83,6 +83,12 @@ def test_what_is_wrong_with_a_stated_arm_is_told(plan: Plan, change: Any, told: 
     assert f"plan.json: {told}" in str(refusal.value)
 
 
+def test_the_speed_and_both_fractions_are_those_of_the_file(plan: Plan) -> None:
+    stated = {"options": {"velocity_fraction": 0.6, "acceleration_fraction": 0.3}}
+    options = stated_options(FILE, replace(plan, speed=0.25, provenance=stated))
+    assert (options.speed, options.velocity_fraction, options.acceleration_fraction) == (0.25, 0.6, 0.3)
+
+
 def test_fractions_of_the_limits_have_to_be_stated(plan: Plan) -> None:
     with pytest.raises(FileInputError, match=r"provenance.options.velocity_fraction: is missing"):
         stated_options(FILE, replace(plan, provenance={"options": {}}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.robot.shapes import Body, Box
 from arm.se3 import transform
@@ -71,6 +72,16 @@ def test_no_end_is_left_through_a_body() -> None:
             assert certify_curve(world, curve_of_waypoints([RIGHT, near.waypoint]), near.clearance).proved
             assert not world.in_collision(near.waypoint, ASKED)
     assert left >= 10
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_end_is_left_beyond_limits(seed: int) -> None:
+    """Three joints stand near a limit, as after a stop beside it."""
+    world, room = world_with(plate_below(0.003)), np.array([1.0, 0.002, 1.0, 0.002, 1.0, 0.002])
+    limits = Limits(RIGHT - room, RIGHT + room[::-1], LIMITS.velocity, LIMITS.acceleration)
+    near = leave_near_end(world, limits, "from", RIGHT, ASKED, np.random.default_rng(seed))
+    assert near is not None
+    assert ((near.waypoint >= limits.lower) & (near.waypoint <= limits.upper)).all()
 
 
 def test_ends_with_the_clearance_are_as_ever() -> None:

@@ -16,9 +16,9 @@ from arms.grazing import ARMS, OBSTACLES, arm, obstacle, world_of
 from plan.budget import TransitBudget
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
-from plan.collision.world import World
+from plan.collision.world import Near, World
 from plan.trajectory.time_estimates import path_time
-from plan.transit.optimise import Ends, Shortening, TransitOptimiser
+from plan.transit.optimise import _EXTRA, Ends, Shortening, TransitOptimiser, _Model
 from plan.transit.planner import plan_transit
 from tasks.task2 import TABLE
 
@@ -196,3 +196,20 @@ def test_near_finds_every_pair_that_is_near() -> None:
     assert {(int(r), int(p)) for r, p in zip(found.row, found.pair, strict=True)} == wanted
     nothing = world.near(qs, -9.0)
     assert nothing.gradient.shape == (0, 6)
+
+
+def test_the_direction_out_of_a_body_counts_only_on_the_path_itself() -> None:
+    """On trials that end in a body it is not to be trusted, because walls are thin."""
+    seen = [np.zeros(0), np.array([-0.01, 0.02, -0.01, 0.02])]
+
+    class Seen:
+        def near(self, q: Array, limit: float) -> Near:
+            distance = seen.pop(0)
+            index = np.arange(len(distance))
+            return Near(index, index, distance, np.zeros((len(index), 6)))
+
+    still = Ends(np.zeros(6), np.zeros(6))
+    path = np.linspace(0.0, 0.3, 3)[:, None] * np.ones(6)
+    model = _Model(TransitOptimiser(Seen(), LIMITS, CLEARANCE, still), path)  # type: ignore[arg-type]
+    model.constrain([(0, 0.5), (1, 0.5)], path + 0.1)
+    assert model.room == pytest.approx(np.array([-0.01, 0.02, 0.02]) - CLEARANCE - _EXTRA)

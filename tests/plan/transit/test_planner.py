@@ -7,15 +7,18 @@ import itertools
 import numpy as np
 import pytest
 
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
 from plan.budget import TransitBudget
-from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import certify_curve
+from plan.collision.bezier import Curve, curve_of_waypoints
+from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.world import World
 from plan.trajectory.time_estimates import path_time, straight_time
-from plan.transit.planner import plan_transit
+from plan.transit import planner
+from plan.transit.edges import SampledEdges
+from plan.transit.planner import TransitPlanner, plan_transit
+from plan.transit.proofs import PathProof
 from plans.transits import LEFT, LIMITS, LOW_WALL, RIGHT, ROBOT, inside, near_limits, world_with
 
 # higher than it can go over without folding up
@@ -109,3 +112,89 @@ def test_ways_stay_within_limits_that_are_near() -> None:
         found.append(float(np.minimum(way - limits.lower, limits.upper - way)[1:-1].min()))
     assert len(found) >= 4
     assert min(found) < 0.02  # rad: a limit is what keeps a way from being faster
+
+
+def planner_of(world: World, slack: float = 0.0, known: list[Array] | None = None) -> TransitPlanner:
+    rng = np.random.default_rng(0)
+    return TransitPlanner(world, LIMITS, 0.011, rng, TransitBudget(rrt=400), known=known, slack=slack)
+
+
+OPEN = ClearanceCertificate(0.0, 1.0, ("palm", "wall"), 0.5, False, 1)  # neither proved nor refuted
+
+
+def test_what_is_not_proved_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though no sample, and nothing that the proof computed, was too near."""
+    world, path = world_with(), np.stack([RIGHT, (RIGHT + LEFT) / 2, LEFT])
+    monkeypatch.setattr(planner, "certify_curve", lambda *asked: OPEN)
+    monkeypatch.setattr(planner.PathProof, "mended", lambda self, path: None)
+    one = planner_of(world)
+    assert not one.proved(path)
+    assert one.fastest_accepted([path], np.inf) is None
+    assert one.by_trees(RIGHT, LEFT) is None
+    with pytest.raises(ImpossibleError, match="no path around wall"):
+        plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0)
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.0005])
+def test_paths_are_proved_with_the_clearance_less_the_slack(
+    slack: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By samples and by trees."""
+    world, asked = world_with(LOW_WALL), list[float]()
+
+    class Recorded(PathProof):
+        def mended(self, path: Array) -> Array | None:
+            asked.append(self.clearance)
+            return super().mended(path)
+
+    def recorded(world: World, curve: Curve, clearance: float) -> ClearanceCertificate:
+        asked.append(clearance)
+        return certify_curve(world, curve, clearance)
+
+    monkeypatch.setattr(planner, "PathProof", Recorded)
+    monkeypatch.setattr(planner, "certify_curve", recorded)
+    one = planner_of(world, slack)
+    for find in (lambda: one.around(RIGHT, LEFT, 0.5), lambda: one.by_trees(RIGHT, LEFT)):
+        asked.clear()
+        path = find()
+        assert path is not None
+        assert set(asked) == {0.011 - slack}
+        assert certify_curve(world, curve_of_waypoints(path), 0.011 - slack).proved
+
+
+def test_without_proofs_paths_of_trees_are_clear_at_finer_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where finer samples are not clear, the path is proved after all."""
+    one, proved = planner_of(world_with(LOW_WALL)), list[Array]()
+    one.prove = False
+    monkeypatch.setattr(planner.PathProof, "mended", lambda self, path: proved.append(path))
+    path = one.by_trees(RIGHT, LEFT)
+    assert path is not None
+    assert SampledEdges(one.too_near, 0.05).path_clear(path)
+    assert not proved
+    monkeypatch.setattr(planner.SampledEdges, "path_clear", lambda self, path: False)
+    assert one.by_trees(RIGHT, LEFT) is None
+    assert proved
+
+
+def test_known_corners_are_looked_at_and_the_fastest_free_ones_come_first() -> None:
+    world = world_with(LOW_WALL)
+    way = plan_transit(world, RIGHT, LEFT, LIMITS, 0.011, 0)
+    blocked, longer = (RIGHT + LEFT)[None] / 2, way[1:-1] - np.radians([0.0, 0.0, 0.0, 10.0, 0.0, 0.0])
+    assert planner_of(world, known=[blocked]).over_known_corners(RIGHT, LEFT) is None
+    found = planner_of(world, known=[longer, way[1:-1], blocked]).over_known_corners(RIGHT, LEFT)
+    assert found is not None
+    assert np.array_equal(found, way)
+
+
+def test_samples_have_a_margin_only_where_both_ends_have_it() -> None:
+    world = world_with()
+    has = min(world.distance(q).value for q in (RIGHT, LEFT))
+    margins = [planner._margin(world, (RIGHT, LEFT), has - room) for room in (2e-3, 5e-4, 1e-4)]
+    assert margins == [1e-3, 2.5e-4, 0.0]
+
+
+def test_ends_beyond_limits_are_refused() -> None:
+    out = RIGHT + np.array([0.0, 9.0, 0.0, 0.0, 0.0, 0.0])
+    for ends, name in (((out, LEFT), "q_from"), ((LEFT, out), "q_to")):
+        with pytest.raises(InputError, match=f"{name}: joint J2"):
+            plan_transit(world_with(), *ends, LIMITS, 0.011, 0)

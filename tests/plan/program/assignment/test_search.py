@@ -12,9 +12,8 @@ import pytest
 
 from arm.controller.unit import load_unit
 from arm.errors import ImpossibleError
-from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Box
-from arm.se3 import Array, apply, frozen, inverse, rot_x, rot_z, transform
+from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
@@ -25,10 +24,9 @@ from plan.program.assignment.legs import HOME, Site
 from plan.program.assignment.search import _ALLOWED, TaskSearch
 from plan.program.assignment.sequencing import best_grasps, best_order
 from plan.program.tasks import plan_task
-from plan.scene import Scene, Station, Transfer
 from plan.transit.optimise import TransitOptimiser
-from plans.small_search import CASES, OPTIONS, UNIT, search_of
-from tasks.task2 import CUBE, JAW_OPENING, Q_START, TABLE, TOOL_LENGTH, Task2, task2
+from plans.small_search import CASES, OPTIONS, UNIT, beside_each_other, search_of
+from tasks.task2 import Q_START, Task2, task2
 
 
 @cache
@@ -213,34 +211,6 @@ def test_no_plan_is_faster_than_the_bound(name: str) -> None:
     bound = plan.task["no_plan_is_faster_than_s"]
     assert 0.7 * motion < bound <= motion
     assert searched(name)[1].time == pytest.approx(motion, rel=0.03)  # the estimate that ranks sequences
-
-
-def beside_each_other(hemmed: int) -> Task2:
-    """Two cubes 17 mm apart: the open jaws do not fit between them, as they must to grip cube `hemmed` only."""
-    places = [np.array([0.42, -0.0285, CUBE / 2]), np.array([0.42, 0.0285, CUBE / 2])]
-    cubes = [Body(f"cube {i}", Box((CUBE,) * 3), transform(t=t), "cube") for i, t in enumerate(places)]
-    targets = [np.array([0.35, -0.3, CUBE / 2 + 1e-3]), np.array([0.35, 0.3, CUBE / 2 + 1e-3])]
-
-    def station(name: str, centre: Array, turns: tuple[int, ...]) -> Station:
-        grips = [transform(rot_x(np.pi) @ rot_z(k * np.pi / 2), centre + (0.0, 0.0, 0.012)) for k in turns]
-        return Station(name, tuple(frozen(T) for T in grips), frozenset(("table",)))
-
-    transfers = tuple(
-        Transfer(
-            f"cube {i}",
-            station(f"pick {i}", places[i], (0, 2) if i == hemmed else (1, 3)),
-            station(f"place {i}", targets[i], (0, 1, 2, 3)),
-        )
-        for i in range(2)
-    )
-    scene = Scene(
-        load_a465(TOOL_LENGTH, JAW_OPENING),
-        load_a465(TOOL_LENGTH, CUBE),
-        (TABLE,),
-        tuple(cubes),
-        frozenset(frozenset((c.name, "table")) for c in cubes),
-    )
-    return Task2(scene, transfers)
 
 
 def test_a_cube_in_the_way_of_a_line_goes_first() -> None:

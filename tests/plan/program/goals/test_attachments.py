@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from arm.controller.unit import Unit
-from arm.errors import ImpossibleError
-from arm.robot.model import Robot
+from arm.errors import ImpossibleError, InputError
+from arm.robot.jaws import after_closing
+from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box, Sphere
 from arm.se3 import transform
-from plan.program.goals.attachments import AttachmentWorlds
+from plan.collision.world import World
+from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.program.planned import Pause
 from plan.scene import Scene
@@ -50,6 +53,10 @@ def test_a_body_is_attached_only_between_the_jaws(robot: Robot, crs97: Unit) -> 
     assert "at most 10 mm" in str(caught.value)
     assert "attach_within" in str(caught.value)
     assert caught.value.data["pair"][1] == "box"
+    beside = box.at(down(0.45, 0.18, 0.1))  # 4 cm from the fingers
+    with pytest.raises(ImpossibleError, match="attach_within") as caught:
+        planned(robot, crs97, [TABLE, beside], pick)
+    assert 0.01 < caught.value.data["distance_m"] < 0.06
     # a rule of the list's own
     taken = planned(robot, crs97, [TABLE, box], replace(pick, attach_within=0.8))
     assert [step.attached for step in taken.steps if isinstance(step, Pause)] == ["box"]
@@ -65,9 +72,142 @@ def test_a_body_that_was_brought_elsewhere_is_looked_for_there(robot: Robot, crs
         Target("put", down(0.4, -0.15, 0.06), detach=True, **lines),
     ]
     again = Target("pick again", place, attach="box", **lines)
-    assert planned(robot, crs97, [TABLE, box], *targets).moves
+    brought = planned(robot, crs97, [TABLE, box], *targets).state
+    assert brought.held is None
+    np.testing.assert_allclose(dict(brought.moved)["box"][:3, 3], (0.4, -0.15, 0.06), atol=1e-3)
+    taken = planned(robot, crs97, [TABLE, box], targets[0]).state
+    assert (taken.held, taken.moved) == ("box", ())
     with pytest.raises(
         ImpossibleError, match=r"'pick again': attach = 'box': is 2\d\d\.\d mm from"
     ) as caught:
         planned(robot, crs97, [TABLE, box], *targets, again)
     assert 0.2 < caught.value.data["distance_m"] < 0.3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_state_has_the_world_that_its_bodies_make(robot: Robot, seed: int) -> None:
+    """Against worlds that are built from the definition; states that differ in one thing only share none."""
+    rng = np.random.default_rng(seed)
+    cubes = [
+        Body(f"cube {i}", Box((0.04, 0.04, 0.04)), transform(t=rng.uniform((0.2, -0.4, 0.0), (0.6, 0.4, 0.3))), "cube")
+        for i in range(3)
+    ]  # fmt: skip
+    holding = load_a465(tool_length=0.134112, jaw_opening=0.04)
+    goals = [
+        Target("take", down(0.4, 0.0, 0.2), attach="cube 0"),
+        Target("put", down(0.4, 0.0, 0.2), detach=True),
+    ]
+    goals += [Target("next", down(0.4, 0.0, 0.2), attach="cube 1")]
+    worlds = AttachmentWorlds(Scene(robot, holding, (TABLE, *cubes), ()), goals, padding=0.002)
+    here, there = (transform(t=rng.uniform((0.2, -0.4, 0.1), (0.6, 0.4, 0.3))) for _ in range(2))
+    grasps = [transform(t=(0.0, 0.0, z)) for z in (0.0, 0.01)]
+    states = [
+        AttachmentState(None, None, ()),
+        AttachmentState(None, None, (), closed=True),
+        AttachmentState(None, None, (("cube 1", here),)),
+        AttachmentState(None, None, (("cube 1", there),)),
+        AttachmentState("cube 0", grasps[0], ()),
+        AttachmentState("cube 0", grasps[1], ()),
+        AttachmentState("cube 0", grasps[0], (("cube 1", here),)),
+    ]
+    touching = frozenset((frozenset(("cube 2", "finger_l")), frozenset(("cube 2", "finger_r"))))
+    q = rng.uniform(robot.model.lowerPositionLimit, robot.model.upperPositionLimit, (6, 6))
+    seen = set()
+    for state, allowed in product(states, (frozenset(), touching)):
+        moved = dict(state.moved)
+        arm = holding if state.held else after_closing(robot) if state.closed else robot
+        rest = [b.at(moved.get(b.name, b.T_base_body)) for b in (TABLE, *cubes) if b.name != state.held]
+        held = cubes[0] if state.held else None
+        wanted = World(arm, rest, held, state.T_tool_held, allowed, 0.002)
+        made = worlds.world(state, allowed)
+        assert worlds.world(state, allowed) is made
+        assert made.robot.digest == arm.digest
+        seen.add(id(made))
+        for at in q:
+            assert made.distance(at).value == wanted.distance(at).value
+    assert len(seen) == 2 * len(states)
+    fixed = World(robot, [TABLE, cubes[2]], None, None, touching, 0.002)
+    for at in q:
+        assert worlds.at_least(touching).distance(at).value == fixed.distance(at).value
+
+
+def test_what_is_held_at_the_start_is_never_in_the_way(robot: Robot) -> None:
+    cup = Body("cup", Sphere(0.02), transform(t=(0.4, -0.2, 0.1)), "cube")
+    held = AttachmentState("cup", transform(t=(0.0, 0.0, 0.02)), ())
+    worlds = AttachmentWorlds(
+        Scene(robot, robot, (TABLE, cup), ()), [Target("put", down(0.4, 0.2, 0.2), detach=True)], held
+    )
+    assert "cup" not in worlds.at_least().names
+
+
+def test_states_follow_from_the_actions(robot: Robot) -> None:
+    cup = Body("cup", Sphere(0.02), transform(t=(0.4, -0.2, 0.1)), "cube")
+    pick, put = (
+        Target("pick", down(0.4, -0.2, 0.12), attach="cup"),
+        Target("put", down(0.4, 0.2, 0.2), detach=True),
+    )
+    again = Target("again", down(0.41, 0.2, 0.23), attach="cup")
+    worlds = AttachmentWorlds(Scene(robot, robot, (TABLE, cup), ()), [pick, put, again])
+    brought = worlds.after(worlds.after(worlds.start, pick, pick.T_base_tool), put, put.T_base_tool)
+    held = worlds.after(brought, again, again.T_base_tool)
+    assert held.moved == ()
+    np.testing.assert_allclose(
+        held.T_tool_held[:3, 3], (-0.01, 0.0, 0.05), atol=1e-12
+    )  # from where it was brought
+    # a goal without a cube that closes the jaws leaves their opening unknown, whatever opens them later
+    at = down(0.4, 0.0, 0.3)
+    for jaws, cube, closed in ((1.0, None, True), (0.0, None, False), (None, None, False), (1.0, 0, False)):
+        state = worlds.after(worlds.start, Target("jaws", at, jaws=jaws, cube=cube), at)
+        assert state.closed is closed
+        assert worlds.after(state, Target("open", at, jaws=0.0), at).closed is closed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_gap_is_that_to_the_hand_or_to_the_tool_frame(robot: Robot, seed: int) -> None:
+    """Not to other links, and from where the body is now."""
+    rng = np.random.default_rng(seed)
+    ball = Body("ball", Sphere(0.01), transform(t=(2.0, 0.0, 0.0)), "cube")
+    pick = Target("pick", down(0.4, 0.0, 0.2), attach="ball")
+    worlds = AttachmentWorlds(Scene(robot, robot, (ball,), ()), [pick])
+    nearer = 0
+    for q in rng.uniform(robot.model.lowerPositionLimit, robot.model.upperPositionLimit, (8, 6)):
+        T_base_tool = robot.T_base_tool(q)
+        for offset in ((0.0, 0.0, 0.03), (0.0, 0.0, -0.6), (0.06, 0.0, -0.3)):
+            now = ball.at(T_base_tool @ transform(t=offset))
+            state = AttachmentState(None, None, (("ball", now.T_base_body),))
+            world = World(robot, [now])
+            away = world.pair_distances(q, np.arange(len(world.pairs)))
+            to_ball = {world.pair_names(i)[0]: d for i, d in enumerate(away) if "ball" in world.pair_names(i)}
+            on_hand = {name: world.joint_of(name) == robot.end_joint for name in to_ball}
+            hand = [d for name, d in to_ball.items() if on_hand[name]]
+            others = [d for name, d in to_ball.items() if not on_hand[name]]
+            wanted = min(*hand, float(np.linalg.norm(offset)) - 0.01)
+            assert worlds.gap(state, pick, T_base_tool).value == pytest.approx(wanted, abs=1e-5)
+            nearer += min(others) < wanted - 0.05
+    assert nearer > 5
+
+
+def test_one_body_at_a_time_is_attached_and_only_what_is_attached_is_released(robot: Robot) -> None:
+    cup, can = (
+        Body(name, Sphere(0.02), transform(t=(0.4, y, 0.1)), "cube")
+        for name, y in (("cup", 0.0), ("can", 0.2))
+    )
+    take = [Target(f"take {body.name}", down(0.4, 0.0, 0.1), attach=body.name) for body in (cup, can)]
+    put, scene = Target("put", down(0.4, 0.0, 0.1), detach=True), Scene(robot, robot, (), (cup, can))
+    held = AttachmentState("cup", transform(), ())
+    for goals, start, says in (
+        (take, None, "'take can': attach = 'can': cup is attached already"),
+        ([take[1]], held, "'take can': attach = 'can': cup is attached already"),
+        ([take[0], put, replace(put, name="again")], None, "'again': detach = True: no body is attached"),
+        ([put, replace(put, name="again")], held, "'again': detach = True: no body is attached"),
+        ([put], AttachmentState("mug", transform(), ()), "held = 'mug': must be one of can, cup"),
+        (
+            [replace(put, allowed_collisions=[("cup", "thumb")])],
+            held,
+            "allowed_collisions = 'thumb': must be one of",
+        ),
+    ):
+        with pytest.raises(InputError, match=says):
+            AttachmentWorlds(scene, goals, start)
+    AttachmentWorlds(scene, [take[0], put, take[1], replace(put, name="again")])
+    AttachmentWorlds(scene, [put, take[1]], held)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from arm.errors import InputError
+from plan.options import PlanOptions
 from plan.program.goals.target import Target
 
 
@@ -31,6 +34,15 @@ from plan.program.goals.target import Target
         ({"look": "yes"}, "look = 'yes': must be True or False"),
         ({"role": "approach"}, "role = 'approach': must be one of transit, home"),
         ({"name": 5}, "name = 5: must be a name"),
+        ({"attach": "cup", "detach": True}, "attach = 'cup': must not be combined with detach"),
+        ({"T_base_tool": None, "q": [0.0] * 6, "by": "line"}, "q = 'a configuration': needs by='transit'"),
+        ({"T_base_tool": None, "q": [0.0] * 6, "free": "rz"}, "q = 'a configuration': .* must not have free"),
+        ({"free": "rx", "tilt": 0.2}, "tilt = 0.2: cannot be combined with rx or ry"),
+        ({"ranges": {"ry": (0.0, 0.1)}, "tilt": 0.2}, "tilt = 0.2: cannot be combined with rx or ry"),
+        ({"ranges": {"x": (0.1, -0.1)}}, "ranges\\['x'\\] = .*: must be a lowest and a highest value"),
+        ({"ranges": {"rz": (-4.0, 0.0)}}, "ranges\\['rz'\\] = .*: must be a lowest .* from -3.1416"),
+        ({"T_base_tool": np.stack([np.eye(4)] * 2), "by": "line"}, "must be one pose if by='line'"),
+        ({"T_base_tool": np.zeros((0, 4, 4))}, "must be at least one pose"),
     ],
 )
 def test_wrong_targets(change: dict[str, object], says: str) -> None:
@@ -64,3 +76,19 @@ def test_no_axis_is_free_that_would_turn_with_what_is_free_within_limits(freedom
 )
 def test_what_is_free_and_what_is_limited_go_together_where_no_axis_turns(freedom: dict[str, object]) -> None:
     assert Target("a", np.eye(4), **freedom).freedom  # type: ignore[arg-type]
+
+
+def test_the_tool_stops_where_something_is_done() -> None:
+    flown = Target("a", np.eye(4), blend_radius=0.01, approach=0.1, speed=0.1, by="line")
+    assert not flown.stops
+    acts = ({"jaws": 0.0}, {"attach": "cup"}, {"detach": True}, {"dwell_s": 0.1}, {"look": True})
+    assert all(replace(flown, **act).stops for act in acts)  # type: ignore[arg-type]
+
+
+def test_lines_have_the_clearance_of_their_target_or_of_the_options() -> None:
+    options = PlanOptions(clearance=0.02, line_clearance=0.007)
+    target = Target("a", np.eye(4))
+    asked = [
+        replace(target, line_clearance=least).clearance_on_lines(options) for least in (None, 0.0, 0.003)
+    ]
+    assert asked == [0.007, 0.0, 0.003]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,18 +10,25 @@ import pytest
 
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
+from arm.plan_file import Step
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, transform
+from plan.budget import Meter, SearchBudget
 from plan.collision.world import World
+from plan.program.goals.line_chains import SequenceStep
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
 from plan.program.sequence import search
+from plan.program.sequence.planner import SequencePlanner
 from plan.program.sequence.search import Found, PoseSearch
+from plan.program.setting import Setting
+from plan.program.writer import ClearanceLost, MotionWriter
+from plan.scene import Scene
 from plan.transit.optimise import Shortening
 from plan.transit.straight import StraightLine
-from plans.waypoints import Q_START, planned
+from plans.waypoints import FEW, Q_START, planned
 from tasks.pose_lists import EFFORT, FAST, TABLE, down
 
 
@@ -42,6 +50,57 @@ def test_wrong_lists(robot: Robot, crs97: Unit, targets: list[Target], says: str
 def test_a_start_outside_limits_is_refused(robot: Robot, crs97: Unit) -> None:
     with pytest.raises(InputError, match=r"q_start: joint J2 = 171\.89 deg: must be from"):
         plan_poses(robot, [], [Target("a", down(0.4, 0.0, 0.3))], [0, 3, 0, 0, 0, 0], crs97.limits())
+
+
+@pytest.mark.parametrize(
+    ("target", "says"),
+    [
+        (Target("far", q=[0.0, 3.0, 0.0, 0.0, 0.0, 0.0]), r"far: joint J2 = 171\.89 deg: must be from"),
+        (Target("first", np.eye(4), free="x", ranges={"rz": (0.5, 1.0)}, by="line"), "'first': free = 'x'"),
+    ],
+)
+def test_goals_are_checked_as_they_are_planned(robot: Robot, crs97: Unit, target: Target, says: str) -> None:
+    """A configuration is within limits; the first goal is reached by a transit, so what a line allows is refused."""
+    with pytest.raises(InputError, match=says):
+        planned(robot, crs97, [TABLE], target)
+
+
+@pytest.mark.parametrize("step", [0, 1, 2])
+def test_an_edge_that_loses_its_clearance_is_excluded(
+    robot: Robot, crs97: Unit, step: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Sequence[SequenceStep]] = []
+    steps = MotionWriter.steps
+
+    def losing(writer: MotionWriter, sequence: Sequence[SequenceStep]) -> list[Step]:
+        tried.append(sequence)
+        if len(tried) == 1:
+            raise ClearanceLost(step, ImpossibleError("lost"))
+        return steps(writer, sequence)
+
+    monkeypatch.setattr(MotionWriter, "steps", losing)
+    places = ((0.45, -0.2, 0.2), (0.45, 0.1, 0.25), (0.3, 0.3, 0.2))
+    targets = [Target(f"at {i}", down(*place), free="rz") for i, place in enumerate(places)]
+    setting = Setting(Scene(robot, robot, (TABLE,), ()), crs97, crs97.limits(), FAST)
+    planner = SequencePlanner(setting, targets, setting.at_counts("q_start", Q_START), effort=FEW)
+    planner.planned(Meter(SearchBudget()))
+    first, second = ([0, *(leg.index for leg in sequence)] for sequence in tried)
+    assert first[step : step + 2] != second[step : step + 2]
+    assert planner.search is not None
+    assert planner.search._forbidden == {(step + 1, *first[step : step + 2])}
+
+
+@pytest.mark.parametrize("padding", [0.0, 0.015])
+def test_the_padding_of_a_program_is_taken_off_every_distance(
+    robot: Robot, crs97: Unit, padding: float
+) -> None:
+    near = crs97.positions(crs97.counts(Q_START))
+    bodies, there = [TABLE, crate_under(robot, near, 0.02)], Target("there", q=AWAY)
+    if padding:
+        with pytest.raises(ImpossibleError, match=r"q_start: .* is 5.0 mm from crate"):
+            planned(robot, crs97, bodies, there, q_start=near, padding=padding)
+    plain, padded = (planned(robot, crs97, [TABLE], there, q_start=near, padding=p) for p in (0.0, padding))
+    assert padded.clearance == pytest.approx(plain.clearance - padding, abs=2e-3)
 
 
 AWAY = np.radians([60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
@@ -87,6 +146,16 @@ def test_a_near_end_is_left_or_come_to_where_that_is_allowed(
     _, q = plan.sample(0.02)
     short = np.abs(q - near).max(axis=1) < 0.3
     assert (distances[~short] >= ASKED - 1e-9).all()
+
+
+def test_a_near_end_is_certified_with_what_it_has(robot: Robot, crs97: Unit) -> None:
+    """Also where a certificate ends as soon as the required clearance is proved."""
+    near = crs97.positions(crs97.counts(Q_START))
+    options = replace(FAST, near_ends=True, certificate="decide")
+    crate = crate_under(robot, near, 0.004)
+    plan = planned(robot, crs97, [TABLE, crate], Target("there", q=AWAY), q_start=near, options=options)
+    has = plan.near_ends[0]["distance_mm"] / 1e3
+    assert has - 5e-4 <= plan.moves[0].clearance <= has
 
 
 def test_a_clear_solution_comes_before_a_near_one(robot: Robot, crs97: Unit) -> None:
