@@ -238,7 +238,7 @@ def test_a_corner_is_cut_no_further_than_allowed(robot: Robot, mover: MotionBuil
         lines.append(LinearPath(Line(start, end), path, 0.1))
         q = path.q[-1]
     for cut, kept in ((0.004, True), (0.012, True), (0.05, False)):
-        rounded = mover._rounded(*lines, Join(blend_radius=0.003, cut=cut))
+        rounded = mover._rounded(lines[0], lines[1], Join(blend_radius=0.003, cut=cut))
         assert (rounded is not None) == kept
         if rounded is not None:
             length, ends = rounded

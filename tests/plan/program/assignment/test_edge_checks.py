@@ -153,7 +153,7 @@ def over_cube(search: TaskSearch, height: float) -> Array:
     line = search.grasps[OTHER][0].q_line
     along = height / OPTIONS.offset * (len(line) - 1)
     at = np.array([np.interp(along, np.arange(len(line)), values) for values in line.T])
-    return np.stack([at, at]) + np.array([[-0.3], [0.3]]) * np.eye(6)[0]
+    return np.asarray(np.stack([at, at]) + np.array([[-0.3], [0.3]]) * np.eye(6)[0])
 
 
 def between(search: TaskSearch, motion: Array, high: Array | None = None) -> EdgeChecks:

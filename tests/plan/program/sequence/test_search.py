@@ -185,7 +185,7 @@ def test_a_sequence_is_confirmed_for_what_is_held(
     """Samples that see nothing take every transit for clear. What cannot be certified is certified the next time."""
     (search, fresh), asked, proofs = carrying(robot, crs97, 0.0), list[float](), list[bool]()
     alone = {indices: walked(fresh(), indices) is not None for indices in every(search)}
-    certify, planner = certify_curve, search_module.TransitPlanner
+    certify, planner = certify_curve, TransitPlanner
 
     def clear(world: World, a: Array, b: Array, asked: float) -> StraightLine:
         return StraightLine(a, b, asked, True, 0.0)
@@ -196,7 +196,7 @@ def test_a_sequence_is_confirmed_for_what_is_held(
 
     def no_detour(*given: Any, prove: bool) -> TransitPlanner:
         proofs.append(prove)
-        found = planner(*given, prove=prove)
+        found = planner(*given, prove=prove)  # type: ignore[misc]
         monkeypatch.setattr(found, "around", lambda *ends: None)
         return found
 
