@@ -37,8 +37,8 @@ from plan.transit.straight import check_straight, sampled
 _SLACK = 0.5
 # Nodes of RRT-Connect while other sequences may do.
 _FEW_SAMPLES = 150
-# Optimisation steps for a detour at first, and for one that will be used; the least useful saving of the latter, s.
-_ROUGH, _POLISH, _WORTH_S = 2, 6, 0.02
+# Further optimisation steps for a detour that will be used, and the least useful saving, s.
+_POLISH, _WORTH_S = 6, 0.02
 _KNOWN_TRAVEL = 0.2  # rad summed over the joints, between samples of a path over known corners
 # Steps of the first joint for the check of bodies that only this joint moves, rad.
 _PASSING = np.radians(0.25)
@@ -70,8 +70,8 @@ class EdgeChecks:
         setting: limits, clearances, seed, budgets.
         worlds: its collision worlds.
         lines: the lines of every grasp, of each site, and home.
-        alike: whether the detour of one leg is assumed for others (`LegCosts.assume_alike`). Detours are then optimised
-            fully at once, and may begin with the corners of any other.
+        alike: whether the detour of one leg is assumed for others (`LegCosts.assume_alike`). A detour may then begin
+            with the corners of any other.
     """
 
     def __init__(
@@ -152,8 +152,6 @@ class EdgeChecks:
             thorough: whether to use the whole budget.
         """
         budget = self.options.transit
-        if not self.alike:
-            budget = replace(budget, steps=min(budget.steps, _ROUGH))
         if not thorough:
             budget = replace(budget, rrt=min(budget.rrt, _FEW_SAMPLES))
         for there in self._arrangements(leg, now):
