@@ -12,6 +12,8 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
+from cell.accuracy.of_plan import certain_placements
+from cell.accuracy.words import budget_to_json, print_budgets
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
@@ -130,6 +132,7 @@ def plan_step(
 
     Raises:
         ExecutionStopped: Ctrl-C was pressed; the best complete plan found by then is written.
+        ImpossibleError: there is no plan, or a cube is too likely to miss its pocket.
     """
     from cell.task.explain import explain_failure
 
@@ -146,8 +149,10 @@ def plan_step(
         stopped, plan = stop, stop.plan
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
+    budgets = certain_placements(task.cell, seen, plan)
     write_plan(output, plan)
     _print_plan(plan, task.cell, console)
+    print_budgets(budgets, console)
     if stopped is not None:
         why = f"{stopped}; it is written to {output}, certified, code {plan.code}"
         raise ExecutionStopped(why, plan=str(output), reason="interrupted")
@@ -161,6 +166,7 @@ def plan_step(
         "no_plan_is_faster_than_s": plan.task["no_plan_is_faster_than_s"],
         "min_clearance_mm": 1e3 * min(m.clearance for m in plan.moves),
         "cubes": plan.task["cubes"],
+        "placements": [budget_to_json(budget) for budget in budgets],
         "skipped": plan.task.get("skipped", []),
         "stopped": plan.notes.get("search"),
         "moves": [_move_to_json(m) for m in plan.moves],

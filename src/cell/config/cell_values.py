@@ -49,3 +49,7 @@ class CellValues(Keys):
     jerk_time: float = key("motion.jerk_time_s", number("s", 0, 2), PlanOptions.jerk_time)
     timing: str = key("motion.timing", text(*TIMINGS), PlanOptions.timing)
     solver: str = key("solver.lines", text(*SOLVERS), PlanOptions.solver)
+    least_entering: float = key("accuracy.least_entering", number("", 0, 1), 0.997)
+    tool_made: float = key("accuracy.tool_within_mm", number("mm", 0, 10), 0.2)
+    pocket_made: float = key("accuracy.pocket_within_mm", number("mm", 0, 10), 0.1)
+    following: float = key("accuracy.following_deg", number("deg", 0, 1), 0)

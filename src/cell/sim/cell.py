@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, seat_depth
 from arm.former import former_names
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
 from arm.robot.dh import A465
 from arm.robot.link_errors import with_link_errors
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
-from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
+from arm.se3 import Array, apply, frozen, inverse, rot_z, rotation, transform
 from cell.config.cell import Cell
 from cell.files.hand_target import HandTarget
 from cell.files.world import TrueBoard, World
@@ -47,7 +47,7 @@ class SimulatedCube:
         T_base_cube: pose of its centre; while held, where it was gripped.
         where: pocket, jaws, table or fallen.
         size: true edge, m.
-        T_tool_cube: pose in the tool frame while held.
+        T_tool_cube: pose in the tool frame while held, centred between the jaws.
     """
 
     name: str
@@ -220,7 +220,8 @@ class SimulatedCell:
             depth = cube.size / 2.0 - z  # of the tips below the cube's top
             offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
-                self._cubes[index] = replace(cube, where="jaws", T_tool_cube=frozen(T_tool_cube))
+                held = between_jaws(T_tool_cube)
+                self._cubes[index] = replace(cube, where="jaws", T_tool_cube=held)
                 detail = f"{1e3 * offset:.2f} mm off the jaws' axis"
                 self._record("gripped", cube.name, cube.T_base_cube, detail)
                 return on_cube
@@ -304,6 +305,20 @@ def _seated(board: TrueBoard, hole: int, size: float) -> Array:
     """Pose of a cube of edge `size` m that is seated in a hole."""
     T_base_hole = mul(board.T_base_board, board.board.T_board_hole(hole))
     return frozen(mul(T_base_hole, T_hole_cube(size, seat_depth(size, board.board.pocket))))
+
+
+def between_jaws(T_tool_cube: Array) -> Array:
+    """Pose of a cube, 4x4, that jaws moving along the tool's y axis have centred and aligned with their faces.
+
+    Where it lies along the fingers, and its rotation about the jaws' travel, stay as they were.
+    """
+    faces = T_tool_cube[1, :3]  # the jaws' travel in the cube's frame
+    face = int(np.argmax(np.abs(faces)))
+    normal = np.sign(faces[face]) * T_tool_cube[:3, face]
+    axis = np.cross(normal, (0.0, 1.0, 0.0))
+    angle = float(np.arctan2(norm(axis), normal[1]))
+    turned = mul(rotation(axis * (angle / norm(axis) if norm(axis) > 0.0 else 0.0)), T_tool_cube[:3, :3])
+    return transform(turned, T_tool_cube[:3, 3] * (1.0, 0.0, 1.0))
 
 
 def angle_to_square(R: Array) -> float:

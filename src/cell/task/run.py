@@ -11,6 +11,8 @@ import numpy as np
 from arm.errors import ExecutionStopped
 from arm.plan_file import Plan, Step
 from arm.se3 import Array
+from cell.accuracy.of_plan import certain_placements
+from cell.accuracy.words import budget_words
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
@@ -67,6 +69,7 @@ class TaskRun(OpenRun):
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )
+        self._require_accuracy(observation, plan)
         hidden = unseen_places(self.task, observation, [c["to"] for c in plan.task["cubes"]])
         if hidden:
             self.tell(hidden)
@@ -107,9 +110,20 @@ class TaskRun(OpenRun):
             f"planned {len(cubes)} cube{'' if len(cubes) == 1 else 's'}: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
+        self._require_accuracy(observation, plan)
         again = any(kept.plan.task["cubes"] for kept in self.kept)
         self.keep(plan, f"plan-{len(self.kept)}" if again else "plan")
         return plan
+
+    def _require_accuracy(self, observation: Observation, plan: Plan) -> None:
+        """Say how accurate the placements are.
+
+        Raises:
+            ImpossibleError: a cube is too likely to miss its pocket.
+        """
+        words = budget_words(certain_placements(self.task.cell, observation, plan))
+        if words:
+            self.console.step(words)
 
     def follow(self, plan: Plan, observation: Observation) -> tuple[Observation, bool]:
         """Execute a plan cube by cube, and look where the plan does.

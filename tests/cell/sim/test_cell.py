@@ -11,7 +11,7 @@ from arm.io.storage import data_file
 from arm.se3 import Array, inverse, rot_x, rot_z, rotation, transform
 from cell.config.cell_file import read_cell
 from cell.files.world import read_world
-from cell.sim.cell import SimulatedCell, angle_to_square
+from cell.sim.cell import SimulatedCell, angle_to_square, between_jaws
 from plan.kinematics.ik import inverse_kinematics
 
 
@@ -66,10 +66,11 @@ def test_a_cube_is_gripped_within_3_mm_and_3_deg_only(
     assert stop == pytest.approx(gripper.adc(expected), abs=1)
 
 
-def test_a_held_cube_keeps_its_offset_in_the_jaws(simulated: SimulatedCell) -> None:
+def test_a_held_cube_keeps_its_offset_along_the_fingers(simulated: SimulatedCell) -> None:
     error = transform(rot_z(0.02), (0.001, -0.0015, 0.002))
     T_base_tool = _over_cube(simulated, 0, error)
-    T_tool_cube = inverse(T_base_tool) @ simulated._cubes[0].T_base_cube
+    T_tool_cube = between_jaws(inverse(T_base_tool) @ simulated._cubes[0].T_base_cube)
+    assert abs(T_tool_cube[0, 3]) > 5e-4
     _jaws(simulated, T_base_tool, 0.9)
     lifted = _counts(simulated, transform(t=(0.0, 0.0, 0.1)) @ T_base_tool)
     cube = simulated.cubes(lifted)[0]
@@ -140,3 +141,18 @@ def test_jaws_stop_at_the_true_size_of_a_cube(simulated: SimulatedCell) -> None:
     assert stops[0] != stops[1]
     seat = large._cubes[1].T_base_cube[:3, 3] - simulated._cubes[1].T_base_cube[:3, 3]
     assert np.linalg.norm(seat) > 1e-4  # a smaller cube sits deeper
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_jaws_centre_a_cube_and_align_it_with_their_faces(seed: int) -> None:
+    """The rest stays: the place along the fingers, and the rotation about the jaws' travel."""
+    rng = np.random.default_rng(seed)
+    about_y, (x, y, z) = rng.normal(0.0, 0.02), rng.normal(0.0, 1e-3, 3)
+    quarter = rot_z(np.pi / 2.0 * rng.integers(4))
+    aligned = transform(rotation((0.0, about_y, 0.0)) @ quarter, (x, 0.0, z))
+    assert between_jaws(aligned) == pytest.approx(aligned, abs=1e-12)
+    a, b = rng.normal(0.0, 0.02, 2)
+    held = between_jaws(transform(rotation((a, 0.0, b)) @ aligned[:3, :3], (x, y, z)))
+    assert held == pytest.approx(aligned, abs=1e-3)  # small rotations about other axes commute nearly
+    assert held[:3, 3] == pytest.approx((x, 0.0, z), abs=1e-12)
+    assert np.abs(held[1, :3]).max() == pytest.approx(1.0, abs=1e-12)

@@ -1,0 +1,73 @@
+"""Error budgets of placements as text, table and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cell.accuracy.placement import PlacementBudget
+from cell.console import Console
+
+UNKNOWN = "the cell has no calibration with a covariance, so the errors of the placements are not known"
+_SHOWN = 3  # sources in a row of the table
+_SURE = 0.9999  # what is likelier is told as more than this
+
+
+def print_budgets(budgets: Sequence[PlacementBudget], console: Console) -> None:
+    """Print one row per placement."""
+    if not budgets:
+        console.say(UNKNOWN)
+        return
+    rows = [
+        (
+            b.cube,
+            b.target,
+            1e3 * b.sideways,
+            1e3 * b.height,
+            float(np.degrees(b.tilt)),
+            _percent(b),
+            _sources(b),
+        )
+        for b in budgets
+    ]
+    console.table(("cube", "to", "sideways mm", "height mm", "tilt deg", "enters %", "mostly due to"), rows)
+
+
+def budget_words(budgets: Sequence[PlacementBudget]) -> str:
+    """The least certain placement in one line; "" for none."""
+    if not budgets:
+        return ""
+    worst = min(budgets, key=lambda b: (b.entering, -b.sideways))
+    return (
+        f"every cube enters its pocket with a probability of {_percent(worst)} %: it is off the axis by at most "
+        f"{1e3 * worst.sideways:.2f} mm (standard deviation; {_sources(worst)})"
+    )
+
+
+def budget_to_json(budget: PlacementBudget) -> dict[str, Any]:
+    """Return the object of ``--json``."""
+    return {
+        "cube": budget.cube,
+        "from": budget.source,
+        "to": budget.target,
+        "sideways_mm": 1e3 * budget.sideways,
+        "height_mm": 1e3 * budget.height,
+        "tilt_deg": float(np.degrees(budget.tilt)),
+        "entering": budget.entering,
+        "covariance": budget.covariance.tolist(),
+        "sources": {
+            name: {"sideways_mm": 1e3 * source.sideways, "part": source.part}
+            for name, source in budget.sources.items()
+        },
+    }
+
+
+def _percent(budget: PlacementBudget) -> str:
+    return f"> {100.0 * _SURE:g}" if budget.entering > _SURE else f"{100.0 * budget.entering:.2f}"
+
+
+def _sources(budget: PlacementBudget) -> str:
+    shown = list(budget.sources.items())[:_SHOWN]
+    return ", ".join(f"{name} {100.0 * source.part:.0f} %" for name, source in shown if source.part > 0.005)

@@ -1,0 +1,131 @@
+"""Budgets of a plan's placements: which ones there are, what is refused, and what is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.io.storage import data_file
+from arm.plan_file import GripperStep, Plan
+from cell.accuracy.error_model import ErrorModel
+from cell.accuracy.of_plan import certain_placements, fit_of, plan_budgets
+from cell.accuracy.words import budget_to_json, budget_words, print_budgets
+from cell.config.cell import Cell
+from cell.console import Console
+from cell.files.task import Task, read_task
+from cell.task.planning import Rest, plan_rest
+from tasks.true_look import true_look
+from vision.observation import Observation
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read_task(data_file("scenes/realistic/task2.toml"))
+
+
+@pytest.fixture(scope="module")
+def seen(task: Task) -> Observation:
+    return true_look(task)
+
+
+@pytest.fixture(scope="module")
+def plan(task: Task, seen: Observation) -> Plan:
+    made = plan_rest(Rest(task, seen, task.cell.q_start, 0.5))
+    assert made is not None
+    return made
+
+
+def _less_exact(cell: Cell, following_deg: float) -> Cell:
+    return replace(cell, following=np.radians(following_deg))
+
+
+def test_every_cube_has_a_budget_with_its_holes(task: Task, seen: Observation, plan: Plan) -> None:
+    budgets = certain_placements(task.cell, seen, plan)
+    moved = [(c["cube"], c["from"], c["to"]) for c in plan.task["cubes"]]
+    assert [(b.cube, b.source, b.target) for b in budgets] == moved
+    for budget in budgets:
+        assert 0.1e-3 < budget.sideways < 0.6e-3
+        assert budget.entering > 0.999
+
+
+def test_cubes_that_are_not_moved_from_hole_to_hole_have_none(
+    task: Task, seen: Observation, plan: Plan
+) -> None:
+    cubes = [{**c, "to": "table/1"} if n == 0 else c for n, c in enumerate(plan.task["cubes"])]
+    budgets = plan_budgets(task.cell, seen, replace(plan, task={**plan.task, "cubes": cubes}))
+    assert [b.cube for b in budgets] == [c["cube"] for c in cubes[1:]]
+    held = tuple(
+        s for s in plan.steps if not (isinstance(s, GripperStep) and s.cube == 1 and s.action == "close")
+    )
+    budgets = plan_budgets(
+        task.cell, seen, replace(plan, steps=held)
+    )  # as a plan that begins with a cube in the jaws
+    assert [b.cube for b in budgets] == [c["cube"] for n, c in enumerate(plan.task["cubes"]) if n != 1]
+
+
+def test_the_configurations_are_those_at_which_the_jaws_move(
+    task: Task, seen: Observation, plan: Plan
+) -> None:
+    """Where the jaws close, the tool is over the cube's hole; the error that only scatters there is found so."""
+    cell = _less_exact(task.cell, 0.05)
+    model = ErrorModel.of(cell)
+    for budget in plan_budgets(cell, seen, plan):
+        lever = budget.sources["following"].sideways / np.radians(0.05)
+        board = seen.board(budget.target.rpartition("/")[0])
+        assert board is not None
+        reach = np.linalg.norm(board.pose.holes[int(budget.target[-1]) - 1].T_base_hole[:3, 3])
+        assert 0.8 * reach < lever < 3.0 * reach  # six joints, at two places, with levers up to the reach
+    assert model.cell is cell
+
+
+def test_a_cube_that_may_miss_its_pocket_is_refused_with_its_largest_source(
+    task: Task, seen: Observation, plan: Plan
+) -> None:
+    with pytest.raises(ImpossibleError) as refused:
+        certain_placements(_less_exact(task.cell, 0.08), seen, plan)
+    text = str(refused.value)
+    assert "accuracy.least_entering is 0.997" in text
+    assert "due to following" in text
+    assert refused.value.data["entering"] < 0.997
+    assert refused.value.data["hole"] in {c["to"] for c in plan.task["cubes"]}
+    allowed = replace(_less_exact(task.cell, 0.08), least_entering=0.5)
+    assert min(b.entering for b in certain_placements(allowed, seen, plan)) == refused.value.data["entering"]
+
+
+def test_a_cell_without_calibration_has_no_budgets_and_says_so(
+    seen: Observation, plan: Plan, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ideal = read_task(data_file("scenes/task2.toml")).cell
+    assert certain_placements(ideal, seen, plan) == ()
+    with pytest.raises(ImpossibleError, match=r"cell.toml has no calibration.*a465 calibrate hand-eye"):
+        plan_budgets(ideal, seen, plan)
+    print_budgets((), Console())
+    assert "not known" in capsys.readouterr().out
+    assert budget_words(()) == ""
+
+
+def test_what_is_said_is_what_was_found(
+    task: Task, seen: Observation, plan: Plan, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = _less_exact(task.cell, 0.05)
+    budgets = plan_budgets(cell, seen, plan)
+    print_budgets(budgets, Console())
+    page = capsys.readouterr().out
+    worst = min(budgets, key=lambda b: b.entering)
+    assert f"{100.0 * worst.entering:.2f}" in page
+    assert f"{1e3 * worst.sideways:.2f} mm" in budget_words(budgets)
+    assert "following" in page
+    for budget in budgets:
+        told = budget_to_json(budget)
+        assert np.sqrt(np.trace(np.array(told["covariance"])[:2, :2])) == pytest.approx(
+            1e-3 * told["sideways_mm"]
+        )
+        assert sum(source["part"] for source in told["sources"].values()) == pytest.approx(1.0)
+
+
+def test_sizes_are_those_of_the_cell_file(task: Task) -> None:
+    fit = fit_of(replace(task.cell, cube_size=0.0401, cube_tolerance=3e-4, pocket_made=4e-4))
+    assert (fit.cube, fit.mouth, fit.sigma) == (0.0401, task.cell.boards[0].pocket[0], pytest.approx(2.5e-4))
