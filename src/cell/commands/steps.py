@@ -12,7 +12,9 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
-from cell.accuracy.of_plan import certain_placements
+from cell.accuracy.error_model import ErrorModel
+from cell.accuracy.of_plan import certain_placements, require_entering
+from cell.accuracy.of_reach import reach_budgets
 from cell.accuracy.words import budget_to_json, print_budgets
 from cell.config.cell import Cell
 from cell.console import Console
@@ -23,6 +25,7 @@ from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
+from plan.cartesian.reachability import ReachTable
 from plan.options import clearance_words
 from plan.trajectory.virtual_unit import NO_UNIT
 from vision.observation import Observation
@@ -57,7 +60,7 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     require_boards(seen, task)
-    return result
+    return result | {"placements": _foreseen(task, seen, console)}
 
 
 def frames_of(
@@ -89,6 +92,22 @@ def _print_look(seen: Observation, console: Console) -> None:
         )
 
 
+def _foreseen(task: Task, seen: Observation, console: Console, table: ReachTable | None = None) -> list[Any]:
+    """Print the budgets of all free targets, and return them as JSON.
+
+    Raises:
+        ImpossibleError: a cube is too likely to miss its pocket.
+    """
+    if not ErrorModel.known(task.cell):
+        return []
+    boards = task.from_board, task.to_board
+    budgets = reach_budgets(task.cell, seen, *boards, table or reach_of(task, seen))
+    if budgets:
+        print_budgets(budgets, console)
+    require_entering(budgets, task.cell.least_entering)
+    return [budget_to_json(budget) for budget in budgets]
+
+
 def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:
     """``a465 reach``."""
     from cell.task.explain import explain_failure
@@ -105,6 +124,7 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
     with explain_failure(Rest(task, seen, task.cell.q_start, task.cell.speed), advice, every_hole=True):
         table.require()
     return {
+        "placements": _foreseen(task, seen, console, table),
         "holes": [
             {
                 "hole": h.hole,
@@ -115,7 +135,7 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
                 "margin_deg": float(np.degrees(h.best.margin)),
             }
             for h in table.holes
-        ]
+        ],
     }
 
 
