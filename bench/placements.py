@@ -1,4 +1,4 @@
-"""Is the error budget of a placement right? Predicted errors and entering against cells drawn from what is stated.
+"""Is the error budget of a placement right? Predicted errors and insertion against cells drawn from what is stated.
 
 python bench/placements.py --cells 200
 
@@ -8,7 +8,7 @@ hole positions, widths of pockets and cubes from their tolerances. The true came
 is compared with a background of its own, as in scenes/realistic. Boards stand within 10 mm and 8 degrees of the
 demonstration's. Five images are rendered and looked at, the task is planned, and at the counts where the plan moves the
 jaws, the simulated cell grips and releases the true cubes. In case n all standard deviations, drawn and stated, are
-multiplied by 1, 1.75, 2.5, 3.25 and 4 in turn, so that entering becomes doubtful; the camera's noise is not.
+multiplied by 1, 1.75, 2.5, 3.25 and 4 in turn, so that insertion becomes doubtful; the camera's noise is not.
 
 NEES is the squared error in the plate's plane over its covariance, divided by 2 components: 1 is honest. The cubes of a
 cell share most errors, so its standard error is taken over cells. An ellipse holds 95 % if the covariance is right.
@@ -43,8 +43,8 @@ from arm.plan_file import GripperStep, Move, Plan
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, inverse, moved, rot_z, transform
 from calib.model.intrinsics import camera_of, vector_of
-from cell.accuracy.of_plan import plan_budgets
 from cell.accuracy.placement import PlacementBudget
+from cell.accuracy.plan_budgets import plan_budgets
 from cell.config.cell import Cell
 from cell.files.task import Task, read_task
 from cell.files.world import World, read_world
@@ -69,7 +69,7 @@ class Placement:
 
     seed: int
     scale: float
-    entering: float
+    insertion: float
     entered: bool
     chi2: float
     off_mm: float
@@ -111,7 +111,7 @@ def _stated(folder: Path, scale: float) -> tuple[Task, World]:
     replace_in(cell, "# least_certain_deg = 1.0 ", f"least_certain_deg = {1.0 * scale} ")
     with cell.open("a") as file:
         file.write(
-            f"\n[accuracy]\nleast_entering = 0\ntool_within_mm = 0\npocket_within_mm = {0.1 * scale}\n"
+            f"\n[accuracy]\nleast_insertion = 0\ntool_within_mm = 0\npocket_within_mm = {0.1 * scale}\n"
         )
     return read_task(scenes / "task2.toml"), read_world(scenes / "task2.world.toml", 0.036)
 
@@ -200,7 +200,7 @@ def _released(
         chi2 = float(off @ np.linalg.solve(budget.covariance[:2, :2], off))
         entered = gripped and events[-1].what == "placed"
         sizes = 1e3 * float(np.linalg.norm(off)), 1e3 * budget.sideways
-        found.append(Placement(world.seed, scale, budget.entering, entered, chi2, *sizes))
+        found.append(Placement(world.seed, scale, budget.insertion, entered, chi2, *sizes))
     return found
 
 
@@ -248,10 +248,10 @@ def _tell_entering(placements: list[Placement]) -> None:
     print("\n| predicted | cubes | expected to enter | entered | 99 % of binomial draws |")
     print("|---|---|---|---|---|")
     for low, high in pairwise(BINS):
-        of = [p for p in placements if low <= p.entering < high or p.entering == high == 1.0]
+        of = [p for p in placements if low <= p.insertion < high or p.insertion == high == 1.0]
         if not of:
             continue
-        mean = float(np.mean([p.entering for p in of]))
+        mean = float(np.mean([p.insertion for p in of]))
         bounds = binom.ppf([0.005, 0.995], len(of), mean)
         entered = sum(p.entered for p in of)
         row = f"| {low:g} to {high:g} | {len(of)} | {mean * len(of):.1f} | {entered} "

@@ -15,7 +15,7 @@ DECIDES_NOTHING = {
     "arm/robot/dh.py": "numbers of the A465 from its data sheet; test_link_errors compares them with the URDF",
     "calib/camera/result.py": "plain data of a calibration and its limits; calibrate and verdict decide",
     "calib/model/verdict.py": "plain data: reasons and remarks; camera, chain and NAO judge",
-    "cell/accuracy/words.py": "text and JSON of error budgets; test_of_plan reads them",
+    "cell/accuracy/budget_report.py": "text and JSON of error budgets; test_plan_budgets reads them",
     "cell/cli/calibrate.py": "declares commands and their options; the steps behind them are tested",
     "cell/cli/main.py": "declares commands and their options; the steps behind them are tested",
     "cell/cli/tools.py": "declares commands and their options; the steps behind them are tested",

@@ -61,7 +61,7 @@ class ErrorModel:
     tool: ErrorGroup
 
     @staticmethod
-    def known(cell: Cell) -> bool:
+    def available(cell: Cell) -> bool:
         """Whether the cell has a calibration with a covariance."""
         return cell.calibration is not None and cell.calibration.covariance is not None
 
@@ -80,13 +80,13 @@ class ErrorModel:
                 "hand-eye --apply",
                 file=str(cell.file),
             )
-        tool = np.diag([cell.tool_made / TOLERANCE_SDS] * 3) ** 2
+        tool = np.diag([cell.tool_tolerance / TOLERANCE_SDS] * 3) ** 2
         return cls(cell, made, ErrorGroup(made.covariance, _CALIBRATION), ErrorGroup.of(TOOL, tool))
 
     def board(self, pose: BoardPose) -> BoardError:
         """Errors of a board, to be asked for once: all its holes share them."""
         repeated = np.zeros((6, 6)) if pose.repeatability is None else pose.repeatability
-        rest = _positive(pose.covariance - repeated)
+        rest = _positive_semidefinite(pose.covariance - repeated)
         by_camera, by_lens = _by_camera(self.cell, pose)
         others = np.zeros((6, sum(COVARIANCE[1:5])))
         to_base = adjoint(pose.T_base_board)
@@ -101,7 +101,7 @@ class ErrorModel:
             ),
         )
 
-    def arrival(self, q: npt.ArrayLike) -> LinearError:
+    def tool_error(self, q: npt.ArrayLike) -> LinearError:
         """Error of the tool at one arrival at joint positions q (6,) rad: two arrivals share all but the scatter."""
         screws = error_screws(A465, self.calibration.links, q)
         arm = np.hstack([np.zeros((6, COVARIANCE[0])), screws, np.zeros((6, COVARIANCE[-1]))])
@@ -111,7 +111,7 @@ class ErrorModel:
             {
                 self.shared: arm,
                 ErrorGroup.of(SCATTER, np.diag(scatter**2)): by_joint,
-                ErrorGroup.of(FOLLOWING, self.cell.following**2 * np.eye(6)): by_joint,
+                ErrorGroup.of(FOLLOWING, self.cell.following_error**2 * np.eye(6)): by_joint,
                 self.tool: adjoint(self.T_base_tool(q))[:, :3],
             }
         )
@@ -156,7 +156,7 @@ def _by_camera(cell: Cell, pose: BoardPose) -> tuple[Array, Array]:
     return adjoint(inverse(T_camera_board)), -back @ by_lens
 
 
-def _positive(covariance: Array) -> Array:
+def _positive_semidefinite(covariance: Array) -> Array:
     """The covariance without directions of negative variance, which rounding leaves."""
     values, vectors = np.linalg.eigh(covariance)
     return frozen(vectors * np.clip(values, 0.0, None) @ vectors.T)

@@ -39,25 +39,25 @@ class LinearError:
         by: per group of errors, identified by the object, the derivative of the twist, (6, n).
     """
 
-    by: Mapping[ErrorGroup, Array] = field(default_factory=dict)
+    jacobians: Mapping[ErrorGroup, Array] = field(default_factory=dict)
 
-    def mapped(self, M: Array) -> LinearError:
+    def transformed(self, M: Array) -> LinearError:
         """The error after a linear map (6, 6)."""
-        return LinearError({group: M @ G for group, G in self.by.items()})
+        return LinearError({group: M @ G for group, G in self.jacobians.items()})
 
     def __add__(self, other: LinearError) -> LinearError:
-        sums = dict(self.by)
-        for group, G in other.by.items():
+        sums = dict(self.jacobians)
+        for group, G in other.jacobians.items():
             sums[group] = sums[group] + G if group in sums else G
         return LinearError(sums)
 
     def __sub__(self, other: LinearError) -> LinearError:
-        return self + other.mapped(-np.eye(6))
+        return self + other.transformed(-np.eye(6))
 
     @property
     def covariance(self) -> Array:
         """Of the twist, (6, 6)."""
-        return frozen(sum((G @ g.covariance @ G.T for g, G in self.by.items()), np.zeros((6, 6))))
+        return frozen(sum((G @ g.covariance @ G.T for g, G in self.jacobians.items()), np.zeros((6, 6))))
 
     def by_source(self) -> dict[str, tuple[Array, Array]]:
         """Per source: the covariance (6, 6) if it erred alone, and its part of the whole.
@@ -66,7 +66,7 @@ class LinearError:
         source whose errors other sources cancel is smaller than its own covariance, and may be negative.
         """
         found: dict[str, tuple[Array, Array]] = {}
-        for group, G in self.by.items():
+        for group, G in self.jacobians.items():
             whole, first = G @ group.covariance, 0
             for source, count in group.sources.items():
                 of = slice(first, first + count)

@@ -15,11 +15,11 @@ import numpy as np
 from arm.numerics.products import mul
 from arm.poses import adjoint
 from arm.se3 import Array, inverse
-from cell.accuracy.entering import Fit, entering
 from cell.accuracy.error_model import BoardError, ErrorModel
+from cell.accuracy.insertion import PocketFit, insertion_probability
 from cell.accuracy.linear_error import LinearError
 
-CENTRED = np.diag([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+GRIP_PROJECTION = np.diag([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
 """What jaws that move along the tool's y axis leave of a cube's twist in the tool's frame."""
 
 
@@ -34,7 +34,7 @@ class Source:
     """
 
     sideways: float
-    part: float
+    share: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ class PlacementBudget:
     Attributes:
         cube, source, target: names of the cube and of its holes.
         covariance: of its twist in the target hole's frame, (6, 6).
-        sources: the one with the largest part first.
-        entering: probability that it enters its pocket.
+        sources: the one with the largest share first.
+        insertion: probability that it enters its pocket.
     """
 
     cube: str
@@ -53,11 +53,11 @@ class PlacementBudget:
     target: str
     covariance: Array
     sources: Mapping[str, Source]
-    entering: float
+    insertion: float
 
     @property
     def sideways(self) -> float:
-        """Root of the summed variances in the plate's plane, m."""
+        """RMS offset from the hole's axis: root of the summed variances in the plate's plane, m."""
         return _sideways(self.covariance)
 
     @property
@@ -88,7 +88,7 @@ class Transfer:
     q_release: Array
 
 
-def placement_budget(model: ErrorModel, transfer: Transfer, fit: Fit) -> PlacementBudget:
+def placement_budget(model: ErrorModel, transfer: Transfer, fit: PocketFit) -> PlacementBudget:
     """Predict the error of one placement."""
     error = placement_error(model, transfer)
     covariance = error.covariance
@@ -97,11 +97,13 @@ def placement_budget(model: ErrorModel, transfer: Transfer, fit: Fit) -> Placeme
         name: Source(_sideways(alone), float(np.trace(part[:2, :2])) / total)
         for name, (alone, part) in error.by_source().items()
     }
-    ordered = dict(sorted(found.items(), key=lambda item: -item[1].part))
+    ordered = dict(sorted(found.items(), key=lambda item: -item[1].share))
     source, target = (
         f"{board.pose.board.name}/{index + 1}" for board, index in (transfer.source, transfer.target)
     )
-    return PlacementBudget(transfer.cube, source, target, covariance, ordered, entering(covariance, fit))
+    return PlacementBudget(
+        transfer.cube, source, target, covariance, ordered, insertion_probability(covariance, fit)
+    )
 
 
 def placement_error(model: ErrorModel, transfer: Transfer) -> LinearError:
@@ -109,10 +111,10 @@ def placement_error(model: ErrorModel, transfer: Transfer) -> LinearError:
     (source, taken_from), (target, put_into) = transfer.source, transfer.target
     T_base_grip, T_base_release = model.T_base_tool(transfer.q_grip), model.T_base_tool(transfer.q_release)
     T_base_target = mul(target.pose.T_base_board, target.pose.board.T_board_hole(put_into))
-    apart = source.hole(taken_from) - model.arrival(transfer.q_grip)
-    held = apart.mapped(CENTRED @ adjoint(inverse(T_base_grip)))
-    released = model.arrival(transfer.q_release) + held.mapped(adjoint(T_base_release))
-    return (released - target.hole(put_into)).mapped(adjoint(inverse(T_base_target)))
+    apart = source.hole(taken_from) - model.tool_error(transfer.q_grip)
+    held = apart.transformed(GRIP_PROJECTION @ adjoint(inverse(T_base_grip)))
+    released = model.tool_error(transfer.q_release) + held.transformed(adjoint(T_base_release))
+    return (released - target.hole(put_into)).transformed(adjoint(inverse(T_base_target)))
 
 
 def _sideways(covariance: Array) -> float:

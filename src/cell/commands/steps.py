@@ -12,10 +12,12 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
+from cell.accuracy.budget_report import budget_to_json, print_budgets
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.of_plan import certain_placements, require_entering
-from cell.accuracy.of_reach import reach_budgets
-from cell.accuracy.words import budget_to_json, print_budgets
+from cell.accuracy.measures import require_insertion
+from cell.accuracy.placement import PlacementBudget
+from cell.accuracy.plan_budgets import require_placements
+from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
@@ -98,14 +100,16 @@ def _foreseen(task: Task, seen: Observation, console: Console, table: ReachTable
     Raises:
         ImpossibleError: a cube is too likely to miss its pocket.
     """
-    if not ErrorModel.known(task.cell):
+    if not ErrorModel.available(task.cell):
         return []
-    boards = task.from_board, task.to_board
-    budgets = reach_budgets(task.cell, seen, *boards, table or reach_of(task, seen))
-    if budgets:
+    boards, found = (task.from_board, task.to_board), table or reach_of(task, seen)
+
+    def budgets_of(cell: Cell, seen: Observation) -> tuple[PlacementBudget, ...]:
+        return reach_budgets(cell, seen, *boards, found)
+
+    if budgets := budgets_of(task.cell, seen):
         print_budgets(budgets, console)
-    require_entering(budgets, task.cell.least_entering)
-    return [budget_to_json(budget) for budget in budgets]
+    return [budget_to_json(budget) for budget in require_insertion(task.cell, seen, budgets_of)]
 
 
 def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:
@@ -169,7 +173,7 @@ def plan_step(
         stopped, plan = stop, stop.plan
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
-    budgets = certain_placements(task.cell, seen, plan)
+    budgets = require_placements(task.cell, seen, plan)
     write_plan(output, plan)
     _print_plan(plan, task.cell, console)
     print_budgets(budgets, console)

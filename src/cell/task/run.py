@@ -11,8 +11,8 @@ import numpy as np
 from arm.errors import ExecutionStopped
 from arm.plan_file import Plan, Step
 from arm.se3 import Array
-from cell.accuracy.of_plan import certain_placements
-from cell.accuracy.words import budget_words
+from cell.accuracy.budget_report import budget_words
+from cell.accuracy.plan_budgets import require_placements
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
@@ -121,7 +121,7 @@ class TaskRun(OpenRun):
         Raises:
             ImpossibleError: a cube is too likely to miss its pocket.
         """
-        words = budget_words(certain_placements(self.task.cell, observation, plan))
+        words = budget_words(require_placements(self.task.cell, observation, plan))
         if words:
             self.console.step(words)
 

@@ -31,10 +31,10 @@ def _pose(cell: Cell, share: float | None) -> BoardPose:
 
 
 def test_a_cell_needs_a_calibration_with_a_covariance(cell: Cell) -> None:
-    assert ErrorModel.known(cell)
+    assert ErrorModel.available(cell)
     for made in (None, replace(cell.calibration, covariance=None)):  # type: ignore[type-var]
         without = replace(cell, calibration=made)
-        assert not ErrorModel.known(without)
+        assert not ErrorModel.available(without)
         with pytest.raises(ImpossibleError, match="the error of a placement is unknown"):
             ErrorModel.of(without)
 
@@ -67,14 +67,14 @@ def _in_hole(error: LinearError, to_hole: np.ndarray, *sources: str) -> np.ndarr
 
 def test_two_arrivals_share_the_arm_and_differ_by_its_scatter(cell: Cell) -> None:
     model, q = ErrorModel.of(cell), np.radians([10.0, -40.0, -80.0, 5.0, -60.0, 20.0])
-    again = (model.arrival(q) - model.arrival(q)).by_source()
+    again = (model.tool_error(q) - model.tool_error(q)).by_source()
     for name in ("joint offsets", "links", "tool"):
         assert np.abs(again[name][0]).max() < 1e-20
-    single = model.arrival(q).by_source()["repeatability"][0]
+    single = model.tool_error(q).by_source()["repeatability"][0]
     assert again["repeatability"][0] == pytest.approx(2.0 * single)
 
 
 def test_an_arm_without_scatter_and_a_certain_tool_err_by_the_calibration_alone(cell: Cell) -> None:
-    still = replace(cell, calibration=replace(cell.calibration, scatter=None), tool_made=0.0)  # type: ignore[type-var]
-    error = ErrorModel.of(still).arrival(np.full(6, 0.3)).by_source()
+    still = replace(cell, calibration=replace(cell.calibration, scatter=None), tool_tolerance=0.0)  # type: ignore[type-var]
+    error = ErrorModel.of(still).tool_error(np.full(6, 0.3)).by_source()
     assert {name for name, (alone, _) in error.items() if np.abs(alone).max() > 1e-20} == {"joint offsets"}

@@ -19,7 +19,7 @@ def _error(seed: int, *groups: ErrorGroup) -> LinearError:
 
 
 def _drawn(error: LinearError, errors: dict[ErrorGroup, np.ndarray]) -> np.ndarray:
-    return sum((G @ errors[group] for group, G in error.by.items()), np.zeros(6))
+    return sum((G @ errors[group] for group, G in error.jacobians.items()), np.zeros(6))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -30,7 +30,9 @@ def test_sums_and_maps_are_those_of_the_drawn_errors(seed: int) -> None:
     M = rng.normal(size=(6, 6))
     errors = {g: rng.normal(size=len(g.covariance)) for g in (shared, one, other)}
     assert _drawn(a + b, errors) == pytest.approx(_drawn(a, errors) + _drawn(b, errors))
-    assert _drawn((a - b).mapped(M), errors) == pytest.approx(M @ (_drawn(a, errors) - _drawn(b, errors)))
+    assert _drawn((a - b).transformed(M), errors) == pytest.approx(
+        M @ (_drawn(a, errors) - _drawn(b, errors))
+    )
 
 
 def test_an_error_that_is_the_same_at_both_places_cancels() -> None:
@@ -38,7 +40,7 @@ def test_an_error_that_is_the_same_at_both_places_cancels() -> None:
     error = _error(0, shared)
     assert np.abs((error - error).covariance).max() == 0.0
     assert (error + error).covariance == pytest.approx(4.0 * error.covariance)
-    again = LinearError({ErrorGroup.of("again", shared.covariance): error.by[shared]})
+    again = LinearError({ErrorGroup.of("again", shared.covariance): error.jacobians[shared]})
     assert (error - again).covariance == pytest.approx(2.0 * error.covariance)  # an error of its own does not
 
 
@@ -49,7 +51,7 @@ def test_parts_add_up_to_the_covariance_and_sources_alone_do_not_know_each_other
     sources = error.by_source()
     assert list(sources) == [f"{seed}.0", f"{seed}.1", f"{seed + 50}.0"]
     assert sum((part for _, part in sources.values()), np.zeros((6, 6))) == pytest.approx(error.covariance)
-    G, C = error.by[pair], pair.covariance
+    G, C = error.jacobians[pair], pair.covariance
     assert sources[f"{seed}.1"][0] == pytest.approx(G[:, 2:] @ C[2:, 2:] @ G[:, 2:].T)
     alone, part = sources[f"{seed + 50}.0"]
     assert alone == pytest.approx(part)  # independent of the others

@@ -16,14 +16,14 @@ from arm.robot.model import Robot
 from arm.se3 import Array, inverse, moved, rot_x, rot_z, rotation_vector, transform
 from calib.model.intrinsics import camera_of, vector_of
 from calib.model.projection import Projection
-from cell.accuracy.entering import Fit
 from cell.accuracy.error_model import BoardError, ErrorModel
-from cell.accuracy.placement import CENTRED, Transfer, placement_budget, placement_error
+from cell.accuracy.insertion import PocketFit
+from cell.accuracy.placement import GRIP_PROJECTION, Transfer, placement_budget, placement_error
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from plan.kinematics.ik import inverse_kinematics
 
-FIT = Fit(0.040, 0.044, 5e-5)
+FIT = PocketFit(0.040, 0.044, 5e-5)
 STEP = 1e-5
 ERRORS = {"shared": 39, "tool": 3, "grip": 6, "release": 6, "source": 6, "target": 6, "from": 2, "to": 2}
 """Number of errors by what they act on."""
@@ -107,7 +107,7 @@ class Case:
         nominal = self.model.T_base_tool(t.q_release)
         T_tool_cube = mul(inverse(self.model.T_base_tool(t.q_grip)), self._hole(*t.source))
         seen = mul(inverse(grip), source)
-        held = mul(_exp(CENTRED @ _log(mul(seen, inverse(T_tool_cube)))), T_tool_cube)
+        held = mul(_exp(GRIP_PROJECTION @ _log(mul(seen, inverse(T_tool_cube)))), T_tool_cube)
         released = _log(mul(mul(release, held), inverse(mul(nominal, T_tool_cube))))
         hole = self._hole(*t.target)
         return adjoint(inverse(hole)) @ (released - _log(mul(target, inverse(hole))))
@@ -139,7 +139,7 @@ def _exact(case: Case) -> tuple[dict[str, Array], Array]:
     """Covariance of every source alone, and of all, by derivatives of the true placement."""
     model, t = case.model, case.transfer
     D = {name: _derivative(case, name, count) for name, count in ERRORS.items()}
-    scatter, follows = model.calibration.scatter, model.cell.following
+    scatter, follows = model.calibration.scatter, model.cell.following_error
     assert scatter is not None
     found = {
         name: D["shared"][:, of] @ model.shared.covariance[of, of] @ D["shared"][:, of].T
@@ -160,7 +160,7 @@ def _exact(case: Case) -> tuple[dict[str, Array], Array]:
 
 
 def test_each_source_and_all_together_are_as_the_true_placement_says(cell: Cell) -> None:
-    case = Case.of(replace(cell, following=2e-4))
+    case = Case.of(replace(cell, following_error=2e-4))
     sources, whole = _exact(case)
     error = placement_error(case.model, case.transfer)
     assert error.by_source().keys() == sources.keys()
@@ -173,13 +173,13 @@ def test_each_source_and_all_together_are_as_the_true_placement_says(cell: Cell)
 def test_the_parts_of_the_sources_add_up(cell: Cell) -> None:
     case = Case.of(cell)
     budget = placement_budget(case.model, case.transfer, FIT)
-    assert sum(source.part for source in budget.sources.values()) == pytest.approx(1.0)
-    assert [s.part for s in budget.sources.values()] == sorted(
-        (s.part for s in budget.sources.values()), reverse=True
+    assert sum(source.share for source in budget.sources.values()) == pytest.approx(1.0)
+    assert [s.share for s in budget.sources.values()] == sorted(
+        (s.share for s in budget.sources.values()), reverse=True
     )
     assert budget.sideways < np.sqrt(
         sum(s.sideways**2 for s in budget.sources.values())
     )  # camera and lens cancel
     assert (budget.source, budget.target) == ("01-02/2", "03-04/3")
     assert 0.2e-3 < budget.sideways < 0.6e-3
-    assert budget.entering > 0.997
+    assert budget.insertion > 0.997

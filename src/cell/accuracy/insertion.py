@@ -25,7 +25,7 @@ _DIMENSIONS = 6  # these, and the difference of the sizes
 
 
 @dataclass(frozen=True)
-class Fit:
+class PocketFit:
     """What has to fit.
 
     Attributes:
@@ -38,7 +38,7 @@ class Fit:
     sigma: float
 
 
-def entering(covariance: Array, fit: Fit, mean: Array | None = None) -> float:
+def insertion_probability(covariance: Array, fit: PocketFit, mean: Array | None = None) -> float:
     """Return the probability, 0 to 1.
 
     Args:
@@ -56,7 +56,7 @@ def entering(covariance: Array, fit: Fit, mean: Array | None = None) -> float:
     return float(np.mean(_fits(errors.T, fit, z[:, 5])))
 
 
-def _fits(errors: Array, fit: Fit, wider: Array | float) -> Bools:
+def _fits(errors: Array, fit: PocketFit, wider: Array | float) -> Bools:
     """Whether cubes with errors (5, ...) in x, y, tilt and yaw enter pockets wider by so many standard deviations."""
     x, y, turn_x, turn_y, yaw = errors
     half = fit.cube / 2.0 * (np.abs(np.cos(yaw)) + np.abs(np.sin(yaw)))

@@ -10,9 +10,9 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Plan
+from cell.accuracy.budget_report import budget_to_json, budget_words, print_budgets
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.of_plan import certain_placements, fit_of, plan_budgets
-from cell.accuracy.words import budget_to_json, budget_words, print_budgets
+from cell.accuracy.plan_budgets import fit_of, plan_budgets, require_placements
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task, read_task
@@ -39,16 +39,16 @@ def plan(task: Task, seen: Observation) -> Plan:
 
 
 def _less_exact(cell: Cell, following_deg: float) -> Cell:
-    return replace(cell, following=np.radians(following_deg))
+    return replace(cell, following_error=np.radians(following_deg))
 
 
 def test_every_cube_has_a_budget_with_its_holes(task: Task, seen: Observation, plan: Plan) -> None:
-    budgets = certain_placements(task.cell, seen, plan)
+    budgets = require_placements(task.cell, seen, plan)
     moved = [(c["cube"], c["from"], c["to"]) for c in plan.task["cubes"]]
     assert [(b.cube, b.source, b.target) for b in budgets] == moved
     for budget in budgets:
         assert 0.1e-3 < budget.sideways < 0.6e-3
-        assert budget.entering > 0.999
+        assert budget.insertion > 0.999
 
 
 def test_cubes_that_are_not_moved_from_hole_to_hole_have_none(
@@ -85,21 +85,24 @@ def test_a_cube_that_may_miss_its_pocket_is_refused_with_its_largest_source(
     task: Task, seen: Observation, plan: Plan
 ) -> None:
     with pytest.raises(ImpossibleError) as refused:
-        certain_placements(_less_exact(task.cell, 0.08), seen, plan)
+        require_placements(_less_exact(task.cell, 0.08), seen, plan)
     text = str(refused.value)
-    assert "accuracy.least_entering is 0.997" in text
-    assert "due to following" in text
-    assert refused.value.data["entering"] < 0.997
+    assert "accuracy.least_insertion is 0.997" in text
+    assert "due to following; no single measure reaches that" in text
+    assert refused.value.data["insertion"] < 0.997
     assert refused.value.data["hole"] in {c["to"] for c in plan.task["cubes"]}
-    allowed = replace(_less_exact(task.cell, 0.08), least_entering=0.5)
-    assert min(b.entering for b in certain_placements(allowed, seen, plan)) == refused.value.data["entering"]
+    allowed = replace(_less_exact(task.cell, 0.08), least_insertion=0.5)
+    assert (
+        min(b.insertion for b in require_placements(allowed, seen, plan))
+        == refused.value.data["insertion"]
+    )
 
 
 def test_a_cell_without_calibration_has_no_budgets_and_says_so(
     seen: Observation, plan: Plan, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ideal = read_task(data_file("scenes/task2.toml")).cell
-    assert certain_placements(ideal, seen, plan) == ()
+    assert require_placements(ideal, seen, plan) == ()
     with pytest.raises(ImpossibleError, match=r"cell.toml has no calibration.*a465 calibrate hand-eye"):
         plan_budgets(ideal, seen, plan)
     print_budgets((), Console())
@@ -114,8 +117,8 @@ def test_what_is_said_is_what_was_found(
     budgets = plan_budgets(cell, seen, plan)
     print_budgets(budgets, Console())
     page = capsys.readouterr().out
-    worst = min(budgets, key=lambda b: b.entering)
-    assert f"{100.0 * worst.entering:.2f}" in page
+    worst = min(budgets, key=lambda b: b.insertion)
+    assert f"{100.0 * worst.insertion:.2f}" in page
     assert f"{1e3 * worst.sideways:.2f} mm" in budget_words(budgets)
     assert "following" in page
     for budget in budgets:
@@ -123,9 +126,9 @@ def test_what_is_said_is_what_was_found(
         assert np.sqrt(np.trace(np.array(told["covariance"])[:2, :2])) == pytest.approx(
             1e-3 * told["sideways_mm"]
         )
-        assert sum(source["part"] for source in told["sources"].values()) == pytest.approx(1.0)
+        assert sum(source["share"] for source in told["sources"].values()) == pytest.approx(1.0)
 
 
 def test_sizes_are_those_of_the_cell_file(task: Task) -> None:
-    fit = fit_of(replace(task.cell, cube_size=0.0401, cube_tolerance=3e-4, pocket_made=4e-4))
+    fit = fit_of(replace(task.cell, cube_size=0.0401, cube_tolerance=3e-4, pocket_tolerance=4e-4))
     assert (fit.cube, fit.mouth, fit.sigma) == (0.0401, task.cell.boards[0].pocket[0], pytest.approx(2.5e-4))

@@ -1,17 +1,17 @@
-"""The error budgets of a plan's placements, and the refusal of one that is too unlikely to succeed."""
+"""The error budgets of a plan's placements."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from arm.board import TOLERANCE_SDS
-from arm.errors import ImpossibleError
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array
-from cell.accuracy.entering import Fit
 from cell.accuracy.error_model import BoardError, ErrorModel
+from cell.accuracy.insertion import PocketFit
+from cell.accuracy.measures import require_insertion
 from cell.accuracy.placement import PlacementBudget, Transfer, placement_budget
 from cell.config.cell import Cell
 from vision.observation import Observation
@@ -35,46 +35,21 @@ def plan_budgets(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBu
     )
 
 
-def certain_placements(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBudget, ...]:
+def require_placements(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBudget, ...]:
     """Return the budgets of a plan's placements; empty if the cell is not calibrated, so that no error is known.
 
     Raises:
-        ImpossibleError: a cube is too likely to miss its pocket; see `require_entering`.
+        ImpossibleError: a cube is too likely to miss its pocket; see `cell.accuracy.measures`.
     """
-    if not ErrorModel.known(cell):
+    if not ErrorModel.available(cell):
         return ()
-    budgets = plan_budgets(cell, seen, plan)
-    require_entering(budgets, cell.least_entering)
-    return budgets
+    return require_insertion(cell, seen, lambda changed, look: plan_budgets(changed, look, plan))
 
 
-def fit_of(cell: Cell) -> Fit:
+def fit_of(cell: Cell) -> PocketFit:
     """What has to fit where a cube enters a pocket of this cell."""
-    sigma = np.hypot(cell.cube_tolerance, cell.pocket_made) / TOLERANCE_SDS
-    return Fit(cell.cube_size, cell.boards[0].pocket[0], float(sigma))
-
-
-def require_entering(budgets: Sequence[PlacementBudget], least: float) -> None:
-    """Require that every cube enters its pocket with a probability of at least `least`.
-
-    Raises:
-        ImpossibleError: names the least likely placement, its error and the largest source; data: cube, hole, entering,
-            sideways_mm, sources_mm.
-    """
-    worst = min(budgets, key=lambda b: b.entering, default=None)
-    if worst is None or worst.entering >= least:
-        return
-    source, largest = next(iter(worst.sources.items()))
-    raise ImpossibleError(
-        f"{worst.cube} enters {worst.target} with a probability of {100.0 * worst.entering:.1f} %, but "
-        f"accuracy.least_entering is {least:g}: the standard deviation of its place in the plate is "
-        f"{1e3 * worst.sideways:.2f} mm, and {100.0 * largest.part:.0f} % of the variance is due to {source}",
-        cube=worst.cube,
-        hole=worst.target,
-        entering=worst.entering,
-        sideways_mm=1e3 * worst.sideways,
-        sources_mm={name: 1e3 * part.sideways for name, part in worst.sources.items()},
-    )
+    sigma = np.hypot(cell.cube_tolerance, cell.pocket_tolerance) / TOLERANCE_SDS
+    return PocketFit(cell.cube_size, cell.boards[0].pocket[0], float(sigma))
 
 
 def _transfers(cell: Cell, boards: Mapping[str, BoardError], plan: Plan) -> Iterator[Transfer]:

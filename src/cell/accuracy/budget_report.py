@@ -32,17 +32,17 @@ def print_budgets(budgets: Sequence[PlacementBudget], console: Console) -> None:
         )
         for b in budgets
     ]
-    console.table(("cube", "to", "sideways mm", "height mm", "tilt deg", "enters %", "mostly due to"), rows)
+    console.table(("cube", "to", "offset mm", "height mm", "tilt deg", "enters %", "mostly due to"), rows)
 
 
 def budget_words(budgets: Sequence[PlacementBudget]) -> str:
     """The least certain placement in one line; "" for none."""
     if not budgets:
         return ""
-    worst = min(budgets, key=lambda b: (b.entering, -b.sideways))
+    worst = min(budgets, key=lambda b: (b.insertion, -b.sideways))
     return (
-        f"every cube enters its pocket with a probability of {_percent(worst)} %: it is off the axis by at most "
-        f"{1e3 * worst.sideways:.2f} mm (standard deviation; {_sources(worst)})"
+        f"every cube enters its pocket with a probability of {_percent(worst)} %; the least certain one has an RMS "
+        f"offset of {1e3 * worst.sideways:.2f} mm ({_sources(worst)})"
     )
 
 
@@ -55,19 +55,19 @@ def budget_to_json(budget: PlacementBudget) -> dict[str, Any]:
         "sideways_mm": 1e3 * budget.sideways,
         "height_mm": 1e3 * budget.height,
         "tilt_deg": float(np.degrees(budget.tilt)),
-        "entering": budget.entering,
+        "insertion_probability": budget.insertion,
         "covariance": budget.covariance.tolist(),
         "sources": {
-            name: {"sideways_mm": 1e3 * source.sideways, "part": source.part}
+            name: {"sideways_mm": 1e3 * source.sideways, "share": source.share}
             for name, source in budget.sources.items()
         },
     }
 
 
 def _percent(budget: PlacementBudget) -> str:
-    return f"> {100.0 * _SURE:g}" if budget.entering > _SURE else f"{100.0 * budget.entering:.2f}"
+    return f"> {100.0 * _SURE:g}" if budget.insertion > _SURE else f"{100.0 * budget.insertion:.2f}"
 
 
 def _sources(budget: PlacementBudget) -> str:
     shown = list(budget.sources.items())[:_SHOWN]
-    return ", ".join(f"{name} {100.0 * source.part:.0f} %" for name, source in shown if source.part > 0.005)
+    return ", ".join(f"{name} {100.0 * source.share:.0f} %" for name, source in shown if source.share > 0.005)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
-from cell.accuracy.of_plan import plan_budgets
-from cell.accuracy.of_reach import reach_budgets
 from cell.accuracy.placement import PlacementBudget
+from cell.accuracy.plan_budgets import plan_budgets
+from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
 from cell.files.task import Task, read_task
 from cell.task.planning import Rest, plan_rest, reach_of
@@ -43,14 +43,14 @@ def _budgets(
 def test_every_free_hole_has_the_budget_of_its_least_certain_cube(
     task: Task, seen: Observation, table: ReachTable
 ) -> None:
-    cell = replace(task.cell, following=np.radians(0.05))
+    cell = replace(task.cell, following_error=np.radians(0.05))
     every = _budgets(task, seen, table, cell)
     assert [b.target for b in every] == ["03-04/1", "03-04/2", "03-04/3", "03-04/4"]
     for cube in range(1, 5):  # with one cube alone, no hole is less certain than with all four
         states = {f"01-02/{n}": "cube" if n == cube else "empty" for n in range(1, 5)}
         alone = _budgets(task, seen.with_states(states), table, cell)  # type: ignore[arg-type]
         assert {b.source for b in alone} == {f"01-02/{cube}"}
-        assert all(a.entering >= b.entering for a, b in zip(alone, every, strict=True))
+        assert all(a.insertion >= b.insertion for a, b in zip(alone, every, strict=True))
 
 
 def test_a_taken_or_unreached_hole_has_none(task: Task, seen: Observation, table: ReachTable) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from arm.board import Board
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.of_plan import fit_of
 from cell.accuracy.placement import PlacementBudget, Transfer, placement_budget
+from cell.accuracy.plan_budgets import fit_of
 from cell.config.cell import Cell
 from plan.cartesian.reachability import ReachTable
 from vision.observation import Observation
@@ -24,7 +24,7 @@ def reach_budgets(
     """
     source = seen.board(from_board.name)
     target = None if to_board is None else seen.board(to_board.name)
-    if source is None or target is None or not ErrorModel.known(cell):
+    if source is None or target is None or not ErrorModel.available(cell):
         return ()
     model, fit = ErrorModel.of(cell), fit_of(cell)
     taken, put = model.board(source.pose), model.board(target.pose)
@@ -47,5 +47,5 @@ def reach_budgets(
             for cube in cubes
         ]
         if budgets:
-            found.append(min(budgets, key=lambda b: (b.entering, -b.sideways)))
+            found.append(min(budgets, key=lambda b: (b.insertion, -b.sideways)))
     return tuple(found)

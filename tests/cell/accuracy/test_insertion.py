@@ -1,4 +1,4 @@
-"""The probability of entering: against closed forms, and monotonic in what makes it harder."""
+"""The probability of insertion: against closed forms, and monotonic in what makes it harder."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from scipy.special import ndtr
 
 from arm.se3 import Array
-from cell.accuracy.entering import LARGEST_TILT, Fit, entering
+from cell.accuracy.insertion import LARGEST_TILT, PocketFit, insertion_probability
 
-FIT = Fit(0.040, 0.044, 0.0)
+FIT = PocketFit(0.040, 0.044, 0.0)
 FEW = 5e-4
 
 
@@ -23,14 +23,16 @@ def _covariance(**sigmas: float) -> Array:
 @pytest.mark.parametrize("sigma_mm", [0.3, 0.5, 0.8, 1.0, 1.5])
 def test_without_rotation_it_is_the_product_of_both_directions(sigma_mm: float) -> None:
     exact = (2.0 * ndtr(2.0 / sigma_mm) - 1.0) ** 2
-    assert entering(_covariance(x=1e-3 * sigma_mm, y=1e-3 * sigma_mm), FIT) == pytest.approx(exact, abs=FEW)
+    assert insertion_probability(_covariance(x=1e-3 * sigma_mm, y=1e-3 * sigma_mm), FIT) == pytest.approx(
+        exact, abs=FEW
+    )
 
 
 @pytest.mark.parametrize("sigma_mm", [0.5, 1.0, 1.5])
 def test_errors_that_go_together_count_once(sigma_mm: float) -> None:
     covariance = _covariance(x=1e-3 * sigma_mm, y=1e-3 * sigma_mm)
     covariance[0, 1] = covariance[1, 0] = covariance[0, 0]
-    assert entering(covariance, FIT) == pytest.approx(2.0 * ndtr(2.0 / sigma_mm) - 1.0, abs=FEW)
+    assert insertion_probability(covariance, FIT) == pytest.approx(2.0 * ndtr(2.0 / sigma_mm) - 1.0, abs=FEW)
 
 
 def test_a_rotated_cube_is_wider() -> None:
@@ -38,25 +40,31 @@ def test_a_rotated_cube_is_wider() -> None:
     yaw = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1])
     left = 0.022 - 0.020 * (np.cos(0.1) + np.sin(0.1))
     exact = 2.0 * ndtr(left / 1e-4) - 1.0
-    assert entering(_covariance(x=1e-4), FIT, yaw) == pytest.approx(exact, abs=FEW)
-    assert entering(_covariance(), FIT, 1.1 * yaw) == 0.0
+    assert insertion_probability(_covariance(x=1e-4), FIT, yaw) == pytest.approx(exact, abs=FEW)
+    assert insertion_probability(_covariance(), FIT, 1.1 * yaw) == 0.0
 
 
 def test_a_cube_that_leans_too_far_does_not_enter() -> None:
     """Lean is the length of two normal components: a Rayleigh distribution."""
     exact = 1.0 - np.exp(-0.5 * (LARGEST_TILT / 0.04) ** 2)
-    assert entering(_covariance(rx=0.04, ry=0.04), FIT) == pytest.approx(exact, abs=FEW)
+    assert insertion_probability(_covariance(rx=0.04, ry=0.04), FIT) == pytest.approx(exact, abs=FEW)
 
 
 def test_sizes_count_too() -> None:
     """A gap of 4 mm whose standard deviation is 1.6 mm is wider than 0 by 2.5 standard deviations."""
-    assert entering(_covariance(), replace(FIT, sigma=1.6e-3)) == pytest.approx(float(ndtr(2.5)), abs=FEW)
+    assert insertion_probability(_covariance(), replace(FIT, sigma=1.6e-3)) == pytest.approx(
+        float(ndtr(2.5)), abs=FEW
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_it_falls_with_every_error_and_has_the_same_bytes(seed: int) -> None:
     root = np.random.default_rng(seed).normal(0.0, 4e-4, (6, 6))
     covariance = root @ root.T
-    found = [entering(scale * covariance, replace(FIT, sigma=1e-4)) for scale in (1.0, 2.0, 4.0, 9.0)]
+    found = [
+        insertion_probability(scale * covariance, replace(FIT, sigma=1e-4)) for scale in (1.0, 2.0, 4.0, 9.0)
+    ]
     assert found == sorted(found, reverse=True)
-    assert found == [entering(scale * covariance, replace(FIT, sigma=1e-4)) for scale in (1.0, 2.0, 4.0, 9.0)]
+    assert found == [
+        insertion_probability(scale * covariance, replace(FIT, sigma=1e-4)) for scale in (1.0, 2.0, 4.0, 9.0)
+    ]
