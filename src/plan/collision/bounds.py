@@ -73,9 +73,17 @@ class DistanceBounds:
             delta: (m, n) largest motion of each joint from there, rad, not negative.
             rows, pairs: (k,) indices of configurations and pairs.
         """
+        return np.asarray((self.levers(at, rows, pairs) * delta[rows]).sum(axis=1))
+
+    def levers(self, at: Placed, rows: Indices, pairs: Indices) -> Array:
+        """Return bounds (k, n) m per rad on the relative motion of pairs by each joint; 0 for one that moves both.
+
+        Args:
+            at: m configurations.
+            rows, pairs: (k,) indices of configurations and pairs.
+        """
         radii = at.radii_of(rows, self._outer[pairs])
-        own = np.arange(radii.shape[1]) >= self._shared[pairs][:, None]
-        return np.asarray((radii * delta[rows] * own).sum(axis=1))
+        return np.asarray(radii * (np.arange(radii.shape[1]) >= self._shared[pairs][:, None]))
 
     def distances(self, at: Placed) -> Array:
         """Return lower bounds (m, p) m on the distance of each pair; -inf if nothing is known."""

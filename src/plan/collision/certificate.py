@@ -40,6 +40,12 @@ in the hull of some configurations the form is least at one of them; over a body
 distance of two bodies is at least that minimum, less the support of the inner body along n
 (`DistanceBounds.plane_distances`).
 
+**Errors of the joints.** An arm whose joints are off by e is at q + e where it should be at q. By the motion bound, the
+distance of a pair is smaller by at most the sum over i < k <= j of |e_k| R_k. If e lies in the ellipsoid
+e' inv(C) e <= s^2 (s standard deviations of errors with covariance C), that sum is at most s sqrt(R' |C| R), |C| entry
+by entry (Cauchy-Schwarz for every choice of signs). Over a piece R_k grows by at most the motion of the outer body.
+`ArmErrors` has C and s; what is proved then holds for every e of the ellipsoid, the same or another at each instant.
+
 Pieces of one depth are processed together. Balls and boxes around the bodies (`plan.collision.bounds`) give a first
 lower bound of d for each pair; where it is enough, no distance is computed.
 """
@@ -55,6 +61,7 @@ from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import InputError
 from arm.former import former_names
+from arm.numerics.products import mul
 from arm.se3 import Array, Indices
 from plan.budget import PIECE_CHECKS, spend
 from plan.collision.bezier import Curve, curve_of_counts
@@ -67,6 +74,24 @@ TIGHT_ABSOLUTE = 5e-4
 TIGHT_RELATIVE = 0.05
 RESOLUTION = 2e-5  # m; a piece with less motion than this is not cut any further
 BUDGET = 20_000  # pieces; then the search stops with the bounds that it has
+
+
+@dataclass(frozen=True, eq=False)
+class ArmErrors:
+    """Errors of the joints that a certificate allows for.
+
+    Attributes:
+        covariance: of the joint positions, (n, n) rad^2 (m^2 for prismatic joints).
+        sigmas: standard deviations to allow for.
+    """
+
+    covariance: Array
+    sigmas: float
+
+    def motion(self, radii: Array) -> Array:
+        """Return the largest displacements (k,) m of points at distances (k, n) m from the joints' axes."""
+        square = (mul(radii, np.abs(self.covariance)) * radii).sum(axis=1)
+        return np.asarray(self.sigmas * np.sqrt(np.maximum(square, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -93,7 +118,12 @@ class ClearanceCertificate:
 
 
 def certify_move(
-    world: World, path: CountPath, unit: Unit, clearance: float, tight: bool = True
+    world: World,
+    path: CountPath,
+    unit: Unit,
+    clearance: float,
+    tight: bool = True,
+    errors: ArmErrors | None = None,
 ) -> ClearanceCertificate:
     """Prove the clearance of the bodies of `world` while the controller executes `path`.
 
@@ -104,11 +134,14 @@ def certify_move(
         clearance: required clearance, m.
         tight: find the clearance to within `TIGHT_RELATIVE` or `TIGHT_ABSOLUTE`; otherwise stop as soon as the
             required clearance is proved or refuted, which is cheaper.
+        errors: of the joints; all distances are smaller by what they may move the arm. None: the arm is exact.
     """
-    return certify_curve(world, curve_of_counts(path, unit), clearance, tight)
+    return certify_curve(world, curve_of_counts(path, unit), clearance, tight, errors)
 
 
-def certify_curve(world: World, curve: Curve, clearance: float, tight: bool = False) -> ClearanceCertificate:
+def certify_curve(
+    world: World, curve: Curve, clearance: float, tight: bool = False, errors: ArmErrors | None = None
+) -> ClearanceCertificate:
     """`certify_move` for any chain of cubics in joint space.
 
     The search stops after `BUDGET` pieces. A line of thousands of revolutions, or one that grazes a body along its
@@ -119,7 +152,7 @@ def certify_curve(world: World, curve: Curve, clearance: float, tight: bool = Fa
         world: bodies and pairs.
         curve: see `curve_of_waypoints`.
         clearance: required clearance, m.
-        tight: as in `certify_move`.
+        tight, errors: as in `certify_move`.
 
     Raises:
         InputError: the curve has no cubics, another number of joints than the arm, or a number that is not finite.
@@ -136,14 +169,22 @@ def certify_curve(world: World, curve: Curve, clearance: float, tight: bool = Fa
     if not np.isfinite(control).all():
         why = "curve: a control point is not finite; must be rad (m for prismatic joints)"
         raise InputError(why, name="curve")
-    return _Search(world, curve, clearance, tight).run()
+    if errors is not None and errors.covariance.shape != (n, n):
+        shape = errors.covariance.shape
+        raise InputError(
+            f"errors: covariance of shape {shape}: must be ({n}, {n})", shape=list(shape), joints=n
+        )
+    return _Search(world, curve, clearance, tight, errors).run()
 
 
 class _Search:
     """Bisection that processes all pieces of a depth together."""
 
-    def __init__(self, world: World, curve: Curve, clearance: float, tight: bool) -> None:
+    def __init__(
+        self, world: World, curve: Curve, clearance: float, tight: bool, errors: ArmErrors | None
+    ) -> None:
         self.world, self.curve, self.clearance, self.tight = world, curve, clearance, tight
+        self.errors = errors
         self.seen, self.seen_pair, self.seen_at = float("inf"), -1, 0.0
         self.bounds = np.full(len(curve.control), np.inf)  # of each cubic, over its settled pieces
         self.evaluations = 0
@@ -170,7 +211,11 @@ class _Search:
             some = len(pieces) // 2
             every = np.arange(len(world.pairs))
             at = np.full(len(every), pieces.cuts()[some])
-            self.note(world.pair_distances(pieces.middle[some], every), every, at)
+            distances = world.pair_distances(pieces.middle[some], every)
+            if self.errors is not None:
+                placed = world.volumes.placed(pieces.middle[some : some + 1])
+                distances -= self.errors.motion(world.volumes.levers(placed, np.zeros_like(every), every))
+            self.note(distances, every, at)
         first = True
         while len(pieces) and not self.refuted() and self.evaluations < BUDGET:
             pieces, first = self.look(pieces, first), False
@@ -197,17 +242,19 @@ class _Search:
         world, volumes, enough = self.world, self.world.volumes, self.enough()
         at = volumes.placed(pieces.middle)
         if first:
-            found = volumes.open_pairs(at, enough, pieces.reach)
+            found = volumes.open_pairs(at, enough, pieces.reach + self._box())
             row, pair, bound, settled = found.row, found.pair, found.bound, found.least
         else:
             row, pair = np.nonzero(pieces.open)
             bound, settled = np.full(len(row), -np.inf), np.full(len(pieces), np.inf)
-        motion = volumes.motion_of(at, pieces.reach, row, pair)
+        levers = volumes.levers(at, row, pair)
+        motion = (levers * pieces.reach[row]).sum(axis=1)
+        here, there = self._displaced(levers), self._displaced(levers + motion[:, None] * (levers > 0.0))
         seen = world.witnesses(pieces.middle, row, pair, -np.inf if self.tight else self.clearance)
         self.evaluations += len(pieces)
         count = len(seen.distance)
-        self.note(seen.distance, pair[:count], pieces.cuts()[row[:count]])
-        proved = seen.distance - DISTANCE_ERROR - motion[:count]
+        self.note(seen.distance - here[:count], pair[:count], pieces.cuts()[row[:count]])
+        proved = seen.distance - DISTANCE_ERROR - motion[:count] - there[:count]
         bound[:count] = np.maximum(bound[:count], proved)
         if not self.refuted():
             enough = self.enough()
@@ -215,7 +262,8 @@ class _Search:
             planes = volumes.plane_distances(
                 at, row[wanting], pair[wanting], seen.normal[wanting], pieces.control, pieces.spread
             )
-            bound[wanting] = np.maximum(bound[wanting], planes - world.paddings[pair[wanting]])
+            planes -= world.paddings[pair[wanting]] + there[wanting]
+            bound[wanting] = np.maximum(bound[wanting], planes)
         left = (bound < enough) & (motion > RESOLUTION)
         np.minimum.at(settled, row[~left], bound[~left])
         self.settle(pieces, settled)
@@ -223,6 +271,16 @@ class _Search:
         np.minimum.at(least, row[left], bound[left])
         open_[row[left], pair[left]] = True
         return replace(pieces, bound=least, open=open_).where(np.asarray(open_.any(axis=1)))
+
+    def _box(self) -> Array | float:
+        """Largest error of each joint, (n,) rad: the box around the ellipsoid."""
+        if self.errors is None:
+            return 0.0
+        return np.asarray(self.errors.sigmas * np.sqrt(np.diag(self.errors.covariance)))
+
+    def _displaced(self, levers: Array) -> Array:
+        """Displacement (k,) m of pairs with levers (k, n) m per rad by the joints' errors."""
+        return np.zeros(len(levers)) if self.errors is None else self.errors.motion(levers)
 
     def note(self, distances: Array, pairs: Indices, at: Array) -> None:
         """Keep the smallest distance."""

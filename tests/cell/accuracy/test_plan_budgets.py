@@ -93,8 +93,7 @@ def test_a_cube_that_may_miss_its_pocket_is_refused_with_its_largest_source(
     assert refused.value.data["hole"] in {c["to"] for c in plan.task["cubes"]}
     allowed = replace(_less_exact(task.cell, 0.08), least_insertion=0.5)
     assert (
-        min(b.insertion for b in require_placements(allowed, seen, plan))
-        == refused.value.data["insertion"]
+        min(b.insertion for b in require_placements(allowed, seen, plan)) == refused.value.data["insertion"]
     )
 
 
