@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.budget import PlanningInterrupted
 from plan.options import PlanOptions
-from plan.program.aim import clearest
+from plan.program.aim import MOST, clearest
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
@@ -117,3 +119,52 @@ def test_no_cube_stays_where_it_is_for_the_sake_of_clearance(made: dict[str, Pla
         replace(FAST, aim="clearance"),
     )
     assert best.skipped == ()
+
+
+@dataclass
+class Room:
+    """Plans that exist where transits and lines have room for what is asked, and may keep more of it by chance."""
+
+    transits: float
+    lines: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        self.asked: list[PlanOptions] = []
+        self.made: list[Any] = []
+        self.rng = np.random.default_rng(self.seed)
+
+    def __call__(self, options: PlanOptions) -> Planned:
+        self.asked.append(options)
+        if options.clearance > self.transits or options.line_clearance > self.lines:
+            raise ImpossibleError("no room")
+        transit, line = (
+            self.rng.uniform(*span)
+            for span in ((options.clearance, self.transits), (options.line_clearance, self.lines))
+        )
+        moves = [
+            SimpleNamespace(role="transit", clearance=transit),
+            SimpleNamespace(role="line", clearance=line),
+        ]
+        duration = 20.0 + 100.0 * transit
+        plan = SimpleNamespace(moves=moves, clearance=min(transit, line), duration_s=duration, skipped=())
+        self.made.append(plan)
+        return cast(Planned, plan)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_try_keeps_what_is_required_and_the_best_plan_is_taken(seed: int) -> None:
+    """Whatever room there is: what is required is never given up, nor hidden by an end that is too near."""
+    rng = np.random.default_rng(seed)
+    asked = rng.uniform((0.005, 0.0), 0.03)
+    required = replace(FAST, aim="clearance", near_ends=True, clearance=asked[0], line_clearance=asked[1])
+    room = Room(*(asked + rng.uniform(0.0, 0.06, 2)), seed=seed)
+    best = cast(Any, clearest(room, required))
+    assert all(options.clearance >= asked[0] and options.line_clearance >= asked[1] for options in room.asked)
+    assert [options.near_ends for options in room.asked] == [True] + [False] * (len(room.asked) - 1)
+    common = max(min(room.transits, room.lines), min(asked))
+    assert best.clearance == pytest.approx(common, abs=max(6e-4, 0.06 * common))
+    assert best.clearance == max(made.clearance for made in room.made)
+    in_haste = Room(room.transits, room.lines, seed)
+    best = cast(Any, clearest(in_haste, replace(required, clearance_worth=1.0)))
+    assert best.duration_s == min(made.duration_s for made in in_haste.made)
