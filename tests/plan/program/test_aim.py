@@ -16,7 +16,7 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import transform
 from plan.budget import PlanningInterrupted
 from plan.options import PlanOptions
-from plan.program.aim import MOST, clearest
+from plan.program.aim import clearest
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
