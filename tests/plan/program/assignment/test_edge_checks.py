@@ -237,7 +237,9 @@ def test_what_cannot_be_certified_is_forgotten_and_certified_the_next_time(
 
 
 @pytest.mark.parametrize(("room", "passes"), [(5e-4, True), (-5e-4, False)])
-def test_what_only_joint_1_moves_has_to_pass_with_the_required_clearance(room: float, passes: bool) -> None:
+def test_what_only_joint_1_moves_has_to_pass_with_the_required_clearance(
+    monkeypatch: pytest.MonkeyPatch, room: float, passes: bool
+) -> None:
     """A post beside the turret, nearer or further out: the search's margin is not required of it."""
     angle, asked = np.radians(28.0), OPTIONS.clearance + room
     turns = np.linspace(-1.0, 1.0, 400)[:, None] * np.eye(6)[0]
@@ -260,6 +262,10 @@ def test_what_only_joint_1_moves_has_to_pass_with_the_required_clearance(room: f
         check = ClearanceCertificate(0.0, 0.0, (other, "low post"), 0.5, False, 1)
         found = search.edges._passed(q + turns[0], q + turns[-1], world, check)
         assert (found is None) == (passes or not counts)
+    # a body on the third joint may be moved by it, though the second leaves its distance unchanged
+    monkeypatch.setattr(World, "joint_of", lambda self, name: 3 if name == "shoulder" else 0)
+    check = ClearanceCertificate(0.0, 0.0, ("shoulder", "low post"), 0.5, False, 1)
+    assert search.edges._passed(q + turns[0], q + turns[-1], world, check) is None
 
 
 def test_transits_are_checked_with_what_is_carried_and_proved_with_the_required_clearance() -> None:

@@ -58,6 +58,19 @@ def test_prices_raise_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.median(gained) > 0.005
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_places_that_stay_empty_change_nothing(seed: int) -> None:
+    """Twenty more places, so far away that no cube goes there."""
+    legs, more = drawn(seed, 5, 6), 20
+    far = LegTimes(
+        legs.begin,
+        np.pad(legs.carry, ((0, 0), (0, more)), constant_values=legs.carry.max()),
+        np.pad(legs.go_on, ((0, 0), (0, more), (0, 0)), constant_values=1e3),
+        np.pad(legs.end, (0, more), constant_values=1e3),
+    )
+    assert order_bound(far, 100.0) == order_bound(legs, 100.0)
+
+
 def test_many_picks_are_bounded_by_assignments(monkeypatch: pytest.MonkeyPatch) -> None:
     legs = drawn(0, 5, 5)
     sharp = order_bound(legs, 100.0)
