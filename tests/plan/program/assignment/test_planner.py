@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
 from arm.plan_file import Step
 from arm.robot.shapes import Body, Box
-from arm.se3 import Array, transform
-from plan.budget import Meter, SearchBudget
+from arm.se3 import Array, frozen, transform
+from plan.budget import BudgetSpent, Meter, SearchBudget
 from plan.collision.world import World
 from plan.program.assignment import edge_checks
 from plan.program.assignment.found import Found
-from plan.program.assignment.planner import AssignmentPlanner
+from plan.program.assignment.planner import AssignmentPlanner, Transfers
 from plan.program.assignment.search import TaskSearch
+from plan.program.program import Program, plan_program
 from plan.program.tasks import plan_task
 from plan.program.writer import ClearanceLost
-from plan.scene import scene_from_json
+from plan.scene import Transfer, scene_from_json
 from plan.transit.optimise import Shortening
 from plan.transit.straight import StraightLine
-from plan.verify import replay
+from plan.verify import placed_cubes, replay
 from plans.small_search import OPTIONS, UNIT, planner_of
 from tasks.task2 import Q_START, WALL, Task2, task2
 
@@ -108,8 +110,9 @@ def test_with_fewer_places_than_cubes_the_fastest_choice_moves() -> None:
         first,
         *(replace(t, place=place.place) for t, place in zip(others, (*others[:2], first), strict=True)),
     ]
-    with pytest.raises(InputError, match="two transfers name the same place"):
-        plan_task(case.scene, transfers, Q_START, UNIT, options=OPTIONS)
+    for options, skip in ((OPTIONS, False), (replace(OPTIONS, assignment="given"), True)):
+        with pytest.raises(InputError, match="two transfers name the same place"):
+            plan_task(case.scene, transfers, Q_START, UNIT, options=options, skip=skip)
     plan = plan_task(case.scene, transfers, Q_START, UNIT, options=OPTIONS, skip=True)
     assert len(plan.task["cubes"]) == 3
     (stays,) = plan.task["skipped"]
@@ -154,3 +157,44 @@ def test_a_place_that_is_blocked_stays_empty_and_one_cube_where_it_is(assignment
     (stays,) = plan.task["skipped"]
     reason = "only 2 places are free and in reach" if assignment == "free" else "lid"
     assert reason in stays["reason"]
+
+
+def test_a_cube_that_was_brought_can_be_brought_back() -> None:
+    """The second task finds it where the first has put it."""
+    case = task2(cubes=1)
+    (there,) = case.transfers
+    back = Transfer(there.cube, there.place, there.pick)
+    program = Program(case.scene, (Transfers((there,)), Transfers((back,))), Q_START, UNIT, options=OPTIONS)
+    plan = plan_program(program).plan()
+    scene = scene_from_json(plan.scene, case.scene.robot_open, case.scene.robot_holding)
+    assert len(replay(plan, scene, UNIT, UNIT.limits())) == len(list(plan.moves))
+    at = placed_cubes(plan, scene, UNIT)[there.cube]
+    assert np.abs(at - scene.cube(there.cube).T_base_body).max() < 1e-3
+
+
+@pytest.mark.parametrize("assignment", ["free", "given"])
+def test_a_cube_out_of_reach_is_named(assignment: str) -> None:
+    case, options = task2(cubes=2), replace(OPTIONS, assignment=assignment)
+    first, second = case.transfers
+    away = transform(t=(0.0, 0.0, 1.5))
+    pick = replace(first.pick, T_base_tool=tuple(frozen(away @ T) for T in first.pick.T_base_tool))
+    cubes = tuple(c.at(frozen(away @ c.T_base_body)) if c.name == first.cube else c for c in case.scene.cubes)
+    case = Task2(replace(case.scene, cubes=cubes), (replace(first, pick=pick), second))
+    with pytest.raises(ImpossibleError, match=f"out of reach: hole {pick.name}: "):
+        planner_of(case, options).search()
+    plan = plan_task(case.scene, case.transfers, Q_START, UNIT, options=options, skip=True)
+    (stays,) = plan.task["skipped"]
+    assert (stays["cube"], stays["from"]) == (first.cube, pick.name)
+
+
+@pytest.mark.parametrize("bound", [12.3456, 12.3454, 12.0])
+def test_a_plan_states_no_more_than_its_bound_and_what_ended_its_search(bound: float) -> None:
+    planner = planner_of(task2(cubes=1), OPTIONS)
+    search = planner.search()
+    found = replace(search.best(), bound=bound)
+    stops = (None, KeyboardInterrupt(), BudgetSpent("effort", 2.0, 2.0))
+    for stop, search.stopped in zip(stops, stops, strict=True):
+        planned = planner._result(search, found, [])
+        assert bound - 1e-3 < planned.lower_bound_s <= bound
+        assert planned.interrupted == isinstance(stop, KeyboardInterrupt)
+        assert bool(planned.stopped) == (stop is not None)
