@@ -84,7 +84,7 @@ def test_a_plan_is_bound_to_all_that_decides_it(file: Path) -> None:
 
 
 def test_only_what_is_said_may_touch(file: Path) -> None:
-    """A pair, the neighbours, or the pairs of an SRDF."""
+    """A pair, the neighbours, or the pairs of an SRDF, whatever its name."""
     free = read_arm_file(file).robot.disabled_collisions
     replace_in(file, "neighbours_may_touch = true", "")
     bare = read_arm_file(file).robot.disabled_collisions
@@ -93,7 +93,9 @@ def test_only_what_is_said_may_touch(file: Path) -> None:
     assert read_arm_file(file).robot.disabled_collisions == bare | {frozenset(("base", "quill"))}
     srdf = '<robot name="scara"><disable_collisions link1="base" link2="forearm" reason="Never"/></robot>'
     links = sorted({name for pair in free for name in pair})
-    file.with_suffix(".srdf").write_text(srdf.replace("forearm", next(n for n in links if n != "base")))
-    replace_in(file, 'urdf = "scara.urdf"', 'urdf = "scara.urdf"\nsrdf = "scara.srdf"')
+    file.with_name("may touch.srdf").write_text(
+        srdf.replace("forearm", next(n for n in links if n != "base"))
+    )
+    replace_in(file, 'urdf = "scara.urdf"', 'urdf = "scara.urdf"\nsrdf = "may touch.srdf"')
     with_srdf = read_arm_file(file).robot.disabled_collisions
     assert len(with_srdf) == len(bare) + 2

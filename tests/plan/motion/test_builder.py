@@ -255,3 +255,11 @@ def test_the_jaws_are_open_by_the_distance_of_their_inner_faces(opening: float) 
         [MotionPhase("to a", "transit", World(arm, []), 0.01, WAY)], []
     )
     assert move.jaw_opening == pytest.approx(opening)
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.5, 1.0])
+def test_a_slow_motion_may_jump_at_joins_like_a_fast_one(robot: Robot, speed: float) -> None:
+    """The controller's rule knows its registers alone, and these do not change with the speed."""
+    sent = LIMITS.scaled(speed)
+    mover = MotionBuilder(robot, UNIT, sent, sent, replace(FAST, speed=speed))
+    assert mover._jump == pytest.approx(vertex_jump(LIMITS.acceleration))
