@@ -257,6 +257,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     "plan/program/assignment/search.py": (
         "plan/program/assignment/test_planner.py",
         "plan/program/assignment/test_cause.py",
+        "plan/program/assignment/test_edge_checks.py",
     ),
     "plan/program/assignment/legs.py": (
         "plan/program/assignment/test_edge_checks.py",

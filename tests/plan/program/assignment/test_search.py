@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise, permutations, product
 
@@ -15,24 +16,30 @@ from arm.errors import ImpossibleError
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from plan.collision.bezier import curve_of_waypoints
-from plan.collision.certificate import certify_curve
+from plan.collision.certificate import ClearanceCertificate, certify_curve
 from plan.collision.world import World
 from plan.options import PlanOptions
-from plan.program.assignment.edge_checks import _POLISH, MARGIN
+from plan.program.assignment.edge_checks import _POLISH, MARGIN, Blocked
 from plan.program.assignment.found import Found
-from plan.program.assignment.legs import HOME, Site
+from plan.program.assignment.legs import HOME, Arrangement, Leg, Site, Stop
 from plan.program.assignment.search import _ALLOWED, TaskSearch
 from plan.program.assignment.sequencing import best_grasps, best_order
 from plan.program.tasks import plan_task
 from plan.transit.optimise import TransitOptimiser
 from plans.small_search import CASES, OPTIONS, UNIT, beside_each_other, search_of
-from tasks.task2 import Q_START, Task2, task2
+from tasks.task2 import CUBE, Q_START, Task2, task2
 
 
 @cache
 def searched(name: str) -> tuple[TaskSearch, Found]:
     search = search_of(*CASES[name])
     return search, search.best()
+
+
+def pairs_of(found: Found) -> list[tuple[int, int]]:
+    """Numbers of the source and the place of each cube, in order."""
+    carries = [planned.leg.sites for planned in found.legs if planned.leg.carries]
+    return [(source.number, place.number) for source, place in carries]
 
 
 class Truth:
@@ -171,9 +178,7 @@ def test_what_is_known_of_the_legs_is_what_the_sequence_takes(
     search.costs.assume_alike = assume_alike
     found = search.best()
     assert _POLISH in made
-    carries = [planned.leg.sites for planned in found.legs if planned.leg.carries]
-    pairs = [(source.number, place.number) for source, place in carries]
-    known = best_grasps(pairs, search.costs.now())
+    known = best_grasps(pairs_of(found), search.costs.now())
     assert found.time * (1.0 - _ALLOWED) <= known.time <= found.time + 1e-6
 
 
@@ -211,6 +216,96 @@ def test_no_plan_is_faster_than_the_bound(name: str) -> None:
     bound = plan.task["no_plan_is_faster_than_s"]
     assert 0.7 * motion < bound <= motion
     assert searched(name)[1].time == pytest.approx(motion, rel=0.03)  # the estimate that ranks sequences
+
+
+@pytest.mark.parametrize("look", ["never", "each", 2])
+def test_lines_and_legs_are_checked_among_the_cubes_of_their_time(
+    look: str | int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is carried rests nowhere, what was brought rests at its place; the jaws are open around both."""
+    search = search_of(task2(cubes=3), replace(OPTIONS, look=look))
+    lines, legs = list[tuple[Site, Arrangement]](), list[tuple[Site, Arrangement]]()
+    monkeypatch.setattr(
+        search.edges, "line", lambda grasp, site, pick, now: lines.append((site, now)) or None
+    )
+    monkeypatch.setattr(
+        search.edges, "straight", lambda leg, now: legs.append((leg.goal.site, now)) or np.zeros((2, 6))
+    )
+    ordered = best_order(search.choices, search.costs.now())
+    found = search._legs(ordered)
+    resting = {Site(False, i) for i in range(3)}
+    expected_lines, expected_legs = list[tuple[Site, Arrangement]](), list[tuple[Site, Arrangement]]()
+    for number, (pick, place) in enumerate(ordered.pairs, start=1):
+        source, goal = Site(False, pick), Site(True, place)
+        expected_lines.append((source, frozenset(resting)))
+        expected_legs.append((source, frozenset(resting)))
+        resting.remove(source)
+        expected_legs.append((goal, frozenset(resting)))
+        resting.add(goal)
+        expected_lines.append((goal, frozenset(resting)))
+        if number == 3 or look == "each" or number == look:
+            expected_legs.append((HOME, frozenset(resting)))
+    assert lines == expected_lines
+    assert legs == expected_legs
+    assert found is not None
+    assert [(planned.leg.goal.site, planned.there) for planned in found] == legs
+
+
+LEG = Leg(Stop(Site(False, 0), 0), Stop(Site(True, 0), 0))
+
+
+@pytest.mark.parametrize("points", [2, 3])
+def test_only_a_straight_motion_makes_the_legs_beside_it_clear(
+    points: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A detour that is known says nothing of other legs between the same two sites."""
+    search = search_of(task2(cubes=2), OPTIONS)
+    path = np.zeros((points, 6))
+    monkeypatch.setattr(search.edges, "straight", lambda leg, now: path)
+    assert search._path(LEG, search.worlds.start) is path
+    unchecked = [leg.sites for leg in search.costs.fastest_unchecked()]
+    assert (LEG.sites in unchecked) == (points == 3)
+
+
+@pytest.mark.parametrize(("by", "end"), [(None, False), (None, True), (Site(False, 1), False)])
+def test_only_what_blocks_at_every_time_is_learnt_from_a_sample(
+    by: Site | None, end: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cube may be gone when the leg is used; and of a leg without a detour the others are no copies."""
+    search = search_of(task2(cubes=2), OPTIONS)
+    check = ClearanceCertificate(0.0, 0.0, ("palm", "wall"), 0.5, False, 1)
+    monkeypatch.setattr(search.edges, "straight", lambda leg, now: Blocked(by, check, end))
+    legs = list(search.costs.fastest_unchecked())
+    search._probe()
+    assert {search.costs.is_blocked(leg, None) for leg in legs} == {by is None and not end}
+    assert not any(search.costs.is_blocked(leg, by) for leg in legs if by is not None)
+
+
+def test_a_sequence_takes_less_by_what_polishing_its_detours_saves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sequence, and the estimates of its legs."""
+    search = search_of(*CASES["wall"])
+    found = search.best()
+    monkeypatch.setattr(search.edges, "polish", lambda leg, there, path: (path[::-1], 0.25))
+    before = best_grasps(pairs_of(found), search.costs.now()).time
+    faster = search._polished(found)
+    around = [len(planned.path) > 2 for planned in found.legs]
+    assert sum(around)
+    assert faster.time == pytest.approx(found.time - 0.25 * sum(around))
+    assert best_grasps(pairs_of(found), search.costs.now()).time == pytest.approx(before - 0.25 * sum(around))
+    for one, other, polished in zip(found.legs, faster.legs, around, strict=True):
+        assert np.array_equal(other.path, one.path[::-1] if polished else one.path)
+
+
+@pytest.mark.parametrize(("edge", "assignment"), [(CUBE, "free"), (CUBE, "given"), (0.9 * CUBE, "free")])
+def test_only_cubes_that_are_alike_change_places(edge: float, assignment: str) -> None:
+    case = task2(cubes=3)
+    cubes = (replace(case.scene.cubes[0], shape=Box((edge,) * 3)), *case.scene.cubes[1:])
+    case = replace(case, scene=replace(case.scene, cubes=cubes))
+    search = search_of(case, replace(OPTIONS, assignment=assignment))
+    given = edge != CUBE or assignment == "given"
+    assert search.choices.assignment == (not given)
+    if given:
+        assert all(pick == place for pick, place in pairs_of(search.best()))
 
 
 def test_a_cube_in_the_way_of_a_line_goes_first() -> None:

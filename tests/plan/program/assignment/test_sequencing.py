@@ -56,6 +56,7 @@ def crowded(table: Table, seed: int) -> Costs:
 
     def times(origin: Site, goal: Site, there: Arrangement) -> Array:
         kind = 0 if origin == HOME else 3 if goal == HOME else 1 if goal.placed else 2
+        assert kind != 1 or origin not in there  # what is carried rests nowhere
         taken = {i for i in picks if Site(False, i) not in there} - ({origin.number} if kind == 1 else set())
         late_at = drawn(kind, *(site.number for site in (origin, goal) if site != HOME))
         late = sum(late_at[i] > 0.6 for i in taken)

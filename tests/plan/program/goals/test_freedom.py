@@ -39,8 +39,10 @@ def violation(freedom: Freedom, T: np.ndarray, T_now: np.ndarray, free: tuple[st
 
 def test_coordinates_give_the_pose_again() -> None:
     rng = np.random.default_rng(1)
-    for _ in range(200):
-        now = random_pose(rng)
+    turned = [
+        rotation((a, b, 0.0)) @ rot_z(1.0) for a, b in np.radians([[0, 0], [90, 0], [0, -90], [179, 0]])
+    ]
+    for now in [random_pose(rng) for _ in range(200)] + [T @ transform(R) for R in turned]:
         c = coordinates_of(T, now)
         swing, twist = rotation((c[3], c[4], 0.0)), rot_z(c[5])
         np.testing.assert_allclose(T @ transform(swing @ twist, c[:3]), now, atol=1e-12)
