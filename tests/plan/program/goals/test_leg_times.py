@@ -184,4 +184,8 @@ def test_a_leg_between_lines_that_are_passed_at_full_speed_is_bounded_by_that_sp
     arrive = passing(q + 4.0 * along, q + 3.0 * along, -along, 0.0, False)
     assert leg_bounds(depart, arrive, limits) == pytest.approx(3.0)
     at_rest = passing(q, q, 0.0 * along, 0.0, True)
-    assert leg_bounds(at_rest, arrive, limits) > 3.1
+    # from rest the first joint loses half of its acceleration's time; the second joint waits for it
+    assert leg_bounds(at_rest, arrive, limits) == pytest.approx(3.25)
+    assert leg_bounds(depart, passing(q + 3.0 * along, q + 3.0 * along, 0.0 * along, 0.0, True), limits) == (
+        pytest.approx(3.25)
+    )
