@@ -50,7 +50,7 @@ def test_a_program_that_goes_nowhere_has_no_plan(robot: Robot, crs97: Unit) -> N
         found.plan()
 
 
-ASIDE = np.radians([-50.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+ASIDE = np.radians([-50.0, -45.0, -75.0, 5.0, -65.0, 5.0])
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +60,17 @@ def aside() -> Planned:
     return plan_program(
         Program(task2().scene, (Target("aside", q=ASIDE),), HOME, load_unit("crs93"), options=options)
     )
+
+
+def test_cubics_are_the_motion_that_is_sent(aside: Planned) -> None:
+    """Also of joints whose counts run backwards."""
+    unit = aside.unit
+    assert len(set(np.sign(unit.counts_per_rad))) == 2
+    ((move, durations, c),) = aside.cubics()
+    begins = np.cumsum(durations) - durations
+    for u in (0.0, 0.3, 1.0):
+        at = c[:, 0] + u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3]))
+        np.testing.assert_allclose(at, unit.positions(move.path.at(begins + u * durations)), atol=1e-9)
 
 
 def test_the_file_is_bound_to_what_it_was_planned_with(aside: Planned) -> None:

@@ -128,6 +128,41 @@ def test_steps_go_on_where_they_ended() -> None:
         assert at_once.time == in_parts.time < optimiser.time(path)
 
 
+def test_every_step_keeps_the_path_clear_at_its_samples() -> None:
+    """Whole steps and halves of them; each is faster."""
+    halved = 0
+    for optimiser, path in rough_paths():
+        shortening, time = Shortening(optimiser, path), optimiser.time(path)
+        for _ in range(8):
+            region = shortening._region
+            shortening.run(1)
+            assert not optimiser.blocked(shortening.path)
+            assert shortening.time <= time
+            halved += shortening._region == 0.5 * region
+            time = shortening.time
+    assert halved
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_the_limit_of_one_joint_leaves_undone_another_does(seed: int) -> None:
+    """A constraint that asks for nearly all the room there is, with way-points near their limits."""
+    rng, still = np.random.default_rng(seed), Ends(np.zeros(6), np.zeros(6))
+    optimiser = TransitOptimiser(world_of("open", []), LIMITS, -1.0, still)  # nothing is near
+    path = np.where(rng.random((4, 6)) < 0.5, 0.9 * LIMITS.upper, 0.9 * LIMITS.lower)
+    path[1:-1] += rng.uniform(0.0, 0.1, (2, 6)) * path[1:-1]
+    model, region, way = _Model(optimiser, path), 0.5, rng.choice([-1.0, 1.0], (2, 6))
+    limit = np.where(way > 0.0, LIMITS.upper, LIMITS.lower)
+    most = np.minimum(np.abs(limit - path[1:-1]) / LIMITS.velocity, region)
+    model.rows, model.room = -way.reshape(1, -1), np.array([-0.95 * most.sum()])
+    trial = model.step(region)
+    assert trial is not None
+    assert ((trial >= LIMITS.lower) & (trial <= LIMITS.upper)).all()
+    done = way * (trial - path)[1:-1] / LIMITS.velocity
+    assert done.sum() >= 0.95 * most.sum() - 1e-5
+    assert (done <= most + 1e-9).all()
+    assert np.array_equal(trial[[0, -1]], path[[0, -1]])
+
+
 def test_a_path_with_many_corners_is_left_as_it_is() -> None:
     """Its quadratic program would take seconds."""
     optimiser, path = rough_paths()[0]

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from arm.controller.unit import Unit
+from arm.errors import ImpossibleError
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, Box, Sphere
-from arm.se3 import transform
+from arm.robot.shapes import Body, Box, Cylinder, Sphere
+from arm.robot.tool import urdf_limits
+from arm.se3 import Array, transform
+from arms import made_up
+from plan.kinematics.numeric_ik import SearchOptions, Solutions, solve_ik
+from plan.options import PlanOptions
+from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.target import Target
+from plan.program.sequence.candidates import Candidates
+from plan.program.setting import Setting
+from plan.scene import Scene
+from plan.trajectory.virtual_unit import virtual_unit
 from plans.waypoints import refusal_of
 from tasks.pose_lists import TABLE, down
 
@@ -47,6 +60,86 @@ def test_refusals_say_what_and_how_much(robot: Robot, crs97: Unit) -> None:
     assert "no path to other side" in str(stuck)
     assert stuck.data["pair"][1] in ("cage", "back", "lid")
     assert sum(stuck.data["refused"].values()) >= 1
+
+
+def candidates_of(robot: Robot, unit: Unit, target: Target, post: Body, options: PlanOptions) -> Candidates:
+    setting = Setting(Scene(robot, robot, (TABLE, post), ()), unit, unit.limits(), options)
+    return Candidates(setting, AttachmentWorlds(setting.scene, [target]), [range(1)], IK)
+
+
+def solutions_of(candidates: Candidates) -> tuple[Array, Array]:
+    """All solutions of the only target, and their distances from what is around."""
+    (target,), limits = candidates.targets, candidates.limits
+    q = solve_ik(candidates.robot, target.poses, limits.lower, limits.upper, target.free, IK).q
+    return q, np.array([candidates.worlds.at_least().distance(at).value for at in q])
+
+
+IK = SearchOptions(samples=72)
+HOME = np.radians([-60, -35, -85, 0, -60, 0])
+
+
+@pytest.mark.parametrize(("approach", "clearance"), [(0.0, 0.012), (0.05, 0.004)])
+def test_solutions_keep_the_clearance_of_what_follows(
+    robot: Robot, crs97: Unit, approach: float, clearance: float
+) -> None:
+    """That of transits if they end there, that of lines if a line does; beside a post only some yaws do."""
+    target = Target("a", down(0.45, 0.1, 0.1), free="rz", approach=approach)
+    options = PlanOptions(clearance=0.012, line_clearance=0.004)
+    candidates = candidates_of(robot, crs97, target, beside(0.06), options)
+    candidates.solve(HOME)
+    every, away = solutions_of(candidates)
+    assert ((away > 0.5 * clearance) & (away < 0.95 * clearance)).any()
+    assert np.array_equal(ordered(candidates.ranked(0).q), ordered(every[away >= clearance]))
+
+
+def beside(gap: float) -> Body:
+    return Body("post", Cylinder(0.01, 0.3), transform(t=(0.45, 0.1 + gap, 0.1)), "post")
+
+
+def ordered(q: Array) -> Array:
+    return q[np.lexsort(q.T)]
+
+
+@pytest.mark.parametrize("near_ends", [False, True])
+def test_ends_that_are_too_near_are_taken_only_if_that_is_allowed(
+    robot: Robot, crs97: Unit, near_ends: bool
+) -> None:
+    """And never those that touch; the refusal names the best."""
+    options = PlanOptions(clearance=0.05, near_ends=near_ends)
+    candidates = candidates_of(
+        robot, crs97, Target("a", down(0.45, 0.1, 0.1), free="rz"), beside(0.05), options
+    )
+    every, away = solutions_of(candidates)
+    assert away.min() < 0.0 < away.max() < options.clearance
+    if near_ends:
+        candidates.solve(HOME)
+        assert np.array_equal(ordered(candidates.ranked(0).q), ordered(every[away > 0.0]))
+        return
+    with pytest.raises(ImpossibleError, match=r"all .* solutions are too near to a body; at best") as refused:
+        candidates.solve(HOME)
+    assert refused.value.data["distance_m"] == pytest.approx(away.max())
+
+
+def test_whole_revolutions_are_alike_and_long_ways_on_a_rail_are_not(tmp_path: Path) -> None:
+    """A post at one place of the rail; the tool is there again after a revolution, and not 6.28 m further on."""
+    rail = ("0 0 0.05", "0 0 0", "0 1 0", "prismatic", -9.0, 9.0)
+    turning = ("0 0 0.2", "0 0 0", "0 0 1", "revolute", -9.0, 9.0)
+    robot = made_up.arm(tmp_path, [rail, turning, *made_up.RAIL[2:]])
+    limits = urdf_limits(robot, 4.0)
+    q = np.array([0.0, 0.0, 0.2, 0.3, 0.3])
+    for joint, same in ((0, False), (1, True)):
+        for post_at in (q, q + 2.0 * np.pi * np.eye(5)[joint]):
+            post = Body("post", Sphere(0.05), robot.T_base_tool(post_at), "post")
+            setting = Setting(
+                Scene(robot, robot, (post,), ()), virtual_unit(robot, limits), limits, PlanOptions()
+            )
+            worlds = AttachmentWorlds(setting.scene, [Target("a", q=q)])
+            rows = np.stack([q, q + 2.0 * np.pi * np.eye(5)[joint], q + 0.9 * np.eye(5)[joint]])
+            some = Solutions(rows, np.zeros(3, dtype=np.intp), ("",) * 3, np.zeros(3, dtype=bool))
+            kept = Candidates(setting, worlds, [range(1)], IK).free(range(1), some).q
+            clear = [not worlds.at_least().in_collision(row, 0.01) for row in rows]
+            assert np.array_equal(kept, rows[clear])
+            assert (clear[0] == clear[1]) == same
 
 
 def test_a_configuration_that_is_too_near_is_told_as_such(robot: Robot, crs97: Unit) -> None:
