@@ -38,8 +38,12 @@ def test_configurations_are_whole_counts_and_refused_beyond_limits(robot: Robot,
     at = setting.at_counts("q_start", q)
     np.testing.assert_array_equal(at, setting.at_counts("q_start", at))
     np.testing.assert_allclose(at, q, atol=1e-4)
-    with pytest.raises(InputError, match="q_start: joint J1"):
-        setting.at_counts("q_start", q + [9.0, 0, 0, 0, 0, 0])
+    for k, name in enumerate(robot.joint_names):
+        for beyond in (setting.limits.lower[k] - 0.01, setting.limits.upper[k] + 0.01):
+            wrong = np.where(np.arange(6) == k, beyond, q)
+            with pytest.raises(InputError, match=f"q_start: joint {name}") as refused:
+                setting.at_counts("q_start", wrong)
+            assert refused.value.data["value"] == beyond
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.5, 1.0])

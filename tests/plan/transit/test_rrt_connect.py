@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from plan.budget import SearchBudget, TransitBudget, allowed
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
+from plan.transit import rrt_connect
 from plan.transit.edges import SampledEdges
 from plan.transit.planner import plan_transit
 from plan.transit.rrt_connect import RrtConnect
@@ -63,6 +66,23 @@ def test_a_hand_goes_through_a_window(seed: int) -> None:
         way = plan_transit(world, WINDOW_START, goals[seed % len(goals)], LIMITS, 0.005, seed)
     assert certify_curve(world, curve_of_waypoints(way), 0.005).proved
     assert meter.effort_s < 1.5  # 2.7 to 10 without targets that keep some joints
+
+
+def test_trees_that_never_meet_end_when_both_have_their_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wall of configurations with room on both sides."""
+    trees = list[Any]()
+
+    class Noted(rrt_connect._Tree):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            trees.append(self)
+
+    monkeypatch.setattr(rrt_connect, "_Tree", Noted)
+    edges = SampledEdges(lambda q: bool(abs(q[0]) < 0.2), 0.15)
+    ends = np.zeros((2, 6))
+    ends[:, 0] = -1.0, 1.0
+    assert RrtConnect(LIMITS, edges, np.random.default_rng(0)).search(*ends, 50) is None
+    assert 50 < min(map(len, trees)) <= max(map(len, trees)) < 150
 
 
 def test_a_hopeless_search_ends() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,4 +46,10 @@ def test_what_is_to_go_is_the_best_of_all_sequences_and_bounded(seed: int) -> No
     left = cost_to_go(made, estimates)
     assert left[0] == pytest.approx(np.array([min(times)]))
     assert (left[-1] == 0.0).all()
-    assert 0.8 * min(times) < lower_bound(made, LIMITS) <= min(times)
+    bound = lower_bound(made, LIMITS)
+    assert 0.8 * min(times) < bound <= min(times)
+    # what leads away from the last stops counts too
+    tails = [replace(t, depart=replace(t.depart, least=np.array([1.5]))) for t in made[-1].times]
+    assert lower_bound([*made[:-1], replace(made[-1], times=tuple(tails))], LIMITS) == pytest.approx(
+        bound + 1.5
+    )

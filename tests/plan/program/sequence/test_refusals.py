@@ -14,9 +14,13 @@ from arm.robot.shapes import Body, Box, Cylinder
 from arm.se3 import transform
 from plan.advice.changes import ChangeOptions, MoveBodies, Request
 from plan.advice.search import advise
+from plan.collision.certificate import ClearanceCertificate
+from plan.collision.world import World
 from plan.failure import LINE_BLOCKED, OUT_OF_REACH, START_BLOCKED, Failure, failure_in
 from plan.program.goals.target import Target
+from plan.program.sequence.refusals import end_blocked, line_blocked, miss, out_of_hand, straight_blocked
 from plan.scene import Scene
+from plan.transit.straight import StraightLine
 from plans.waypoints import Q_START, planned, refusal_of
 from tasks.pose_lists import FAST, TABLE, down
 
@@ -30,6 +34,38 @@ def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs9
         planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
     assert caught.value.data["clearance_m"] == FAST.clearance
     assert f"(required: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
+
+
+WALL = ClearanceCertificate(0.004, 0.004, ("palm", "wall"), 0.25, False, 1)
+
+
+@pytest.mark.parametrize(
+    ("end", "says", "at"), [("from", "starts too near", "a"), ("to", "ends too near", "b")]
+)
+def test_the_end_of_a_transit_that_is_too_near_is_named(end: str, says: str, at: str) -> None:
+    error = end_blocked("a", "b", end, WALL, 0.01)
+    assert f"the transit from a to b {says} to a body: at {at}, palm is 4.0 mm from wall" in str(error)
+    assert error.data["target"] == at
+
+
+def test_a_search_that_was_not_made_is_told_as_such(robot: Robot) -> None:
+    world, line = World(robot, []), StraightLine(Q_START, Q_START, 0.01, False, 0.25, check=WALL)
+    made, spent = (straight_blocked(line, world, ("a", "b"), 0.01, tried) for tried in (True, False))
+    assert str(made).endswith("no detour was found")
+    assert str(spent).endswith("the allowed number of detours was used up")
+    assert spent.data["reason"] == f"{made.data['reason']}, detour not tried"
+
+
+def test_the_nearest_miss_lacks_least() -> None:
+    """Least clearance where bodies are too near, and least of the way to a body that is out of hand."""
+    away = np.random.default_rng(0).uniform(0.0, 0.01, 20)
+    near = [line_blocked("line", "b", replace(WALL, seen=float(x)), 0.01) for x in away]
+    assert min(near, key=miss).data["distance_m"] == max(away)
+    assert miss(near[0]) == pytest.approx(0.01 - away[0])
+    target = Target("a", q=Q_START, attach="cup")
+    far = [out_of_hand(target, ("palm", "cup"), 0.02 + float(x)) for x in away]
+    assert min(far, key=miss).data["distance_m"] == 0.02 + min(away)
+    assert miss(far[0]) == pytest.approx(0.02 + away[0] - target.attach_within)
 
 
 def failure_of(robot: Robot, unit: Unit, bodies: list[Body], *targets: Target) -> Failure:

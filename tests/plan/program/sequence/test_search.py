@@ -179,6 +179,21 @@ def test_no_sequence_is_that_of_a_clock(robot: Robot, crs97: Unit, monkeypatch: 
         assert tried == ([False, True] if by == "effort" else [False])
 
 
+def test_a_near_end_is_left_in_the_world_of_its_time(
+    robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the same configuration, with the box in the jaws and without it."""
+    search, worlds = carrying(robot, crs97, 0.0)[0], list[World]()
+    monkeypatch.setattr(search_module, "leave_near_end", lambda world, *more: worlds.append(world))
+    q = search.layers[1].chains[0].q_out
+    start, pick = search.worlds.start, search.targets[0]
+    held = search.worlds.after(start, pick, robot.T_base_tool(q))
+    line = StraightLine(q, q, 0.01, False, 0.0, "from")
+    for state in (start, held, start):
+        search._left(_Prefix(0, 0, state, 0.0, ()), line)
+    assert worlds == [search.worlds.world(state) for state in (start, held)]
+
+
 def test_a_sequence_is_confirmed_for_what_is_held(
     robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
