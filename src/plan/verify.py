@@ -20,7 +20,7 @@ from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, touching_pairs
 from arm.robot.jaws import after_closing
 from arm.robot.shapes import Body
 from arm.se3 import Array, angle_between, frozen, inverse
-from plan.collision.certificate import ClearanceCertificate, certify_move
+from plan.collision.certificate import ArmErrors, ClearanceCertificate, certify_move
 from plan.collision.world import World
 from plan.scene import Scene
 from plan.trajectory.extremes import segment_extremes
@@ -46,12 +46,14 @@ class ReplayedMove:
         move: the move of the plan.
         check: the new certificate.
         peak_velocity, peak_acceleration: largest fractions of the limits at the plan's speed.
+        erring: certificate of the arm with its errors; None if none were given.
     """
 
     move: Move
     check: ClearanceCertificate
     peak_velocity: float
     peak_acceleration: float
+    erring: ClearanceCertificate | None = None
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,12 @@ class RequiredClearance:
 
 
 def replay(
-    plan: Plan, scene: Scene, unit: Unit, limits: Limits, asked: RequiredClearance | None = None
+    plan: Plan,
+    scene: Scene,
+    unit: Unit,
+    limits: Limits,
+    asked: RequiredClearance | None = None,
+    errors: ArmErrors | None = None,
 ) -> tuple[ReplayedMove, ...]:
     """Verify every move of a plan as it would be sent.
 
@@ -134,6 +141,7 @@ def replay(
         unit: unit of the plan.
         limits: limits under the plan's registers at speed 1.
         asked: requirements besides the plan's own statements, or None.
+        errors: of the arm, for a second certificate of every move; nothing is required of it.
 
     Raises:
         InputError: a move does not start where the one before it ends.
@@ -151,7 +159,10 @@ def replay(
         if asked is not None:
             _require_clearances(move, asked)
             _require_line(move, scene, unit, asked.offset)
-        replayed.append(ReplayedMove(move, _proved(move, setting.world, unit), *peak))
+        erring = None
+        if errors is not None:
+            erring = certify_move(setting.world, move.path, unit, 0.0, errors=errors)
+        replayed.append(ReplayedMove(move, _proved(move, setting.world, unit), *peak, erring))
     return tuple(replayed)
 
 

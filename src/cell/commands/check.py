@@ -61,10 +61,16 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
         result = check_plan(place, plan)
         cell = place.cell
         robot, unit, limits, options = cell.robot(), cell.unit, cell.limits, options_of(place, plan.speed)
-    console.table(
-        ("move", "mm stated", "mm proved", "closest"),
-        [(m["name"], m["stated_mm"], m["proved_mm"], " - ".join(m["closest"])) for m in result["moves"]],
-    )
+    columns = ["name", "stated_mm", "proved_mm"]
+    header = ["move", "mm stated", "mm proved"]
+    if any(m["proved_erring_mm"] is not None for m in result["moves"]):
+        columns, header = [*columns, "proved_erring_mm"], [*header, "mm with errors"]
+    rows = [(*(m[column] for column in columns), " - ".join(m["closest"])) for m in result["moves"]]
+    console.table((*header, "closest"), rows)
+    if "mm with errors" in header:
+        console.say(
+            "with errors: proved for every error of the arm within accuracy.sigmas standard deviations"
+        )
     console.say(
         f"plan {plan.sha256[:12]}: {len(result['moves'])} moves verified; at most "
         f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "

@@ -53,3 +53,4 @@ class CellValues(Keys):
     tool_tolerance: float = key("accuracy.tool_within_mm", number("mm", 0, 10), 0.2)
     pocket_tolerance: float = key("accuracy.pocket_within_mm", number("mm", 0, 10), 0.1)
     following_error: float = key("accuracy.following_deg", number("deg", 0, 1), 0)
+    sigmas: float = key("accuracy.sigmas", number("", 0, 10), 3)

@@ -83,15 +83,17 @@ class ArmErrors:
     Attributes:
         covariance: of the joint positions, (n, n) rad^2 (m^2 for prismatic joints).
         sigmas: standard deviations to allow for.
+        shift: further motion of any body, m, such as by errors of the links.
     """
 
     covariance: Array
     sigmas: float
+    shift: float = 0.0
 
     def motion(self, radii: Array) -> Array:
         """Return the largest displacements (k,) m of points at distances (k, n) m from the joints' axes."""
         square = (mul(radii, np.abs(self.covariance)) * radii).sum(axis=1)
-        return np.asarray(self.sigmas * np.sqrt(np.maximum(square, 0.0)))
+        return np.asarray(self.sigmas * np.sqrt(np.maximum(square, 0.0)) + self.shift)
 
 
 @dataclass(frozen=True)
@@ -242,8 +244,9 @@ class _Search:
         world, volumes, enough = self.world, self.world.volumes, self.enough()
         at = volumes.placed(pieces.middle)
         if first:
-            found = volumes.open_pairs(at, enough, pieces.reach + self._box())
-            row, pair, bound, settled = found.row, found.pair, found.bound, found.least
+            box, shift = self._largest_errors()
+            found = volumes.open_pairs(at, enough + shift, pieces.reach + box)
+            row, pair, bound, settled = found.row, found.pair, found.bound - shift, found.least - shift
         else:
             row, pair = np.nonzero(pieces.open)
             bound, settled = np.full(len(row), -np.inf), np.full(len(pieces), np.inf)
@@ -272,11 +275,11 @@ class _Search:
         open_[row[left], pair[left]] = True
         return replace(pieces, bound=least, open=open_).where(np.asarray(open_.any(axis=1)))
 
-    def _box(self) -> Array | float:
-        """Largest error of each joint, (n,) rad: the box around the ellipsoid."""
+    def _largest_errors(self) -> tuple[Array | float, float]:
+        """Largest error of each joint, (n,) rad (the box around the ellipsoid), and further motion of any body, m."""
         if self.errors is None:
-            return 0.0
-        return np.asarray(self.errors.sigmas * np.sqrt(np.diag(self.errors.covariance)))
+            return 0.0, 0.0
+        return self.errors.sigmas * np.sqrt(np.diag(self.errors.covariance)), self.errors.shift
 
     def _displaced(self, levers: Array) -> Array:
         """Displacement (k,) m of pairs with levers (k, n) m per rad by the joints' errors."""

@@ -126,3 +126,16 @@ def test_errors_of_another_arm_are_refused() -> None:
     world = crowded_world(rng)
     with pytest.raises(InputError, match=r"errors: covariance of shape \(7, 7\): must be \(6, 6\)"):
         certify_curve(world, _curve(world, rng), 0.01, errors=ArmErrors(np.eye(7), SIGMAS))
+
+
+@pytest.mark.parametrize("shift", [1e-3, 5e-3])
+def test_a_shift_of_the_bodies_is_taken_off_every_distance(shift: float) -> None:
+    rng = np.random.default_rng(5)
+    world = crowded_world(rng)
+    curve = _curve(world, rng)
+    plain = certify_curve(world, curve, 0.0, True)
+    shifted = certify_curve(world, curve, 0.0, True, ArmErrors(np.zeros((6, 6)), SIGMAS, shift))
+    assert shifted.seen == pytest.approx(plain.seen - shift, abs=1e-3)
+    assert shifted.clearance <= plain.seen - shift
+    assert min(shifted.bounds) <= plain.seen - shift
+    assert shifted.clearance >= plain.clearance - shift - 1e-3
