@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from arm.io.storage import data_file
@@ -12,9 +14,10 @@ from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy
 
 
-def true_look(task: Task) -> Observation:
-    """What a look at the shipped world of a task would give if the camera were perfect."""
-    world = read_world(data_file(f"scenes/{task.name}.world.toml"), task.cell.boards[0].marker_size)
+def true_look(task: Task, world_file: Path | None = None) -> Observation:
+    """What a look at a world of a task, the shipped one by default, would give if the camera were perfect."""
+    file = world_file or data_file(f"scenes/{task.name}.world.toml")
+    world = read_world(file, task.cell.boards[0].marker_size)
     boards = []
     for b in world.boards:
         pose = BoardPose(b.board, b.T_base_board, 1e-8 * np.eye(6), 0.1, 100.0)
