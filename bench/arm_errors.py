@@ -4,8 +4,8 @@ python bench/arm_errors.py --plans 20 --arms 20
 
 Tasks of `bench/draws.py` are planned in the cell of scenes/realistic. Every move is certified twice, to 5 % or 0.5 mm:
 for an exact arm, and for one whose joints err by up to k standard deviations (`cell.accuracy.arm_errors`). Then arms
-are drawn from the calibration's covariance, with the scatter of the joints at one arrival, and each executes the move as
-it is sent. Its smallest distance, at steps of 0.01 rad and finer about the closest one, is compared with both
+are drawn from the calibration's covariance, with the scatter of the joints at one arrival, and each executes the move
+as it is sent. Its smallest distance, at steps of 0.01 rad and finer about the closest one, is compared with both
 clearances. A motion that comes nearer by more than 20 um, the error of computed distances, violates a certificate.
 """
 
@@ -101,13 +101,9 @@ def motions_of(arms: int, seed: int) -> Motions | str:
             least = _least(task.cell, setting.world, move, root @ rng.standard_normal(6))
             off.append([c.clearance - least for c in certificates])
     nearer = np.array(off)
-    return Motions(
-        len(nearer),
-        *(int(n) for n in (nearer > EXACT).sum(axis=0)),
-        tuple(nearer.max(axis=0).tolist()),
-        tuple(taken),
-        tuple(cpu.tolist()),
-    )
+    exact, erring = (nearer > EXACT).sum(axis=0).tolist()
+    worst, used = nearer.max(axis=0).tolist(), cpu.tolist()
+    return Motions(len(nearer), exact, erring, (worst[0], worst[1]), tuple(taken), (used[0], used[1]))
 
 
 def _least(cell: Cell, world: World, move: Move, error: Array) -> float:

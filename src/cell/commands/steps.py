@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
 from arm.plan_file import Move, Plan, read_plan, write_plan
 from cell.accuracy.budget_report import budget_to_json, print_budgets
+from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.measures import require_insertion
 from cell.accuracy.placement import PlacementBudget
@@ -28,6 +30,7 @@ from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.cartesian.reachability import ReachTable
+from plan.collision.certificate import ClearanceCertificate
 from plan.options import clearance_words
 from plan.trajectory.virtual_unit import NO_UNIT
 from vision.observation import Observation
@@ -173,9 +176,9 @@ def plan_step(
         stopped, plan = stop, stop.plan
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
-    budgets = require_placements(task.cell, seen, plan)
+    budgets, erring = require_placements(task.cell, seen, plan), erring_clearances(task.cell, plan)
     write_plan(output, plan)
-    _print_plan(plan, task.cell, console)
+    _print_plan(plan, task.cell, console, erring)
     print_budgets(budgets, console)
     if stopped is not None:
         why = f"{stopped}; it is written to {output}, certified, code {plan.code}"
@@ -193,16 +196,19 @@ def plan_step(
         "placements": [budget_to_json(budget) for budget in budgets],
         "skipped": plan.task.get("skipped", []),
         "stopped": plan.notes.get("search"),
-        "moves": [_move_to_json(m) for m in plan.moves],
+        "moves": [_move_to_json(m, of) for m, of in zip_longest(plan.moves, erring)],
     }
 
 
-def _print_plan(plan: Plan, cell: Cell, console: Console) -> None:
+def _print_plan(plan: Plan, cell: Cell, console: Console, erring: tuple[ClearanceCertificate, ...]) -> None:
     rows = [
-        (m.name, m.path.duration_s, len(m.path.segments), 1e3 * m.clearance, " - ".join(m.closest))
-        for m in plan.moves
+        (m.name, m.path.duration_s, len(m.path.segments), 1e3 * m.clearance)
+        + (() if of is None else (1e3 * of.clearance,))
+        + (" - ".join(m.closest),)
+        for m, of in zip_longest(plan.moves, erring)
     ]
-    console.table(("move", "s", "segments", "mm", "closest"), rows)
+    header = ("move", "s", "segments", "mm", *(["mm with errors"] if erring else []), "closest")
+    console.table(header, rows)
     console.say(
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
         f"{tool_words(plan, cell.robot(cell.cube_size), cell.unit)}; "
@@ -224,12 +230,13 @@ def warn_of(plan: Plan, console: Console) -> None:
             console.say(f"NOTE: {note}")
 
 
-def _move_to_json(move: Move) -> dict[str, Any]:
+def _move_to_json(move: Move, erring: ClearanceCertificate | None) -> dict[str, Any]:
     return {
         "name": move.name,
         "role": move.role,
         "motion_s": move.path.duration_s,
         "clearance_mm": 1e3 * move.clearance,
+        "clearance_with_errors_mm": None if erring is None else 1e3 * erring.clearance,
         "closest": list(move.closest),
     }
 

@@ -12,6 +12,7 @@ from arm.errors import ExecutionStopped
 from arm.plan_file import Plan, Step
 from arm.se3 import Array
 from cell.accuracy.budget_report import budget_words
+from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import require_placements
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
@@ -119,8 +120,9 @@ class TaskRun(OpenRun):
         """Say how accurate the placements are.
 
         Raises:
-            ImpossibleError: a cube is too likely to miss its pocket.
+            ImpossibleError: a cube is too likely to miss its pocket, or the arm may come too near to something.
         """
+        erring_clearances(self.task.cell, plan)
         words = budget_words(require_placements(self.task.cell, observation, plan))
         if words:
             self.console.step(words)

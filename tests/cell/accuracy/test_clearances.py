@@ -1,0 +1,60 @@
+"""Clearances of an arm with its errors: of every move of a plan, and required."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.io.storage import data_file
+from arm.plan_file import Plan
+from cell.accuracy.clearances import erring_clearances
+from cell.files.task import Task, read_task
+from cell.task.planning import Rest, plan_rest
+from tasks.true_look import true_look
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return read_task(data_file("scenes/realistic/task2.toml"))
+
+
+@pytest.fixture(scope="module")
+def plan(task: Task) -> Plan:
+    made = plan_rest(Rest(task, true_look(task), task.cell.q_start, 0.5))
+    assert made is not None
+    return made
+
+
+def test_every_move_has_a_clearance_with_errors(task: Task, plan: Plan) -> None:
+    found = erring_clearances(task.cell, plan)
+    moves = list(plan.moves)
+    assert len(found) == len(moves)
+    assert all(certificate.proved for certificate in found)
+    lost = [1e3 * (move.clearance - of.clearance) for move, of in zip(moves, found, strict=True)]
+    lines = [one for move, one in zip(moves, lost, strict=True) if move.role in ("approach", "retract")]
+    assert all(0.3 < one < 2.0 for one in lines)
+
+
+def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: Plan) -> None:
+    """The joints' error at rest grows until some move keeps less than is asked."""
+    cell = replace(task.cell, following_error=np.radians(0.1))
+    with pytest.raises(
+        ImpossibleError, match=r"within 3 standard deviations.*raise motion.clearance_mm"
+    ) as refused:
+        erring_clearances(cell, plan)
+    data = refused.value.data
+    assert data["clearance_mm"] < data["required_mm"] == 2.0
+    assert data["step"] in {move.name for move in plan.moves}
+    assert len(data["pair"]) == 2
+    least = min(c.clearance for c in erring_clearances(replace(cell, erring_clearance=0.0), plan))
+    assert 0.0 < least < 2e-3
+    allowed = replace(cell, erring_clearance=least - 1e-4)
+    assert len(erring_clearances(allowed, plan)) == len(list(plan.moves))
+
+
+def test_unknown_errors_are_not_checked(task: Task, plan: Plan) -> None:
+    assert erring_clearances(replace(task.cell, sigmas=0.0), plan) == ()
+    assert erring_clearances(replace(task.cell, calibration=None), plan) == ()
