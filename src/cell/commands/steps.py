@@ -30,7 +30,6 @@ from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.cartesian.reachability import ReachTable
-from plan.collision.certificate import ClearanceCertificate
 from plan.options import clearance_words
 from plan.trajectory.virtual_unit import NO_UNIT
 from vision.observation import Observation
@@ -200,10 +199,10 @@ def plan_step(
     }
 
 
-def _print_plan(plan: Plan, cell: Cell, console: Console, erring: tuple[ClearanceCertificate, ...]) -> None:
+def _print_plan(plan: Plan, cell: Cell, console: Console, erring: tuple[float, ...]) -> None:
     rows = [
         (m.name, m.path.duration_s, len(m.path.segments), 1e3 * m.clearance)
-        + (() if of is None else (1e3 * of.clearance,))
+        + (() if of is None else (1e3 * of,))
         + (" - ".join(m.closest),)
         for m, of in zip_longest(plan.moves, erring)
     ]
@@ -230,13 +229,13 @@ def warn_of(plan: Plan, console: Console) -> None:
             console.say(f"NOTE: {note}")
 
 
-def _move_to_json(move: Move, erring: ClearanceCertificate | None) -> dict[str, Any]:
+def _move_to_json(move: Move, erring: float | None) -> dict[str, Any]:
     return {
         "name": move.name,
         "role": move.role,
         "motion_s": move.path.duration_s,
         "clearance_mm": 1e3 * move.clearance,
-        "clearance_with_errors_mm": None if erring is None else 1e3 * erring.clearance,
+        "clearance_with_errors_mm": None if erring is None else 1e3 * erring,
         "closest": list(move.closest),
     }
 

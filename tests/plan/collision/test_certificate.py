@@ -16,6 +16,7 @@ from plan.collision.certificate import (
     TIGHT_ABSOLUTE,
     TIGHT_RELATIVE,
     ArmErrors,
+    bounds_with_errors,
     certify_curve,
     certify_move,
 )
@@ -316,3 +317,22 @@ def test_a_shift_of_the_bodies_is_taken_off_every_distance(shift: float) -> None
     assert shifted.clearance <= plain.seen - shift
     assert min(shifted.bounds) <= plain.seen - shift
     assert shifted.clearance >= plain.clearance - shift - 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_with_errors_are_below_the_certificate_with_errors_and_not_far(seed: int) -> None:
+    """They take off what the errors move the body most that they move most: a certificate knows the pair."""
+    rng = np.random.default_rng(seed)
+    world = crowded_world(rng)
+    curve, errors = _cubic(world, rng), _errors(rng, 0.1)
+    exact = certify_curve(world, curve, 0.0, True)
+    cheap = bounds_with_errors(world, curve, np.array(exact.bounds), errors)
+    worst = _worst(world, curve, errors)
+    assert cheap.min() <= worst + 2e-6
+    assert (
+        exact.clearance - cheap.min()
+        >= exact.seen - certify_curve(world, curve, 0.0, True, errors).seen - 1e-3
+    )
+    still = bounds_with_errors(world, _still(curve.control[0, 0]), np.array([1.0]), errors)
+    largest = world.volumes.placed(curve.control[:, 0]).radii[0]
+    assert 1.0 - still[0] == pytest.approx(errors.motion(largest).max())
