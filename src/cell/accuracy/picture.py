@@ -1,0 +1,69 @@
+"""Error budgets drawn over their board: 95 % ellipses of the cubes' offsets, and the room that they have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.board import PLATE_CENTRE, PLATE_SIZE, Board
+from cell.accuracy.insertion import PocketFit
+from cell.accuracy.placement import PlacementBudget
+
+MAGNIFIED = 10.0  # offsets and room, relative to the plate
+SPREAD = float(np.sqrt(5.991))  # standard deviations to the ellipse that holds 95 % in two dimensions
+
+
+@dataclass(frozen=True)
+class HoleMark:
+    """A hole with the offset of the cube that is put into it, in mm of the board's frame and degrees.
+
+    Attributes:
+        x, y: centre of the hole.
+        room: half width of the square in which a cube that is not rotated enters, magnified.
+        long, short, angle: half axes of the 95 % ellipse, magnified, and the direction of the longer one.
+        label, title: the insertion probability, and what the mark is.
+    """
+
+    x: float
+    y: float
+    room: float
+    long: float
+    short: float
+    angle: float
+    label: str
+    title: str
+
+
+@dataclass(frozen=True)
+class BudgetPicture:
+    """A board from above, y up: its name, its plate (x, y, width, height) mm, and the marks of its holes."""
+
+    board: str
+    plate: tuple[float, float, float, float]
+    marks: tuple[HoleMark, ...]
+
+
+def budget_picture(board: Board, budgets: Sequence[PlacementBudget], fit: PocketFit) -> BudgetPicture:
+    """Return the picture of the budgets of placements on one board."""
+    size = 1e3 * np.array(PLATE_SIZE[:2])
+    x, y = 1e3 * np.array(PLATE_CENTRE) - size / 2.0
+    marks = tuple(_mark(board, b, fit) for b in budgets if b.target.rpartition("/")[0] == board.name)
+    return BudgetPicture(board.name, (float(x), float(y), float(size[0]), float(size[1])), marks)
+
+
+def _mark(board: Board, budget: PlacementBudget, fit: PocketFit) -> HoleMark:
+    x, y = 1e3 * board.holes[int(budget.target.rpartition("/")[2]) - 1][:2]
+    values, vectors = np.linalg.eigh(budget.covariance[:2, :2])
+    short, long = 1e3 * MAGNIFIED * SPREAD * np.sqrt(np.maximum(values, 0.0))
+    return HoleMark(
+        x=float(x),
+        y=float(y),
+        room=1e3 * MAGNIFIED * (fit.mouth - fit.cube) / 2.0,
+        long=float(long),
+        short=float(short),
+        angle=float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))),
+        label=f"{100.0 * budget.insertion:.2f} %",
+        title=f"{budget.cube} to {budget.target}: RMS offset {1e3 * budget.sideways:.2f} mm",
+    )
