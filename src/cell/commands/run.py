@@ -15,7 +15,6 @@ from cell.files.cube_widths import read_widths
 from cell.files.task import Task, read_task
 from cell.preview.of_plan import write_page
 from cell.report.run_folder import LOG, run_folder
-from cell.report.run_report import report_of
 from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
@@ -283,7 +282,9 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
         words += ["--preload"] if where.preload else []
         words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
     with suppress(OutputLost):  # must not replace the error, which is printed on standard error
-        run.write_report(report_of(error))
+        told = {"kind": type(error).__name__, "word": error.word, "message": str(error)}
+        known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
+        run.write_report({"error": {**told, "exit_code": error.exit_code, **known}})
         if isinstance(error, ExecutionStopped):
             if "cubes" not in error.data:  # else the table was printed
                 run.tell_rows()

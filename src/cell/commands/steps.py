@@ -24,7 +24,6 @@ from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
 from cell.files.task import Task, read_task
-from cell.scene.arm_shape import arm_shape
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
@@ -182,7 +181,7 @@ def plan_step(
     if stopped is not None:
         why = f"{stopped}; it is written to {output}, certified, code {plan.code}"
         raise ExecutionStopped(why, plan=str(output), reason="interrupted")
-    console.say(f"clearances refer to the bodies of the cell file; {arm_shape(task.cell)}")
+    console.say(f"clearances refer to the bodies of the cell file; {task.cell.arm_shape()}")
     console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {
         "plan": str(output),

@@ -93,6 +93,13 @@ class Cell(CellValues):
             noted |= {"calibration": made.id, "joint_offsets_rad": made.joint_offsets.tolist()}
         return noted
 
+    def arm_shape(self) -> str:
+        """Say in one line who compared the arm's assumed bodies with the arm, and the padding of its links."""
+        padded = f"links padded by {1e3 * self.arm_padding:g} mm, the gripper not"
+        if self.arm_compared.strip():
+            return f"the arm's bodies were compared with the arm ({self.arm_compared.strip()}): {padded}"
+        return f"the arm's shape is assumed, nobody has compared it with the arm: {padded}"
+
     @property
     def limits(self) -> Limits:
         """Joint limits with the registers of this cell, at speed 1."""

@@ -13,11 +13,11 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
 from cell.files.task import cell_of
-from cell.scene.arm_shape import COMPARE, arm_shape
 from cell.session.camera_watch import camera_watch
 
 CALIBRATE_LENS = "on a real cell: a465 calibrate camera"
 CALIBRATE_ARM = "on a real cell: a465 calibrate hand-eye DATA --collect TASK --port PORT -o FILE --apply"
+COMPARE = "docs/real-cell.md, step 2, explains how to compare these bodies with your arm"
 WATCH = "a465 calibrate background TASK -o background.npz --apply"
 
 
@@ -67,7 +67,7 @@ def _cell_finding(read: ReadCell) -> CheckResult:
 def _shape_finding(cell: Cell) -> CheckResult:
     data = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
     verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
-    return CheckResult("arm's shape", verdict, arm_shape(cell), help, data)
+    return CheckResult("arm's shape", verdict, cell.arm_shape(), help, data)
 
 
 def _arm_finding(read: ReadCell) -> CheckResult:

@@ -15,7 +15,6 @@ from arm.errors import InputError
 from arm.plan_file import Plan
 from cell.files.task import Task
 from cell.report.html import Table, render
-from cell.scene.arm_shape import arm_shape
 
 _WIDTH, _QUALITY = 960, 82  # of an image in the page: px, and JPEG quality
 _HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg", "remarks")
@@ -150,7 +149,7 @@ def _provenance(task: Task) -> list[tuple[str, str]]:
         ("cell file", cell.file.name),
         ("camera file", cell.camera_file.name),
         ("hand-eye calibration", "none" if cell.calibration is None else cell.calibration.id),
-        ("arm's shape", arm_shape(cell)),
+        ("arm's shape", cell.arm_shape()),
         ("task and cell", task.digest[:12]),
     ]
 

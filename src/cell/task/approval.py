@@ -16,7 +16,6 @@ from arm.errors import InputError
 from arm.plan_file import Plan, read_plan
 from cell.config.calibration_state import calibration_lines
 from cell.console import Console
-from cell.scene.arm_shape import arm_shape
 from cell.session.dialogue import asked, at_terminal, require_word, typed
 from cell.session.overview import overview
 from cell.task.run import TaskRun
@@ -125,7 +124,7 @@ class Approval:
             f"tool: at most {1e3 * factor * of.tool:.0f} mm/s; clearance: at least {1e3 * of.clearance:.1f} mm"
             + (f" ({near})" if near else "")
         )
-        for line in (arm_shape(cell), *calibration_lines(cell)):
+        for line in (cell.arm_shape(), *calibration_lines(cell)):
             say(line)
         say(f"the arm: {_place(run)}")
         say(ABOUT_GOING_ON if self.resumes else ABOUT_KEPT if run.homed_before else ABOUT_HOMING)

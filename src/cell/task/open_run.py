@@ -1,7 +1,8 @@
-"""A run on an open cell: look, execute steps, and collect the data for the report."""
+"""A run on an open cell: look, execute steps, collect the data for the report, and write it."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import ImpossibleError, InputError
+from arm.io.storage import write_atomic
 from arm.plan_file import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
 from cell.console import Console
 from cell.files.observation import require_boards
 from cell.files.task import Task
 from cell.report.cubes import CubeRow, print_rows
-from cell.report.run_page import KeptPlan, Picture
-from cell.report.run_report import run_report, write_run_report
+from cell.report.run_page import KeptPlan, Picture, run_page
 from cell.session.camera_watch import shift_words
 from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
@@ -34,6 +35,8 @@ from plan.budget import SearchBudget
 from vision.background.camera_shift import UNRECOGNISED
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
+
+TO_START = "to-start"  # name of a plan that only moves to q_start
 
 
 @dataclass(eq=False)
@@ -192,13 +195,13 @@ class OpenRun:
         self.console.step(text)
 
     def report(self) -> dict[str, Any]:
-        """Print the table and write the report."""
+        """Print the table, write the report, and return it as JSON types."""
         self.tell_rows()
         self.write_report({})
         self.console.say(
             f"\nimages, plans and log are in {self.folder}; open {self.folder / 'report.html'} for the summary"
         )
-        return run_report(self)
+        return self.to_json()
 
     def tell_rows(self) -> None:
         """Print a row for each cube that was started."""
@@ -206,8 +209,36 @@ class OpenRun:
             print_rows(self.console, self.rows)
 
     def write_report(self, more: dict[str, Any]) -> None:
-        """Write the report; a failure to write it is printed, and does not hide how the run ended."""
+        """Write ``report.json`` with `more`, and ``report.html``.
+
+        A failure to write them is printed, and does not hide how the run ended.
+        """
+        report = {**self.to_json(), **more}
         try:
-            write_run_report(self, more)
+            write_atomic(self.folder / "report.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
+            now = datetime.now().astimezone()
+            page = run_page(self.task, report, self.pictures, self.kept, self.began, now)
+            write_atomic(self.folder / "report.html", page)
         except InputError as error:
             self.tell(f"no report: {error}")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as JSON types."""
+        whole = [kept.plan for kept in self.kept if kept.name != TO_START]
+        return {
+            "task": self.task.name,
+            "kind": self.task.kind,
+            "unit": self.task.cell.unit.name,
+            "cubes": [row.to_json() for row in self.rows],
+            "cubes_planned": len(whole[0].task["cubes"]) if whole else 0,
+            "plan_sha256": whole[0].sha256 if whole else None,
+            "plans_sha256": [p.sha256 for p in whole],
+            "motion_s": round(sum(p.duration_s for p in whole), 3),
+            "speed": self.speed,
+            "override": self.control.ceiling,
+            "time_scale": self.connection.time_scale,
+            "arm_shape": self.task.cell.arm_shape(),
+            "simulated": self.connection.simulated is not None,
+            "remarks": self.remarks,
+            "folder": str(self.folder),
+        }

@@ -17,7 +17,6 @@ from cell.accuracy.plan_budgets import require_placements
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
-from cell.report.run_report import TO_START
 from cell.scene.build import T_base_cube_on_table, build_scene, cube_name
 from cell.session.budget import spending
 from cell.session.grasp_monitor import GraspMonitor, grip_fault
@@ -25,7 +24,7 @@ from cell.session.speed import tool_words
 from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
 from cell.task.explain import explain_failure
-from cell.task.open_run import OpenRun
+from cell.task.open_run import TO_START, OpenRun
 from cell.task.planning import Rest, options_of, plan_rest, plan_to_start, reach_of, skipped_cubes
 from driver.execution.progress import StreamOptions
 from plan.program.recovery import plan_retreat

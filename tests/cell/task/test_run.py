@@ -27,7 +27,7 @@ def test_a_report_that_cannot_be_written_does_not_hide_how_the_run_ended(
     def full(file: Path, _: bytes | str) -> None:
         raise InputError(f"{file}: cannot be written: No space left on device")
 
-    monkeypatch.setattr("cell.report.run_report.write_atomic", full)
+    monkeypatch.setattr("cell.task.open_run.write_atomic", full)
     with pytest.raises(A465Error, match="has 0 new images"):
         execute(emulator.open_pty(), place / "images")
     told = capsys.readouterr()

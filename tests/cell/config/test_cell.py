@@ -19,8 +19,7 @@ from cell.config.cell_file import read_cell
 from cell.doctor.cell import check_cell, read_named
 from cell.doctor.finding import NOTE, OK
 from cell.files.task import read_task
-from cell.report.run_report import run_report
-from cell.scene.arm_shape import arm_shape
+from cell.task.open_run import OpenRun
 from plan.collision.world import World
 from typed.command_line import a465, replace_in
 
@@ -98,7 +97,7 @@ def test_check_and_plan_follow_the_padding(scenes: Path) -> None:
     after, _ = a465("check", scenes / "cell.toml", q)
     assert before != after
     cell = read_cell(scenes / "cell.toml")
-    assert "30 mm" in arm_shape(cell)
+    assert "30 mm" in cell.arm_shape()
 
 
 def test_paddings_add_up_and_are_checked() -> None:
@@ -127,8 +126,8 @@ def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared:
         remarks=[],
         folder=scenes,
     )
-    told = run_report(run)["arm_shape"]
-    assert told == arm_shape(task.cell)
+    told = OpenRun.to_json(run)["arm_shape"]
+    assert told == task.cell.arm_shape()
     assert ("2026-11-20, who did it" in told) is compared
     assert ("nobody has compared it" in told) is not compared
     assert "padded by 10 mm" in told
