@@ -185,7 +185,7 @@ def _released(
         if not isinstance(step, GripperStep):
             continue
         simulated.arrival = partial(Arrival, number)
-        now = gripper.adc(cell.fraction_closed(simulated.jaw_opening))
+        now = gripper.adc(cell.gripper.fraction_closed(simulated.jaw_opening))
         before = len(simulated.events)
         simulated.jaws(counts, now, gripper.adc(step.fraction_closed))
         events = simulated.events[before:]

@@ -17,7 +17,8 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from arm.io.storage import data_file
-from cell.commands.steps import look_step, plan_step, preview_step
+from cell.commands.preview import preview_file
+from cell.commands.steps import look_step, plan_step
 from cell.console import Console
 
 HERE = Path(__file__).resolve().parent
@@ -35,7 +36,7 @@ def main() -> None:
         look, plan, page_file = (Path(folder) / name for name in ("look.json", "plan.json", "plan.html"))
         look_step(task, None, None, look, None, console)
         plan_step(task, look, plan, None, console)
-        preview_step(plan, task, page_file, console)
+        preview_file(plan, task, page_file, console)
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         page = browser.new_page(viewport=SIZE)
         page.goto(page_file.as_uri())

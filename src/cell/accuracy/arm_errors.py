@@ -36,4 +36,4 @@ def _length_behind(cell: Cell) -> Array:
     """Largest distance of any point of arm, tool and cube from the frame behind each joint, (6,) m."""
     links = np.hypot(A465.a, A465.d)
     behind = np.cumsum(links[::-1])[::-1] - links
-    return np.asarray(behind + cell.tool_length + _BODY)
+    return np.asarray(behind + cell.gripper.length + _BODY)

@@ -151,9 +151,9 @@ def calibrate_hand_eye(
         from cell.commands.calibration.collect import CollectFiles, collect_step
         from cell.session.connection import WhichCell
         from cell.task.approval import Consent
-        from cell.task.free_cell import before_homing
+        from cell.task.free_cell import FreeCell
 
-    confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
+    confirm = None if port is None else FreeCell(Consent(unseen, console), port, homed or free, console)
     hand = target or data_file("scenes/targets/hand.toml")
     files = CollectFiles(data, collect, hand, folder, apply)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed)
@@ -182,10 +182,9 @@ def record_background(
     as_json: shared.Json = False,
 ) -> None:
     with answering("looking", as_json) as console:
-        from cell.commands.calibration.background import BackgroundSource, background_step
+        from cell.commands.calibration.background import background_step
 
-        source = BackgroundSource(images, camera, world)
-        console.result(background_step(task, source, output, apply, console))
+        console.result(background_step(task, output, apply, console, images, camera, world))
 
 
 @app.command(

@@ -87,10 +87,10 @@ def run(
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
         from cell.task.approval import Consent
-        from cell.task.free_cell import before_homing
+        from cell.task.free_cell import FreeCell
 
     allowed = budget_of(budget, give_up)
-    confirm = None if port is None else before_homing(Consent(unseen, console), port, homed, free, console)
+    confirm = None if port is None else FreeCell(Consent(unseen, console), port, homed or free, console)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
     with _watched(console, live, live_port) as watcher:
         _finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
@@ -311,12 +311,12 @@ def execute(
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
         from cell.task.approval import Approval
-        from cell.task.free_cell import before_homing
+        from cell.task.free_cell import FreeCell
 
     confirm = None
     if port is not None:
         approval = Approval(plan, yes, console, resumes=resume)
-        confirm = before_homing(approval, port, homed or resume, free, console)
+        confirm = FreeCell(approval, port, homed or resume or free, console)
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
     with _watched(console, live, live_port) as watcher:
         if resume:

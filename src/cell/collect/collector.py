@@ -70,27 +70,19 @@ class CollectOptions:
         return cls(usual if poses is None else poses, seed or 0, recipe)
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """Configurations to record, and those from which further poses can be proposed.
-
-    Attributes:
-        q: configurations to record (k, 6), rad.
-        pool: feasible configurations (n, 6), rad.
-    """
-
-    q: Array
-    pool: Array
-
-
 def hand_scene(record: HandRecord) -> Scene:
     """Return the cell with the target in the gripper and the whole zone occupied."""
     robot = record.hand.carried_by(record.cell.robot())
     return Scene(robot, robot, unseen_scene(record.cell).bodies, ())
 
 
-def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, console: Console) -> Choice:
+def choose_poses(
+    record: HandRecord, scene: Scene, options: CollectOptions, console: Console
+) -> tuple[Array, Array]:
     """Choose the configurations that a recording still needs.
+
+    Returns:
+        The configurations to record (k, 6), rad, and all feasible ones (n, 6), rad, for further proposals.
 
     Raises:
         ImpossibleError: the target cannot be shown to the camera.
@@ -105,14 +97,14 @@ def choose_poses(record: HandRecord, scene: Scene, options: CollectOptions, cons
         recipe = recipe_poses(view, options.poses, options.seed, progress)
         left = not_taken(recipe, taken)[:missing]
         console.step(f"{len(left)} of the recipe's {len(recipe)} poses to take")
-        return Choice(left, pool)
+        return left, pool
     lens, points, about = cell.camera.at(np.eye(4)), hand.target.points(), cell.camera.T_base_camera
     plan = choose_calibration_poses(pool, missing, A465, lens, points, about, hand.T_flange_target, taken)
     console.step(
         f"{missing} of {len(pool)} poses chosen: expected uncertainty of the camera pose "
         f"{1e3 * plan.sigma:.2f} mm and {np.degrees(plan.sigma_turn):.3f} deg"
     )
-    return Choice(pool[list(plan.places)], pool)
+    return pool[list(plan.places)], pool
 
 
 def not_taken(q: Array, taken: Array) -> Array:

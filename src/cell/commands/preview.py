@@ -5,19 +5,58 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from arm.errors import ImpossibleError, InputError
 from arm.io.storage import keep_apart
 from cell.console import Console
 
 
 def preview_file(file: Path, task: Path | None, output: Path | None, console: Console) -> dict[str, Any]:
-    """Write the page of a plan or a log, as the content of the file decides; by default beside the file."""
+    """Write the page of a plan or a log, as the content of the file decides; by default beside the file.
+
+    A plan that does not match the present cell is shown with a warning.
+
+    Raises:
+        InputError: a plan of a cell needs its task file, and a plan of an arm without a unit has none.
+    """
     from driver.log.read import is_log
 
     keep_apart(output, file, task)
+    output = output or file.with_suffix(".html")
     if is_log(file):
         from cell.preview.of_log import preview_log
 
-        return preview_log(file, task, output or file.with_suffix(".html"), console)
-    from cell.commands.steps import preview_step
+        return preview_log(file, task, output, console)
+    return _preview_plan(file, task, output, console)
 
-    return preview_step(file, task, output or file.with_suffix(".html"), console)
+
+def _preview_plan(plan_file: Path, task_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
+    from arm.plan_file import read_plan
+    from cell.export.scene import arm_of_plan
+    from cell.files.place import place_or_arm
+    from cell.files.task import Task
+    from cell.preview.of_plan import write_page
+    from cell.preview.page import write_preview
+    from cell.task.plan_matches import require_match
+    from plan.trajectory.virtual_unit import NO_UNIT
+
+    plan, warning = read_plan(plan_file), None
+    task = None if task_file is None else place_or_arm(task_file)
+    if plan.unit == NO_UNIT:
+        arm = arm_of_plan(plan_file, plan, task)
+        write_preview(plan, arm.robot_open, arm.robot_holding, arm.unit, output)
+    elif not isinstance(task, Task):
+        why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 preview {plan_file} TASK"
+        raise InputError(why, file=str(plan_file))
+    else:
+        try:
+            require_match(task, plan)
+        except ImpossibleError as error:
+            if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
+                raise
+            warning = str(error)
+        write_page(task, plan, output)
+    if warning is not None:
+        console.say(f"WARNING: {warning}; the page shows it in the present cell, but execute would refuse it")
+    console.say(f"open {output} in a browser")
+    result = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
+    return result if warning is None else {**result, "warning": warning}

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError
 from arm.former import former_names
 from arm.io.storage import canonical_json, keep_apart, write_atomic
-from arm.plan_file import Move, Plan, read_plan, write_plan
+from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.budget_report import budget_to_json, print_budgets
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import ErrorModel
@@ -30,7 +30,6 @@ from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.cartesian.reachability import ReachTable
 from plan.options import clearance_words
-from plan.trajectory.virtual_unit import NO_UNIT
 from vision.observation import Observation
 
 if TYPE_CHECKING:
@@ -237,38 +236,3 @@ def _move_to_json(move: Move, erring: float | None) -> dict[str, Any]:
         "clearance_with_errors_mm": None if erring is None else 1e3 * erring,
         "closest": list(move.closest),
     }
-
-
-def preview_step(plan_file: Path, task_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
-    """``a465 preview``; a plan that does not match the present cell is shown with a warning.
-
-    Raises:
-        InputError: a plan of a cell needs its task file, and a plan of an arm without a unit has none.
-    """
-    from cell.export.scene import arm_of_plan
-    from cell.files.place import place_or_arm
-    from cell.preview.of_plan import write_page
-    from cell.preview.page import write_preview
-    from cell.task.plan_matches import require_match
-
-    plan, warning = read_plan(plan_file), None
-    task = None if task_file is None else place_or_arm(task_file)
-    if plan.unit == NO_UNIT:
-        arm = arm_of_plan(plan_file, plan, task)
-        write_preview(plan, arm.robot_open, arm.robot_holding, arm.unit, output)
-    elif not isinstance(task, Task):
-        why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 preview {plan_file} TASK"
-        raise InputError(why, file=str(plan_file))
-    else:
-        try:
-            require_match(task, plan)
-        except ImpossibleError as error:
-            if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
-                raise
-            warning = str(error)
-        write_page(task, plan, output)
-    if warning is not None:
-        console.say(f"WARNING: {warning}; the page shows it in the present cell, but execute would refuse it")
-    console.say(f"open {output} in a browser")
-    result = {"page": str(output), "plan_sha256": plan.sha256, "bytes": output.stat().st_size}
-    return result if warning is None else {**result, "warning": warning}

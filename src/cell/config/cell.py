@@ -74,17 +74,7 @@ class Cell(CellValues):
 
     def nominal_robot(self, jaw_opening: float | None = None) -> Robot:
         """Return the arm with nominal kinematics and unpadded links."""
-        return self.gripper.robot(self.jaw_opening if jaw_opening is None else jaw_opening)
-
-    @property
-    def tool_length(self) -> float:
-        """Distance from the flange to the finger tips, m."""
-        return self.gripper.length
-
-    @property
-    def jaw_opening(self) -> float:
-        """Distance between the open fingers, m."""
-        return self.gripper.opening
+        return self.gripper.robot(self.gripper.opening if jaw_opening is None else jaw_opening)
 
     def noted(self) -> dict[str, Any]:
         """Return what a log needs to convert counts to joint angles."""
@@ -104,7 +94,3 @@ class Cell(CellValues):
     def limits(self) -> Limits:
         """Joint limits with the registers of this cell, at speed 1."""
         return self.unit.limits(self.speed_registers, self.acceleration_registers)
-
-    def fraction_closed(self, jaw_opening: float) -> float:
-        """Convert a jaw opening in m to the closed fraction of the stroke: 0 open, 1 shut."""
-        return self.gripper.fraction_closed(jaw_opening)

@@ -118,13 +118,13 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         digest=sha256(canonical_json(inputs)),
     )
     cell.robot()  # raises if length, fingers and palm of the gripper are inconsistent
-    room = (cell.jaw_opening - cell.cube_size) / 2.0 - PlanOptions.line_clearance
+    room = (cell.gripper.opening - cell.cube_size) / 2.0 - PlanOptions.line_clearance
     if cell.moved > room + 1e-9:
         raise root.error_at(
             "look.moved_mm",
             f"must be at most {max(room, 0.0) * 1e3:g} mm: a cube shifted that far must fit between the open jaws "
             f"with {PlanOptions.line_clearance * 1e3:g} mm of clearance "
-            f"(tool.jaw_opening_mm {cell.jaw_opening * 1e3:g}, cube.size_mm {cell.cube_size * 1e3:g})",
+            f"(tool.jaw_opening_mm {cell.gripper.opening * 1e3:g}, cube.size_mm {cell.cube_size * 1e3:g})",
         )
     return cell
 

@@ -72,10 +72,9 @@ def _findings(port: str | None, camera: str | None, cell_file: Path | None) -> I
 
 
 def _read_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
-    from cell.doctor.cell import check_cell, read_named
+    from cell.doctor.cell import check_cell
 
-    read = read_named(file)
-    return tuple(check_cell(read)), read.cell
+    return check_cell(file)
 
 
 def _self_test(cell: Cell | None) -> Iterator[CheckResult]:

@@ -21,8 +21,7 @@ from arm.se3 import Array, frozen, transform
 from cell.config.arm_file import ARM
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
-from cell.config.cell_file import read_cell
-from cell.files.task import read_task
+from cell.files.task import cell_of
 from plan.collision.world import World
 
 Pair = frozenset[str]
@@ -218,10 +217,8 @@ def read_surroundings(path: Path) -> SceneFile:
         InputError: the file is none of these, or is wrong.
     """
     root = Node.of_toml(path)
-    if "task" in root:
-        return _of_cell(read_task(path).cell)
-    if "q_start_deg" in root or "camera" in root:
-        return _of_cell(read_cell(path))
+    if "task" in root or "q_start_deg" in root or "camera" in root:
+        return _of_cell(cell_of(path))
     return read_scene_file(path)
 
 
@@ -229,7 +226,17 @@ def _of_cell(cell: Cell) -> SceneFile:
     """Return the cell as a scene, jaws open."""
     none: frozenset[Pair] = frozenset()
     return SceneFile(
-        cell.file, cell.unit, cell.robot(), cell.jaw_opening, cell.fixed, None, transform(), none, 0.0, (), ()
+        cell.file,
+        cell.unit,
+        cell.robot(),
+        cell.gripper.opening,
+        cell.fixed,
+        None,
+        transform(),
+        none,
+        0.0,
+        (),
+        (),
     )
 
 

@@ -19,7 +19,6 @@ from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Body, body_from_json
 from arm.se3 import Array, inverse, rotation_vector
 from cell.preview.overlays import (
-    CameraView,
     ClearanceSample,
     ExecutedMove,
     boards_to_json,
@@ -31,6 +30,7 @@ from cell.preview.overlays import (
 )
 from cell.preview.timeline import TimedStep, cube_tracks, timed_steps
 from plan.options import clearance_words
+from vision.camera.model import Camera
 
 
 def page_content(
@@ -40,7 +40,7 @@ def page_content(
     unit: Unit,
     boards: Sequence[Board] = (),
     dictionary: str = "DICT_4X4_50",
-    camera: CameraView | None = None,
+    camera: Camera | None = None,
     clearance: Mapping[int, Sequence[ClearanceSample]] | None = None,
     executed: Sequence[ExecutedMove] = (),
 ) -> dict[str, Any]:

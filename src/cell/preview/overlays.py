@@ -4,32 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board, plate_name
 from arm.robot.shapes import Body, Convex, Shape, hull_faces, shape_to_json
 from arm.se3 import Array, transform
+from vision.camera.model import Camera
 from vision.markers.dictionaries import marker_modules
 
 _DIGITS = 7  # of lengths in m: a tenth of a micrometre
-
-
-class CameraView(Protocol):
-    """A camera to draw; `vision.camera.model.Camera` is one."""
-
-    @property
-    def K(self) -> Array:
-        """(3, 3), px."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height, px."""
-
-    @property
-    def T_base_camera(self) -> Array:
-        """Pose, 4x4: z forward, x right in the image, y down."""
 
 
 @dataclass(frozen=True)
@@ -118,11 +103,11 @@ def boards_to_json(boards: Sequence[Board], bodies: Sequence[Body], dictionary: 
     ]
 
 
-def camera_to_json(camera: CameraView) -> dict[str, Any]:
+def camera_to_json(camera: Camera) -> dict[str, Any]:
     """Return the camera's pose and the rays through its image corners at depth 1 m, without lens distortion."""
     width, height = camera.size
     pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]], dtype=float)
-    rays = pixels @ np.linalg.inv(np.asarray(camera.K, dtype=float)).T
+    rays = pixels @ np.linalg.inv(camera.K).T
     return {"T": pose_numbers(camera.T_base_camera), "corners": np.round(rays, 5).tolist()}
 
 

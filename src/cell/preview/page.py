@@ -13,8 +13,9 @@ from arm.plan_file import Plan
 from arm.robot.model import Robot
 from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
-from cell.preview.overlays import CameraView, ExecutedMove
+from cell.preview.overlays import ExecutedMove
 from cell.report.html import render
+from vision.camera.model import Camera
 
 _HERE = Path(__file__).resolve().parent
 # Ordered: a later script may use what an earlier one defines.
@@ -30,7 +31,7 @@ class Drawn(TypedDict, total=False):
 
     boards: Sequence[Board]
     dictionary: str
-    camera: CameraView | None
+    camera: Camera | None
     executed: Sequence[ExecutedMove]
 
 

@@ -135,7 +135,7 @@ def free_table_stations(task: Task, poses: Iterable[BoardPose]) -> list[Station]
     if task.places is None:
         return []
     cell = task.cell
-    reach = cell.jaw_opening / 2.0 + 0.025  # half an open gripper, m
+    reach = cell.gripper.opening / 2.0 + 0.025  # half an open gripper, m
     covered = [plate_body(p.board.name, p.T_base_board) for p in poses]
     stations = []
     for number, (x, y) in enumerate(task.places.centres, start=1):

@@ -189,20 +189,27 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
         InputError: port, world file or camera is missing.
     """
     require_openable(task, where)
+    unit = task.cell.unit
     if where.port is None:
-        with _open_simulated(task, where.world, where.time_scale or TIME_SCALE, log) as connection:
-            yield connection
+        from driver.emulator import Emulator
+
+        simulated, time_scale = simulated_cell(task, where.world), where.time_scale or TIME_SCALE
+        stepped = SteppedClock(time_scale)  # independent of the host's load
+        with Emulator(task.cell.nominal_unit, stepped, plant=simulated) as emulator:
+            frames = join(simulated, emulator)
+            with WireLog(log, stepped) as wire, Mars(emulator.open_line(), unit, stepped, wire) as mars:
+                yield Connection(mars, frames, time_scale, simulated, emulator)
         return
     images, clock = where.images, Clock()
     # the camera is opened before anything is sent, and closed after the arm was commanded to stop
     with (
         open_camera(task.cell, where.camera)
         if images is None
-        else nullcontext(NewImageFolder(images)) as frames,
+        else nullcontext(NewImageFolder(images)) as source,
         WireLog(log, clock) as wire,
-        Mars(where.port, task.cell.unit, clock, wire) as mars,
+        Mars(where.port, unit, clock, wire) as mars,
     ):
-        yield Connection(mars, frames, 1.0)
+        yield Connection(mars, source, 1.0)
 
 
 def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
@@ -256,15 +263,3 @@ def _camera(simulated: SimulatedCell, counts: Callable[[], npt.ArrayLike]) -> Si
 
     camera = simulated.world.camera or simulated.cell.nominal_camera
     return SimulatedCamera(simulated, camera, counts, simulated.cell.dictionary)
-
-
-@contextmanager
-def _open_simulated(task: Task, world: Path | None, time_scale: float, log: Path) -> Iterator[Connection]:
-    from driver.emulator import Emulator
-
-    unit, simulated = task.cell.unit, simulated_cell(task, world)
-    clock = SteppedClock(time_scale)  # independent of the host's load
-    with Emulator(task.cell.nominal_unit, clock, plant=simulated) as emulator:
-        frames = join(simulated, emulator)
-        with WireLog(log, clock) as wire, Mars(emulator.open_line(), unit, clock, wire) as mars:
-            yield Connection(mars, frames, time_scale, simulated, emulator)

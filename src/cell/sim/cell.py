@@ -115,8 +115,8 @@ class SimulatedCell:
         self.arrival: Callable[[], Arrival] = Arrival
         self._joint_errors = JointErrors(world)
         self._lock = threading.RLock()
-        self._robot = self.true_robot(cell.jaw_opening)
-        self._opening = cell.jaw_opening
+        self._robot = self.true_robot(cell.gripper.opening)
+        self._opening = cell.gripper.opening
         self._faults = list(world.releases)
         places = [(b, hole) for b in boards for hole in b.cubes]
         self._cubes = [
@@ -208,14 +208,14 @@ class SimulatedCell:
     def _close(self, T_base_tool: Array, target: float) -> float:
         for cube in self._cubes:
             if cube.T_tool_cube is not None:
-                return min(target, self.cell.fraction_closed(cube.size))
+                return min(target, self.cell.gripper.fraction_closed(cube.size))
         for index, cube in enumerate(self._cubes):
-            on_cube = self.cell.fraction_closed(cube.size)
+            on_cube = self.cell.gripper.fraction_closed(cube.size)
             if target < on_cube:
                 continue
             T_tool_cube = mul(inverse(T_base_tool), cube.T_base_cube)
             x, y, z = T_tool_cube[:3, 3]
-            if max(abs(x), abs(y)) > self.cell.jaw_opening / 2.0 or abs(z) > cube.size:
+            if max(abs(x), abs(y)) > self.cell.gripper.opening / 2.0 or abs(z) > cube.size:
                 continue
             depth = cube.size / 2.0 - z  # of the tips below the cube's top
             offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
@@ -231,13 +231,13 @@ class SimulatedCell:
                 detail += f"tips {1e3 * depth:.1f} mm below its top"
                 self._record("pushed", cube.name, cube.T_base_cube, detail)
                 return target
-        if target >= self.cell.fraction_closed(self.cell.cube_size):
+        if target >= self.cell.gripper.fraction_closed(self.cell.cube_size):
             self._record("missed", "", None, "the jaws closed on nothing")
         return target
 
     def _open(self, T_base_tool: Array, target: float) -> float:
         for index, cube in enumerate(self._cubes):
-            if cube.T_tool_cube is not None and target < self.cell.fraction_closed(cube.size):
+            if cube.T_tool_cube is not None and target < self.cell.gripper.fraction_closed(cube.size):
                 self._cubes[index] = self._released(cube, frozen(mul(T_base_tool, cube.T_tool_cube)))
         return target
 

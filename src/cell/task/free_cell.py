@@ -18,13 +18,6 @@ if TYPE_CHECKING:
 FREE, READY = "free", "ready"
 
 
-def before_homing(
-    confirm: Callable[..., None], port: str, kept: bool, free: bool, console: Console
-) -> Callable[..., None]:
-    """Wrap an approval so that it also asks for a clear cell, unless the arm is not homed."""
-    return confirm if kept else FreeCell(confirm, port, free, console)
-
-
 @dataclass(eq=False)
 class FreeCell:
     """Wrap an approval: also ask for a clear cell before a real arm homes, and for the boards afterwards.
@@ -32,7 +25,8 @@ class FreeCell:
     Attributes:
         confirm: the approval that is asked first.
         port: of the arm.
-        said: whether the command line has --free: the arm can home freely, and the boards are in place.
+        said: whether the command line has --free (the arm can home freely, and the boards are in place), or the arm
+            is not homed.
         console: for output and questions.
         answer: returns a typed line, or None if nobody can type; default: the terminal.
     """

@@ -49,7 +49,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         least_clearance=cell.least_clearance,
         offset=cell.offset,
         approach_speed=cell.approach_speed,
-        fraction_closed=round(cell.fraction_closed(cell.gripper.close_to), 9),
+        fraction_closed=round(cell.gripper.fraction_closed(cell.gripper.close_to), 9),
         jerk_time=cell.jerk_time,
         solver=cell.solver,
         timing=cell.timing,

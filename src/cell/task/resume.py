@@ -6,7 +6,7 @@ The stopped plan is never executed again. It only states the transfers, and the 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,19 +36,6 @@ STANDS = 3e-3  # m; jaws this close to fully open or shut count as open or shut
 NEAR_PATH = np.radians(2.0)  # an arm this close to a carrying move of the plan holds the cube of that move
 
 
-@dataclass(frozen=True)
-class Carried:
-    """The cube in the jaws.
-
-    Attributes:
-        transfer: its entry in the plan: cube, from, to.
-        jaws: how it is held.
-    """
-
-    transfer: dict[str, str]
-    jaws: InJaws
-
-
 def resume(run: TaskRun, plan: Plan) -> None:
     """Finish a stopped plan.
 
@@ -69,9 +56,9 @@ def resume(run: TaskRun, plan: Plan) -> None:
     width = cell.gripper.width(closed)
     why_not = grip_fault(cell, width)
     if not why_not:
-        carried = carried_by(task, plan, counts, observed)
-        run.console.step(f"{carried.transfer['cube']} is in the jaws; its target is {carried.transfer['to']}")
-        _set_down(run, plan, observation, carried, closed)
+        transfer, jaws = carried_by(task, plan, counts, observed)
+        run.console.step(f"{transfer['cube']} is in the jaws; its target is {transfer['to']}")
+        _set_down(run, plan, observation, transfer, jaws, closed)
     else:
         if cell.gripper.shut + STANDS < width < cell.gripper.opening - STANDS:
             run.tell(f"no cube is in the jaws: {why_not}; they open where the arm stands")
@@ -106,13 +93,18 @@ def _on_table(task: Task, plan: Plan, free: Collection[str] = ()) -> dict[str, A
     return {cube_name(place): T_base_cube_on_table(task, place) for place in places if place not in free}
 
 
-def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], observation: Observation) -> Carried:
+def carried_by(
+    task: Task, plan: Plan, counts: tuple[int, ...], observation: Observation
+) -> tuple[dict[str, str], InJaws]:
     """Identify the cube in the jaws by the arm's position on the plan, or else by the hole that is empty.
 
     Args:
         task, plan: the task and its stopped plan.
         counts: of the arm.
         observation: from there; boards that the arm hides are missing.
+
+    Returns:
+        The cube's entry in the plan (cube, from, to), and how it is held.
 
     Raises:
         ImpossibleError: neither identifies it.
@@ -131,7 +123,7 @@ def carried_by(task: Task, plan: Plan, counts: tuple[int, ...], observation: Obs
     index = plan.task["cubes"].index(transfer)
     lift = next(m for m in plan.moves if m.held is not None and m.cube == index)
     T_tool_cube = mul(inverse(robot.T_base_tool(cell.unit.positions(lift.path.start))), cube.T_base_body)
-    return Carried(transfer, InJaws(transfer["cube"], frozen(T_tool_cube)))
+    return transfer, InJaws(transfer["cube"], frozen(T_tool_cube))
 
 
 def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
@@ -181,14 +173,21 @@ def _station(task: Task, observation: Observation, place: str) -> Station:
     return hole_station(task.cell, found.pose.holes[int(number) - 1], RELEASE_GAP)
 
 
-def _set_down(run: TaskRun, plan: Plan, observation: Observation, carried: Carried, closed: float) -> None:
-    task, cell, transfer = run.task, run.task.cell, carried.transfer
+def _set_down(
+    run: TaskRun,
+    plan: Plan,
+    observation: Observation,
+    transfer: dict[str, str],
+    jaws: InJaws,
+    closed: float,
+) -> None:
+    task, cell = run.task, run.task.cell
     run.on_table = _on_table(task, plan, (transfer["to"],))
     scene = build_scene(cell, observation.with_states({transfer["to"]: "empty"}), run.on_table)
     others = [t for t in plan.task["cubes"] if t != transfer]
     q = run.q_now()
     touches = _touched(task, observation, transfer, scene.robot_open.T_base_tool(q))
-    jaws, station = replace(carried.jaws, touches=touches), _station(task, observation, transfer["to"])
+    jaws, station = replace(jaws, touches=touches), _station(task, observation, transfer["to"])
     options, inputs = options_of(task, run.speed), plan_fingerprint(task)
     stated = {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]}
     made = place_held_object(

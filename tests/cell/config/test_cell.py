@@ -16,7 +16,7 @@ from arm.io.storage import data_file
 from arm.robot.gripper import HAND
 from arm.robot.tool import padded
 from cell.config.cell_file import read_cell
-from cell.doctor.cell import check_cell, read_named
+from cell.doctor.cell import check_cell
 from cell.doctor.finding import NOTE, OK
 from cell.files.task import read_task
 from cell.task.open_run import OpenRun
@@ -77,7 +77,8 @@ def test_more_padding_needs_nobody(scenes: Path) -> None:
 
 def test_doctor_says_whose_word_it_is(scenes: Path) -> None:
     def row() -> tuple[str, str]:
-        finding = next(f for f in check_cell(read_named(scenes / "cell.toml")) if f.check == "arm's shape")
+        findings, _ = check_cell(scenes / "cell.toml")
+        finding = next(f for f in findings if f.check == "arm's shape")
         return finding.verdict, finding.found
 
     assert row() == (

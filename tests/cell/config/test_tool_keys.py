@@ -50,7 +50,7 @@ def _other_gripper(scenes: Path) -> None:
 
 def test_the_shipped_cell_describes_the_shipped_gripper(scenes: Path) -> None:
     cell = read_cell(scenes / "cell.toml")
-    assert cell.nominal_robot().digest == load_a465(cell.tool_length, 0.06).digest
+    assert cell.nominal_robot().digest == load_a465(cell.gripper.length, 0.06).digest
     for line in ("finger_mm = [20, 10, 25.4]", "palm_mm = [50, 84, 30.012]", "body_radius_mm = 32"):
         replace_in(scenes / "cell.toml", line, "")
     assert read_cell(scenes / "cell.toml").robot().digest == cell.robot().digest

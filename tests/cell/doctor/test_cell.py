@@ -24,7 +24,7 @@ pytestmark = pytest.mark.xdist_group("doctor")
 
 
 def look_at(file: Path) -> dict[str, CheckResult]:
-    return {f.check: f for f in doctorcell.check_cell(doctorcell.read_named(file))}
+    return {f.check: f for f in doctorcell.check_cell(file)[0]}
 
 
 def calibrated(scenes: Path, **others: Any) -> Path:

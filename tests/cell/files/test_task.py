@@ -16,9 +16,9 @@ def test_the_shipped_tasks_can_be_read(scenes: Path) -> None:
     for name, kind, boards in (("task1", "clear-board", 1), ("task2", "board-to-board", 2)):
         task = read_task(scenes / f"{name}.toml")
         assert (task.name, task.kind, len(task.boards)) == (name, kind, boards)
-        assert task.cell.tool_length == pytest.approx(0.134112)
+        assert task.cell.gripper.length == pytest.approx(0.134112)
         assert np.degrees(task.cell.q_start) == pytest.approx([-60, -40, -80, 0, -60, 0])
-        assert task.cell.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
+        assert task.cell.gripper.fraction_closed(task.cell.cube_size) == pytest.approx(1 / 3)
 
 
 def test_a_folder_is_told_with_its_task_files(scenes: Path, tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ def test_a_cube_lost_on_the_way_and_jaws_that_stay_shut_stop_the_run(task2: Path
     def jam(connection: Connection) -> None:
         simulated = connection.simulated
         assert simulated is not None
-        simulated._open = lambda T, target: 1.0 - simulated.jaw_opening / simulated.cell.jaw_opening  # type: ignore
+        simulated._open = lambda T, target: 1.0 - simulated.jaw_opening / simulated.cell.gripper.opening  # type: ignore
 
     for meddle, step, words in (
         (lose, ": to 03-04/", "was lost: the jaws were"),
@@ -195,7 +195,7 @@ def test_jaws_that_stop_narrower_or_wider_than_a_cube_have_not_gripped_one(
                 count[0] += 1
                 if count[0] != 1:
                     return close(T_base_tool, target)
-                return simulated.cell.fraction_closed(at_mm / 1e3)
+                return simulated.cell.gripper.fraction_closed(at_mm / 1e3)
 
             simulated._close = blocked  # type: ignore[method-assign]
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from arm.errors import ImpossibleError
-from cell.commands.calibration.background import BackgroundSource, background_step
+from cell.commands.calibration.background import background_step
 from cell.console import Console
 from tasks.whole_run import run_whole
 from watched.specked import specked_world
 
 
 def test_a_knocked_camera_is_refused_before_anything_moves(scenes: Path, tmp_path: Path) -> None:
-    task, source = scenes / "task2.toml", BackgroundSource(world=specked_world(scenes))
-    background_step(task, source, scenes / "background.npz", True, Console())
+    task = scenes / "task2.toml"
+    background_step(task, scenes / "background.npz", True, Console(), world=specked_world(scenes))
     knocked = specked_world(scenes, (0.0, 0.5, 0.0), "knocked.toml")
     run = run_whole(task, tmp_path / "run", world=knocked)
     assert isinstance(run.error, ImpossibleError)

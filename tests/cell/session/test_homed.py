@@ -93,7 +93,7 @@ def test_a_unit_as_after_power_up_is_refused_and_one_with_a_cube_in_the_jaws(
     assert _homings(emulator) == 0
     mars = run.connection.mars
     mars.initialise()
-    monkeypatch.setattr(mars, "jaws", lambda: here.fraction_closed(here.cube_size))
+    monkeypatch.setattr(mars, "jaws", lambda: here.gripper.fraction_closed(here.cube_size))
     with pytest.raises(ImpossibleError, match="as on a cube"):
         initialise_without_homing(run.connection.mars, run.task.cell, run.console)
     initialise_without_homing(

@@ -35,7 +35,7 @@ def _over_cube(simulated: SimulatedCell, index: int, error: Array | None = None)
 
 def _jaws(simulated: SimulatedCell, T_base_tool: Array, fraction: float) -> int:
     gripper = simulated.cell.unit.gripper
-    now = gripper.adc(1.0 - simulated.jaw_opening / simulated.cell.jaw_opening)
+    now = gripper.adc(1.0 - simulated.jaw_opening / simulated.cell.gripper.opening)
     return simulated.jaws(_counts(simulated, T_base_tool), now, gripper.adc(fraction))
 
 
@@ -62,7 +62,7 @@ def test_a_cube_is_gripped_within_3_mm_and_3_deg_only(
     held = [c.name for c in simulated._cubes if c.T_tool_cube is not None]
     assert held == (["cube 2"] if what == "gripped" else [])
     gripper, cell = simulated.cell.unit.gripper, simulated.cell
-    expected = cell.fraction_closed(cell.cube_size) if what == "gripped" else 0.9
+    expected = cell.gripper.fraction_closed(cell.cube_size) if what == "gripped" else 0.9
     assert stop == pytest.approx(gripper.adc(expected), abs=1)
 
 

@@ -11,7 +11,7 @@ import cell.session.homed
 import cell.task.free_cell
 from arm.errors import InputError
 from cell.console import Console
-from cell.task.free_cell import FreeCell, before_homing
+from cell.task.free_cell import FreeCell
 
 
 class _Asked:
@@ -61,11 +61,3 @@ def test_nobody_to_ask_is_refused_and_says_what_programs_give(monkeypatch: pytes
     for port, said in (("/dev/mars", True), ("/dev/pts/3", False)):
         FreeCell(asked.append, port, said, Console())(_run())
     assert len(asked) == 2
-
-
-def test_what_is_not_homed_asks_for_no_free_cell() -> None:
-    def confirm(run: Any) -> None:
-        """Something else."""
-
-    assert before_homing(confirm, "/dev/mars", True, False, Console()) is confirm
-    assert isinstance(before_homing(confirm, "/dev/mars", False, False, Console()), FreeCell)

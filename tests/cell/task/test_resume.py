@@ -178,11 +178,11 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
         with pytest.raises(ImpossibleError, match=r"it cannot be identified.*take it out of"):
             carried_by(task, plan, at_start, looked)
     one = there.with_moves({transfers[1]["cube"]: "nowhere/1"})
-    assert carried_by(task, plan, at_start, one).transfer == transfers[1]
+    assert carried_by(task, plan, at_start, one)[0] == transfers[1]
     for index, transfer in enumerate(transfers):
         for move in (m for m in plan.moves if m.cube == index and m.held is not None):
             middle = tuple(int(c) for c in move.path.knots()[len(move.path.segments) // 2])
-            assert carried_by(task, plan, middle, Observation()).transfer == transfer
+            assert carried_by(task, plan, middle, Observation())[0] == transfer
 
 
 def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> None:
@@ -191,7 +191,7 @@ def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> 
     scene = scene_from_json(plan.scene, robot, task.cell.robot(task.cell.cube_size))
     for index, transfer in enumerate(plan.task["cubes"]):
         lift = next(m for m in plan.moves if m.cube == index and m.held is not None)
-        held = carried_by(task, plan, lift.path.end, Observation()).jaws
+        held = carried_by(task, plan, lift.path.end, Observation())[1]
         assert held.cube == transfer["cube"]
         at = robot.T_base_tool(unit.positions(lift.path.start)) @ held.T_tool_cube
         assert at == pytest.approx(scene.cube(held.cube).T_base_body, abs=1e-9)

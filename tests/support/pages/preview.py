@@ -19,22 +19,15 @@ from cell.preview.clearance import CLEARANCE_EVERY_S
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import write_preview
 from pages.browsers import DEADLINE_MS, complaints_of, until
+from vision.camera.model import Camera
 
 if TYPE_CHECKING:  # tests run without playwright too
     from playwright.sync_api import Browser, Page
 
 
-@dataclass(frozen=True)
-class Camera:
-    """Above the boards, looking down."""
-
-    K: Array
-    size: tuple[int, int]
-    T_base_camera: Array
-
-
 CAMERA = Camera(
     np.array([[4717.0, 0.0, 1010.0], [0.0, 4717.0, 580.0], [0.0, 0.0, 1.0]]),
+    np.zeros(5),
     (1920, 1200),
     np.array([[0.0, -1.0, 0.0, 0.47], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.18], [0.0, 0.0, 0.0, 1.0]]),
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,30 +18,29 @@ from vision.background.features import write_background
 from vision.camera.model import Image
 
 
-@dataclass(frozen=True)
-class BackgroundSource:
-    """Where the images of the background come from: one of a folder, a camera, and the simulated cell."""
-
-    images: Path | None = None
-    camera: str | None = None
-    world: Path | None = None
-
-
 def background_step(
-    task_file: Path, source: BackgroundSource, output: Path, apply: bool, console: Console
+    task_file: Path,
+    output: Path,
+    apply: bool,
+    console: Console,
+    images: Path | None = None,
+    camera: str | None = None,
+    world: Path | None = None,
 ) -> dict[str, Any]:
     """Take the background of a task's cell, write it, and enter it in the cell file if asked to.
+
+    The images come from one of a folder, a camera, and the simulated cell.
 
     Raises:
         InputError: a file, value or source of images is wrong.
         ImpossibleError: too few features are seen, or a board's pose is unknown.
     """
-    require_one_camera(source.images, source.camera)
-    keep_apart(output, task_file, source.world)
+    require_one_camera(images, camera)
+    keep_apart(output, task_file, world)
     if output.suffix != ".npz":
         raise InputError(f"-o {output}: must end in .npz", option="--output", value=str(output))
     task = read_task(task_file)
-    with frames_of(task, source.images, source.camera, source.world) as frames:
+    with frames_of(task, images, camera, world) as frames:
         background, seen = take_background(task.cell, frames.grab(task.cell.photographs))
     write_background(output, background)
     boards = ", ".join(b.name for b in seen.boards)

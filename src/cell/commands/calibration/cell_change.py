@@ -94,7 +94,7 @@ def change_of(found: HandEye, cell: Cell) -> CellChange:
 
 def work_place(cell: Cell) -> WorkPlace:
     """Return where a calibration of this cell is to be right: all over the zone of its boards."""
-    tool = transform(t=(0.0, 0.0, cell.tool_length))
+    tool = transform(t=(0.0, 0.0, cell.gripper.length))
     if not isinstance(cell.zone.shape, Box):
         return WorkPlace(None, tool)
     grid = np.stack(np.meshgrid(_ACROSS, _ACROSS, _ACROSS[::2], indexing="ij"), axis=-1).reshape(-1, 3)

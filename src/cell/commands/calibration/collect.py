@@ -11,7 +11,7 @@ import numpy as np
 from arm.errors import ExecutionStopped, InputError
 from arm.io.storage import keep_apart
 from arm.se3 import Array
-from cell.collect.collector import Choice, CollectOptions, Collector, choose_poses, hand_scene
+from cell.collect.collector import CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
 from cell.collect.sway import Sway
 from cell.commands.calibration.background import background_after_hand_eye
@@ -115,7 +115,7 @@ def _add(
     scene = hand_scene(record)
     by_hand = where.images is not None
     sway = None if by_hand else Sway(record.file.with_suffix(".background.npz"), task.cell, console)
-    choices: list[Choice] = []
+    choices: list[tuple[Array, Array]] = []
 
     def choose_and_confirm(run: TaskRun) -> None:
         choices.append(choose_poses(record, scene, options, console))
@@ -132,7 +132,8 @@ def _add(
             collector.begin_sway()
             if len(record):
                 collector.require_same_hold()
-            taken = collector.collect(choices[0].q, nearest_first=not options.recipe)
+            ((wanted, pool),) = choices
+            taken = collector.collect(wanted, nearest_first=not options.recipe)
             collector.home()
             images = [] if by_hand else list(collector.photographs())
             if sway is not None:
@@ -143,4 +144,4 @@ def _add(
         why = f"{error}; {len(record)} poses are in {record.file}, and the same command continues from them"
         raise ExecutionStopped(why, **error.data) from error
     console.step(f"{taken} poses recorded, {len(record)} in {record.file}")
-    return np.array([record.to_readings(q) for q in choices[0].pool]), run.folder, images
+    return np.array([record.to_readings(q) for q in pool]), run.folder, images

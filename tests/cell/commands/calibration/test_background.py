@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
-from cell.commands.calibration.background import BackgroundSource, background_after_hand_eye, background_step
+from cell.commands.calibration.background import background_after_hand_eye, background_step
 from cell.commands.steps import look_step
 from cell.config.cell_file import read_cell
 from cell.console import Console
@@ -30,7 +30,7 @@ def _holes(seen: dict[str, Any]) -> np.ndarray[Any, Any]:
 @pytest.mark.slow
 def test_a_turned_camera_is_corrected_or_refused(scenes: Path, capsys: pytest.CaptureFixture[str]) -> None:
     world, output = specked_world(scenes), scenes / "background.npz"
-    result = background_step(scenes / "task2.toml", BackgroundSource(world=world), output, True, Console())
+    result = background_step(scenes / "task2.toml", output, True, Console(), world=world)
     assert result["features"] > 24
     assert read_cell(scenes / "cell.toml").background_file == output
     before = _look(scenes, world)
@@ -51,9 +51,9 @@ def test_what_is_given_is_checked_and_nothing_is_written(scenes: Path) -> None:
     task = scenes / "task2.toml"
     replace_in(scenes / "cell.toml", "photographs = 5", "photographs = 2")
     with pytest.raises(InputError, match=r"must end in \.npz"):
-        background_step(task, BackgroundSource(), scenes / "background.toml", True, Console())
+        background_step(task, scenes / "background.toml", True, Console())
     with pytest.raises(ImpossibleError, match="clear the table"):  # the plain table of the ideal world
-        background_step(task, BackgroundSource(), scenes / "background.npz", True, Console())
+        background_step(task, scenes / "background.npz", True, Console())
     assert not (scenes / "background.npz").exists()
     assert "background" not in (scenes / "cell.toml").read_text()
 

@@ -66,7 +66,7 @@ def test_places_are_all_over_the_zone(same: Cell) -> None:
     apart = np.ptp(place.holes, axis=0)
     assert apart == pytest.approx(0.8 * np.array([0.44, 0.54, 0.216]))
     assert place.holes.mean(axis=0) == pytest.approx(same.zone.T_base_body[:3, 3])
-    assert place.T_flange_tool[2, 3] == pytest.approx(same.tool_length)
+    assert place.T_flange_tool[2, 3] == pytest.approx(same.gripper.length)
     post = replace(same.zone, shape=Sphere(0.3))
     assert work_place(replace(same, zone=post)).holes is None, "those of the image"
 

@@ -14,7 +14,7 @@ import cell.commands.calibration.collect
 import cell.session.connection
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
-from cell.collect.collector import Choice, CollectOptions
+from cell.collect.collector import CollectOptions
 from cell.commands.calibration.chain import ChainOptions
 from cell.commands.calibration.collect import CollectFiles, collect_step
 from cell.console import Console
@@ -133,9 +133,9 @@ def test_a_person_confirms_after_the_poses_are_chosen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     order: list[str] = []
-    chosen = Choice(np.zeros((1, 6)), np.zeros((1, 6)))
+    chosen = np.zeros((1, 6)), np.zeros((1, 6))
 
-    def choose(*_: object) -> Choice:
+    def choose(*_: object) -> tuple[np.ndarray, np.ndarray]:
         order.append("poses are chosen")
         return chosen
 
