@@ -61,7 +61,10 @@ def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Con
         raise InputError(f"--unit {unit}: must be one of {', '.join(UNITS)}", unit=unit)
     place = folder.resolve()
     _require_free(folder, place)
-    title = _require_name(place.name if name is None else name)
+    title = place.name if name is None else name
+    if not title.strip() or len(title) > LONGEST_NAME or not title.isprintable():
+        why = f"--name {title!r}: must be a line of 1 to {LONGEST_NAME} printable characters"
+        raise InputError(why, name=title)
     texts = cell_files(unit, title)
     write_folder(place, texts)
     console.say(
@@ -155,14 +158,6 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
         ("execute slowly first", f"a465 execute {plan} {task} {homed}"),
         ("do it all in one command", f"a465 run {task} {homed}"),
     ]
-
-
-def _require_name(name: str) -> str:
-    if not name.strip() or len(name) > LONGEST_NAME or not name.isprintable():
-        raise InputError(
-            f"--name {name!r}: must be a line of 1 to {LONGEST_NAME} printable characters", name=name
-        )
-    return name
 
 
 def _require_free(folder: Path, place: Path) -> None:

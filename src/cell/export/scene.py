@@ -27,6 +27,7 @@ from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import NO_UNIT
+from vision.observation import Observation
 
 _GIVE_CELL = "give --cell FILE, the cell or task file that the plan was made for"
 
@@ -62,13 +63,11 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
 
 def _of_cell(task: Task, look: Path | None) -> Surroundings:
     cell = task.cell
-    scene = Scene(cell.robot(), cell.robot(cell.cube_size), cell.fixed, ())
-    if look is not None:
-        observation = read_observation(look, cell.boards)
-        if task.kind != POSES:
-            require_boards(observation, task)
-        scene = build_scene(cell, observation)
-    return _around(scene, cell.limits, {"home": cell.unit.soft_home, "q_start": cell.q_start})
+    observation = Observation() if look is None else read_observation(look, cell.boards)
+    if look is not None and task.kind != POSES:
+        require_boards(observation, task)
+    states = {"home": cell.unit.soft_home, "q_start": cell.q_start}
+    return _around(build_scene(cell, observation), cell.limits, states)
 
 
 def _around(scene: Scene, limits: Limits, states: dict[str, Array]) -> Surroundings:

@@ -91,11 +91,8 @@ def describe(there: Surroundings) -> Description:
     root.set("name", f"{root.get('name', 'arm')}_cell")
     _place_joints(root, robot)
     _limit_joints(root, there)
-    own, base, end = (
-        {str(link.get("name")) for link in root.iter("link")},
-        base_link(root),
-        end_link(root, robot),
-    )
+    own = {str(link.get("name")) for link in root.iter("link")}
+    base, end = base_link(root), end_link(root, robot)
     hand = links_beyond(root, end)
     tool = link_names([TOOL], own)[TOOL]
     _fixed(root, tool, end, robot.T_end_tool)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -83,9 +83,59 @@ def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
     return Reading(frame, angles, lengths)
 
 
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """A pose or configuration of the list, or an action at the previous one.
+_JAWS = rule_of(
+    "open, close, or a number from 0 (open) to 1 (shut)",
+    lambda v: v in JAWS if isinstance(v, str) else is_number(v) and 0.0 <= v <= 1.0,
+    lambda v: float(JAWS.get(v, v)),
+)
+_LENGTH = number("mm", 0.0, 1000.0)
+_RANGES = {
+    **{f"{axis}_mm": (axis, numbers(2, "mm", -5000.0, 5000.0)) for axis in "xyz"},
+    **{f"r{axis}_deg": (f"r{axis}", numbers(2, "deg", -180.0, 180.0)) for axis in "xyz"},
+}
+
+
+def _ranges(node: Node) -> dict[str, tuple[float, float]]:
+    """Read limits of directions, such as ``{"rz_deg": [-30, 60], "x_mm": [-10, 10]}``."""
+    if not isinstance(node.value, dict):
+        raise node.error("must be an object with a lowest and a highest value for each direction")
+    found: dict[str, tuple[float, float]] = {}
+    for given in node.value:
+        if given not in _RANGES:
+            raise node.error_at(given, f"is unknown; must be one of {', '.join(_RANGES)}")
+        name, rule = _RANGES[given]
+        low, high = node.get(given, rule)
+        if low > high:
+            raise node.error_at(given, "must be the lowest value, then the highest")
+        found[name] = float(low), float(high)
+    return found
+
+
+class EntryValues(Keys):
+    """Values of an entry that are used unchanged: see `plan.program.goals.target.Target`; SI units.
+
+    Attributes:
+        dwell_s: pause at the entry, s.
+        jaws: closed fraction of the jaws' stroke at the entry, 0 open to 1 shut; None: unchanged.
+    """
+
+    by: str = key("by", line(*WAYS), "transit")
+    free: str = key("free", line(), "")
+    tilt: float = key("tilt_deg", number("deg", 0.0, 90.0), 0)
+    ranges: dict[str, tuple[float, float]] = key("ranges", Rule("a table of two limits each", _ranges), {})
+    approach: float = key("approach_mm", _LENGTH, 0)
+    retract: float = key("retract_mm", _LENGTH, 0)
+    within: float = key("within_mm", _LENGTH, 0)
+    speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
+    dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
+    jaws: float | None = key("jaws", _JAWS, None)
+
+
+_USUAL = EntryValues.read(Node(Path(), "", {})).values_of(EntryValues)  # of an entry that is numbers alone
+
+
+class Entry(EntryValues):
+    """A pose or configuration of the list, or an action at the previous one: `EntryValues`, and where it is.
 
     Attributes:
         key: position in the file, such as ``entries[2]`` or ``row 3``.
@@ -93,9 +143,6 @@ class Entry:
         frame: frame of the pose, of `FRAMES`; empty if the entry is no pose.
         T: pose, 4x4, in the base frame, m; None if the entry is no pose.
         q: configuration (n,), rad (m), or None.
-        by, free, tilt, ranges, approach, retract, within, speed: see `plan.program.goals.target.Target`; SI units.
-        dwell_s: pause at the entry, s.
-        jaws: closed fraction of the jaws' stroke at the entry, 0 open to 1 shut; None: unchanged.
     """
 
     key: str
@@ -103,16 +150,6 @@ class Entry:
     frame: str = ""
     T: Array | None = None
     q: Array | None = None
-    by: str = "transit"
-    free: str = ""
-    tilt: float = 0.0
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
-    approach: float = 0.0
-    retract: float = 0.0
-    within: float = 0.0
-    speed: float | None = None
-    dwell_s: float = 0.0
-    jaws: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,12 +251,14 @@ def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
     if len(values) not in _POSES:
         if reading.angles is None:
             raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg")
-        return Entry(node.key, f"configuration {number}", q=reading.q(node, values, reading.angles))
+        q = reading.q(node, values, reading.angles)
+        return Entry(key=node.key, name=f"configuration {number}", q=q, **_USUAL)
     if reading.frame is None:
         raise bare.error(
             "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)"
         )
-    return Entry(node.key, f"pose {number}", reading.frame, _pose(node, values, reading.lengths))
+    T = _pose(node, values, reading.lengths)
+    return Entry(key=node.key, name=f"pose {number}", frame=reading.frame, T=T, **_USUAL)
 
 
 def _pose(node: Node, values: Array, lengths: str) -> Array:
@@ -249,13 +288,6 @@ def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
         yield _entry(node, place, reading)
 
 
-_JAWS = rule_of(
-    "open, close, or a number from 0 (open) to 1 (shut)",
-    lambda v: v in JAWS if isinstance(v, str) else is_number(v) and 0.0 <= v <= 1.0,
-    lambda v: float(JAWS.get(v, v)),
-)
-
-
 def _flat(*counts: int) -> Rule[Array]:
     """Return the rule for numbers in a list, or in a list of rows, row by row."""
     words = " or ".join(map(str, counts)) + " numbers"
@@ -279,43 +311,7 @@ class _ListKeys(Keys):
     lengths: str | None = key("lengths", line(*LENGTHS), None)
 
 
-_LENGTH = number("mm", 0.0, 1000.0)
-_RANGES = {
-    **{f"{axis}_mm": (axis, numbers(2, "mm", -5000.0, 5000.0)) for axis in "xyz"},
-    **{f"r{axis}_deg": (f"r{axis}", numbers(2, "deg", -180.0, 180.0)) for axis in "xyz"},
-}
-
-
-def _ranges(node: Node) -> dict[str, tuple[float, float]]:
-    """Read limits of directions, such as ``{"rz_deg": [-30, 60], "x_mm": [-10, 10]}``."""
-    if not isinstance(node.value, dict):
-        raise node.error("must be an object with a lowest and a highest value for each direction")
-    found: dict[str, tuple[float, float]] = {}
-    for given in node.value:
-        if given not in _RANGES:
-            raise node.error_at(given, f"is unknown; must be one of {', '.join(_RANGES)}")
-        name, rule = _RANGES[given]
-        low, high = node.get(given, rule)
-        if low > high:
-            raise node.error_at(given, "must be the lowest value, then the highest")
-        found[name] = float(low), float(high)
-    return found
-
-
-class _EntryValues(Keys):
-    by: str = key("by", line(*WAYS), "transit")
-    free: str = key("free", line(), "")
-    tilt: float = key("tilt_deg", number("deg", 0.0, 90.0), 0)
-    ranges: dict[str, tuple[float, float]] = key("ranges", Rule("a table of two limits each", _ranges), {})
-    approach: float = key("approach_mm", _LENGTH, 0)
-    retract: float = key("retract_mm", _LENGTH, 0)
-    within: float = key("within_mm", _LENGTH, 0)
-    speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
-    dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
-    jaws: float | None = key("jaws", _JAWS, None)
-
-
-class _EntryKeys(_EntryValues):
+class _EntryKeys(EntryValues):
     T_base_flange: Array | None = key("T_base_flange", _flat(12, 16), None)
     T_base_tool: Array | None = key("T_base_tool", _flat(12, 16), None)
     q_rad: Array | None = key("q_rad", _flat(), None)
@@ -344,4 +340,5 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
         T = _pose(node[kind], getattr(keys, kind), reading.lengths)
     elif kind.startswith("q_"):
         named, q = "configuration", reading.q(node[kind], getattr(keys, kind), kind.removeprefix("q_"))
-    return Entry(node.key, keys.name or f"{named} {place}", frame, T, q, **keys.values_of(_EntryValues))
+    named = keys.name or f"{named} {place}"
+    return Entry(key=node.key, name=named, frame=frame, T=T, q=q, **keys.values_of(EntryValues))

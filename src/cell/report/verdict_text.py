@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from calib.model.verdict import Judged
 from cell.console import Console
 
-if TYPE_CHECKING:
-    from calib.camera.result import CameraCalibration
-    from calib.chain.result import ChainCalibration
 
-
-def print_verdict(
-    c: CameraCalibration | ChainCalibration, console: Console, advice: Iterable[str] = ()
-) -> None:
+def print_verdict(c: Judged, console: Console, advice: Iterable[str] = ()) -> None:
     """Print the remarks, lines of advice, and the verdict with its reasons."""
     notes = (f"note: {remark}" for remark in c.remarks)
     reasons = (f"  {reason}" for reason in c.reasons)
@@ -22,7 +17,7 @@ def print_verdict(
         console.say(line)
 
 
-def verdict_json(c: CameraCalibration | ChainCalibration) -> dict[str, Any]:
+def verdict_json(c: Judged) -> dict[str, Any]:
     """Return verdict, reasons and remarks for ``--json``."""
     verdict = "accepted" if c.accepted else "refused"
     return {"verdict": verdict, "reasons": list(c.reasons), "remarks": list(c.remarks)}

@@ -61,13 +61,8 @@ def require_word(
     Raises:
         InputError: the word was not typed.
     """
-    if not asked(console, question, word, same_word(word), answer):
+    if not asked(console, question, word, lambda line: line.lower() == word.lower(), answer):
         raise InputError(f"{word!r} was not typed; {otherwise}", option=option)
-
-
-def same_word(word: str) -> Callable[[str], bool]:
-    """Return a function that compares a line with the word, ignoring case."""
-    return lambda line: line.lower() == word.lower()
 
 
 def at_terminal() -> bool:

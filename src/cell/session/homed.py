@@ -67,8 +67,8 @@ def home_or_check(
     if homed_before:
         initialise_without_homing(mars, cell, console, jaws_too)
     else:
-        jaws = "the jaws do not move, so the plate must be firm in the gripper"
-        jaws = "then the jaws open" if jaws_too else jaws
+        still = "the jaws do not move, so the plate must be firm in the gripper"
+        jaws = "then the jaws open" if jaws_too else still
         console.step(f"homing: the controller moves every axis, without collision checks; {jaws}")
         with console.doing("homing"):
             mars.initialise(home=True, soft_home=False)  # the motion from the marks is planned like any other

@@ -47,20 +47,8 @@ _LONGEST_MS = 60_000  # of a segment in a plan file
 _BACK = "q_start"  # name of the goal at the end
 
 
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """A pose or configuration, and the actions while the arm rests there; `entry` None: the start."""
-
-    entry: Entry | None
-    actions: tuple[Entry, ...]
-
-    @property
-    def name(self) -> str:
-        return "the start" if self.entry is None else self.entry.name
-
-    @property
-    def q(self) -> Array | None:
-        return None if self.entry is None else self.entry.q
+_Place = tuple[Entry, list[Entry]]
+"""A pose or configuration, and the actions while the arm rests there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +88,10 @@ class ListPlace:
 def place_of_cell(task: Task, observation: Observation | None, speed: float) -> ListPlace:
     """Return the cell of a task, with the boards and cubes of an observation or else without any."""
     cell = task.cell
-    scene = Scene(cell.robot(), cell.robot(cell.cube_size), cell.fixed, ())
     return ListPlace(
         task.name,
         task.kind,
-        scene if observation is None else build_scene(cell, observation),
+        build_scene(cell, observation or Observation()),
         cell.unit,
         cell.limits,
         cell.q_start,
@@ -176,16 +163,16 @@ class _Planner:
         self.reached: list[tuple[str, Array]] = []
 
     def plan(self, back: bool) -> Plan:
-        places = _places(self.poses.entries)
+        at_start, places = _places(self.poses.entries)
         for entry in self.poses.entries if back else ():
             if entry.name == _BACK:
                 rule = "is where --back leads to; give the entry another name"
                 raise FileInputError(self.poses.file, entry.key, _BACK, rule)
-        for place in places:
-            if place.entry is not None and place.entry.q is not None:
-                self.require(place.entry, place.entry.q)
-        self.act(places[0])
-        found = self.moves(places[1:], back)
+        for entry, _ in places:
+            if entry.q is not None:
+                self.require(entry, entry.q)
+        self.act("the start", at_start)
+        found = self.moves(places, back)
         if found is None or not any(isinstance(step, Move) for step in self.steps):
             why = f"{self.poses.file}: nothing moves: the list leads to q_start, where the arm is"
             raise ImpossibleError(why, file=str(self.poses.file))
@@ -221,7 +208,7 @@ class _Planner:
     def moves(self, places: Sequence[_Place], back: bool) -> Planned | None:
         """Append the moves through all places, with the actions there; return the plan, None if there is no place."""
         place = self.place
-        goals = [self.target(goal) for goal in places]
+        goals = [self.target(entry, actions) for entry, actions in places]
         if back:
             goals.append(Target(_BACK, q=place.q_start))
         if not goals:
@@ -235,24 +222,21 @@ class _Planner:
                 asked = scene, (), place.q_start, place.unit, place.limits, self.options
                 self.explain(Request(*asked, goals=tuple(goals)), error)
             raise self.located(error, places) from error
-        by_name = {goal.name: goal for goal in places}
+        actions_at = {entry.name: actions for entry, actions in places}
         for step in found.steps:
             if isinstance(step, Pause):
-                self.act(by_name[step.name])
+                self.act(step.name, actions_at[step.name])
             elif isinstance(step, Move):
                 self.move(step, step.name)
         self.reached = [(r.target, r.q) for r in found.reached if r.target != _BACK]
         return found
 
-    def target(self, place: _Place) -> Target:
-        entry = place.entry
-        if entry is None:
-            raise ImpossibleError(f"{place.name} is not a pose; this is a bug of the planner")
+    def target(self, entry: Entry, actions: Sequence[Entry]) -> Target:
         T_base_tool = entry.T
         if T_base_tool is not None and entry.frame == "flange":
             T_base_tool = frozen(mul(T_base_tool, self.robot.T_end_tool))
-        acts = any(action.jaws is not None or action.dwell_s > 0.0 for action in place.actions)
-        rest_s = sum(action.dwell_s for action in place.actions)
+        acts = any(action.jaws is not None or action.dwell_s > 0.0 for action in actions)
+        rest_s = sum(action.dwell_s for action in actions)
         try:
             return Target(
                 entry.name,
@@ -278,17 +262,17 @@ class _Planner:
         self.steps.append(replace(move, name=name, role="transit", cube=None, jaw_opening=opening))
         self.at = np.array(move.path.end, dtype=np.int64)
 
-    def act(self, place: _Place) -> None:
+    def act(self, place: str, actions: Sequence[Entry]) -> None:
         """Append the actions at a place in the order of the file; in one entry the jaws act before the dwell."""
-        for action in place.actions:
+        for action in actions:
             if action.jaws is not None:
                 word = "close" if action.jaws > 0.0 else "open"
                 self.steps.append(
-                    GripperStep(f"{word} at {place.name}", word, None, action.jaws, self.options.settle_s)
+                    GripperStep(f"{word} at {place}", word, None, action.jaws, self.options.settle_s)
                 )
                 self.fraction_closed = action.jaws
             if action.dwell_s > 0.0:
-                self.rest(place.name, action.dwell_s)
+                self.rest(place, action.dwell_s)
 
     def rest(self, name: str, dwell_s: float) -> None:
         """Append a dwell: segments of zero length, certified like all others."""
@@ -313,18 +297,20 @@ class _Planner:
 
     def located(self, error: ImpossibleError, places: Sequence[_Place]) -> ImpossibleError:
         """Return the error with the file and its entry, or the entries between which it arose."""
-        entries = [place.entry for place in places if place.entry is not None]
+        entries = [entry for entry, _ in places]
         about = [e for e in entries if e.name == error.data.get("target")] or entries
         where = " to ".join(dict.fromkeys(e.key for e in (*about[:1], *about[-1:]))) or "return to q_start"
         data = {k: v for k, v in error.data.items() if k != "entry"}
         return ImpossibleError(f"{self.poses.file}: {where}: {error}", entry=where, **data)
 
 
-def _places(entries: Sequence[Entry]) -> list[_Place]:
-    """The start, then every pose and configuration, each with its actions."""
-    found: list[tuple[Entry | None, list[Entry]]] = [(None, [])]
+def _places(entries: Sequence[Entry]) -> tuple[list[Entry], list[_Place]]:
+    """The actions at the start, and every pose and configuration with its own."""
+    at_start: list[Entry] = []
+    actions, places = at_start, []
     for entry in entries:
         if entry.T is not None or entry.q is not None:
-            found.append((entry, []))
-        found[-1][1].append(entry)
-    return [_Place(entry, tuple(actions)) for entry, actions in found]
+            actions = []
+            places.append((entry, actions))
+        actions.append(entry)
+    return at_start, places

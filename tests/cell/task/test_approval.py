@@ -288,10 +288,11 @@ def test_only_a_whole_line_that_was_typed_after_the_question_answers_it(
         os.write(master, before.encode())
         console = Console()
         monkeypatch.setattr(console, "say", lambda text: os.write(master, then.encode()))
-        right = cell.session.dialogue.same_word("crs93")
-        assert not cell.session.dialogue.asked(console, "?", "crs93", right, cell.session.dialogue.typed)
+        question = (console, "?", "crs93", cell.session.dialogue.typed, "nothing moved", "--unseen")
+        with pytest.raises(InputError, match="'crs93' was not typed; nothing moved"):
+            cell.session.dialogue.require_word(*question)
         monkeypatch.setattr(console, "say", lambda text: os.write(master, b"CRS93\n"))
-        assert cell.session.dialogue.asked(console, "?", "crs93", right, cell.session.dialogue.typed)
+        cell.session.dialogue.require_word(*question)
     os.close(master)
 
 

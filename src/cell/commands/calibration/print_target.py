@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from arm.errors import InputError
 from arm.io.node import Node
@@ -62,10 +64,9 @@ def target_svg(target: Target) -> str:
 def _dark(target: Target) -> Iterator[tuple[float, float, float]]:
     """Yield the dark squares: left, top and side, mm."""
     square, marker = 1e3 * target.square, 1e3 * target.marker
-    for j in range(target.rows):
-        for i in range(target.columns):
-            if (i + j + target.white_first) % 2 == 0:
-                yield i * square, j * square, square
+    for j, i in product(range(target.rows), range(target.columns)):
+        if (i + j + target.white_first) % 2 == 0:
+            yield i * square, j * square, square
     if target.kind != "charuco":
         return
     dictionary = predefined(target.dictionary)
@@ -73,7 +74,5 @@ def _dark(target: Target) -> Iterator[tuple[float, float, float]]:
     off, bit = (square - marker) / 2.0, marker / cells
     for number, (i, j) in enumerate(target.marker_squares()):
         image = cv2.aruco.generateImageMarker(dictionary, number, cells)
-        for row in range(cells):
-            for column in range(cells):
-                if image[row, column] == 0:
-                    yield i * square + off + column * bit, j * square + off + row * bit, bit
+        for row, column in np.argwhere(image == 0).tolist():
+            yield i * square + off + column * bit, j * square + off + row * bit, bit
