@@ -1,6 +1,6 @@
 """A read-only server on the loopback that shows a run: one page, and the run's state as JSON, which the page polls.
 
-The thread that drives the arm only puts messages into a queue, which never blocks it. The server's thread empties the
+The thread that drives the arm only puts changes into a queue, which never blocks it. The server's thread empties the
 queue several times a second and keeps the state; a thread per request answers. A request for the state waits until the
 state changes (long polling). So the page is up to date even in the background, where browsers slow its timers down.
 """
@@ -15,19 +15,20 @@ import socketserver
 import sys
 import threading
 import time
+from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from arm.errors import InputError
-from cell.live.state import Ended, LiveState, Message
+from cell.live.state import LiveState
 from cell.preview.page import waiting_page
 
 HOST = "127.0.0.1"
 MOST_CONNECTIONS = 32
-MOST_MESSAGES = 20_000  # in the queue; further ones are dropped
+MOST_CHANGES = 20_000  # in the queue; further ones are dropped
 PATIENCE_S = 5.0  # timeout of a client that neither sends nor reads
-TICK_S = 0.1  # period in which messages become visible
+TICK_S = 0.1  # period in which changes become visible
 HOLD_S = 1.0  # longest wait of an answer for a change
 GOODBYE_S = 0.5  # in which open pages can ask for the end of the run
 HEADERS = {
@@ -55,7 +56,7 @@ class LiveServer(ThreadingHTTPServer):
     request_queue_size = 2 * MOST_CONNECTIONS  # with a short queue, further connections wait for seconds
 
     def __init__(self, port: int) -> None:
-        self._inbox: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[Callable[[LiveState], None]] = queue.SimpleQueue()
         self._state, self._changed = LiveState(), threading.Condition()  # its lock guards the state
         self._waiting_page = waiting_page().encode()
         self._asked_s = -math.inf  # monotonic time when a page last asked for the state
@@ -91,16 +92,16 @@ class LiveServer(ThreadingHTTPServer):
         """Start the thread that serves."""
         self._serving.start()
 
-    def put(self, message: Message) -> None:
-        """Queue a message without waiting. Any thread may call this."""
-        if self._inbox.qsize() < MOST_MESSAGES:
-            self._inbox.put(message)
+    def put(self, change: Callable[[LiveState], None]) -> None:
+        """Queue a change of the state without waiting. Any thread may call this."""
+        if self._inbox.qsize() < MOST_CHANGES:
+            self._inbox.put(change)
 
     def service_actions(self) -> None:
-        """Take the queued messages. `serve_forever` calls this after each request and every TICK_S."""
+        """Apply the queued changes. `serve_forever` calls this after each request and every TICK_S."""
         with self._changed:
             while not self._inbox.empty():
-                self._state.take(self._inbox.get())
+                self._inbox.get()(self._state)
             self._state.refresh()
             self._changed.notify_all()
 
@@ -119,7 +120,7 @@ class LiveServer(ThreadingHTTPServer):
 
     def end(self, text: str) -> None:
         """Show the end of the run to the pages that are open, and close."""
-        self.put(Ended(text))
+        self.put(lambda state: state.end(text))
         if time.monotonic() - self._asked_s < 2.0 * HOLD_S:
             time.sleep(GOODBYE_S)
         self.shutdown()

@@ -8,7 +8,6 @@ from __future__ import annotations
 import secrets
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any, TypeVar
 
@@ -23,47 +22,6 @@ MOST_SAMPLES = 12_000  # kept for a page that is opened later: 20 min at 10 per 
 MOST_LINES = 200
 
 
-@dataclass(frozen=True, eq=False)
-class NewPlan:
-    """The execution of a plan begins.
-
-    Attributes:
-        mark: identifies the page.
-        name: name of the plan file.
-        plan: the plan.
-        unit: controller that executes it.
-        page: page of the plan; None: the waiting page is shown, which has no mark.
-    """
-
-    mark: str
-    name: str
-    plan: Plan
-    unit: Unit
-    page: bytes | None
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of text for the operator."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Ended:
-    """The run has ended: ``done``, or the reason."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Begun:
-    """The run has begun; `control` reports whether it is paused."""
-
-    control: Control
-
-
-Message = Begun | NewPlan | Step | Progress | Line | Ended
 _T = TypeVar("_T")
 
 
@@ -94,22 +52,62 @@ class LiveState:
         self._ended: str | None = None
         self._shown: dict[str, str] = {}
 
-    def take(self, message: Message) -> None:
-        """Take a message."""
+    def begin(self, control: Control) -> None:
+        """The run has begun; `control` reports whether it is paused."""
         self.version += 1
-        match message:
-            case Begun(control):
-                self._control = control
-            case NewPlan():
-                self._follow(message)
-            case Line(text):
-                self._lines.append((self.version, text))
-            case Ended(text):
-                self._ended = text
-            case Progress():
-                self._samples.append((self.version, self._sample(message)))
-            case _:
-                self._enter(message)
+        self._control = control
+
+    def follow(self, mark: str, name: str, plan: Plan, unit: Unit, page: bytes | None) -> None:
+        """The execution of a plan begins.
+
+        Args:
+            mark: identifies the page.
+            name: name of the plan file.
+            plan: the plan.
+            unit: controller that executes it.
+            page: page of the plan; None: the waiting page is shown, which has no mark.
+        """
+        self.version += 1
+        self.page, self._unit, self._steps = page, unit, plan.steps
+        self._starts = [timed.start_s for timed in timed_steps(plan)]
+        self._places = {id(s): i for i, s in enumerate(plan.steps)}
+        self._motions = {m.first + k: (m, k) for m in plan.motions for k in range(len(m.moves))}
+        self._index, self._step, self._on_path = None, None, None
+        self._samples.clear()
+        self._plan = {"mark": None if page is None else mark, "name": name, "sha256": plan.sha256}
+
+    def enter(self, step: Step) -> None:
+        """A step begins."""
+        self.version += 1
+        self._index = self._places.get(id(step))
+        start = None if self._index is None else round(self._starts[self._index], 6)
+        self._step = {"index": self._index, "name": step.name, "t": start}
+
+    def sample(self, progress: Progress) -> None:
+        """A sample of the present motion."""
+        self.version += 1
+        first, t = self._place(progress)
+        sample = {
+            "motion": first,
+            "t": t,
+            "ms": progress.position.time_ms,
+            "counts": list(progress.position.counts),
+            "done": progress.done,
+            "total": progress.total,
+            "override": round(progress.override, 4),
+            "jaws": None if progress.jaws is None else round(progress.jaws, 4),
+        }
+        self._samples.append((self.version, sample))
+
+    def say(self, text: str) -> None:
+        """A line of text for the operator."""
+        self.version += 1
+        self._lines.append((self.version, text))
+
+    def end(self, text: str) -> None:
+        """The run has ended: ``done``, or the reason."""
+        self.version += 1
+        self._ended = text
 
     def refresh(self) -> None:
         """Start a new version if the run began to run, to pause, or to rest since the last call."""
@@ -138,35 +136,6 @@ class LiveState:
         if self._control.paused:
             return {"state": "stands" if self._control.standing else "pauses"}
         return {"state": "runs"}
-
-    def _follow(self, new: NewPlan) -> None:
-        plan = new.plan
-        self.page, self._unit, self._steps = new.page, new.unit, plan.steps
-        self._starts = [timed.start_s for timed in timed_steps(plan)]
-        self._places = {id(s): i for i, s in enumerate(plan.steps)}
-        self._motions = {m.first + k: (m, k) for m in plan.motions for k in range(len(m.moves))}
-        self._index, self._step, self._on_path = None, None, None
-        self._samples.clear()
-        mark = None if new.page is None else new.mark
-        self._plan = {"mark": mark, "name": new.name, "sha256": plan.sha256}
-
-    def _enter(self, step: Step) -> None:
-        self._index = self._places.get(id(step))
-        start = None if self._index is None else round(self._starts[self._index], 6)
-        self._step = {"index": self._index, "name": step.name, "t": start}
-
-    def _sample(self, progress: Progress) -> dict[str, Any]:
-        first, t = self._place(progress)
-        return {
-            "motion": first,
-            "t": t,
-            "ms": progress.position.time_ms,
-            "counts": list(progress.position.counts),
-            "done": progress.done,
-            "total": progress.total,
-            "override": round(progress.override, 4),
-            "jaws": None if progress.jaws is None else round(progress.jaws, 4),
-        }
 
     def _place(self, progress: Progress) -> tuple[int | None, float | None]:
         """Return the first step of the present motion, and the sample's time in the preview, s."""

@@ -12,7 +12,6 @@ from arm.plan_file import Plan, Step
 from cell.console import Console
 from cell.files.task import Task
 from cell.live.server import LiveServer
-from cell.live.state import Begun, Line, NewPlan
 from cell.preview.of_plan import plan_page
 from cell.session.observer import RunObserver
 from driver.execution.control import Control
@@ -32,28 +31,29 @@ class Live(RunObserver):
 
     def begins(self, task: Task, control: Control) -> None:
         self._task = task
-        self._server.put(Begun(control))
+        self._server.put(lambda state: state.begin(control))
 
     def plan(self, plan: Plan, name: str) -> None:
         if self._task is None:
             return
+        unit = self._task.cell.unit
         mark = f"{self._run}-{next(self._plans)}"
         try:
             page = plan_page(self._task, plan, mark).encode()
         except A465Error as error:  # the run goes on without a page
             self.line(f"no live page of {name}: {error}")
             page = None
-        self._server.put(NewPlan(mark, name, plan, self._task.cell.unit, page))
+        self._server.put(lambda state: state.follow(mark, name, plan, unit, page))
 
     def step(self, step: Step) -> None:
-        self._server.put(step)
+        self._server.put(lambda state: state.enter(step))
 
     def progress(self, progress: Progress) -> None:
-        self._server.put(progress)
+        self._server.put(lambda state: state.sample(progress))
 
     def line(self, text: str) -> None:
         """Pass on a line of the console."""
-        self._server.put(Line(text))
+        self._server.put(lambda state: state.say(text))
 
 
 @contextmanager

@@ -42,7 +42,7 @@ def plan_page(
 
     Args:
         task, plan, unit, executed: see `write_page`.
-        live: unique mark of a page that follows the state of its server; see `cell.live.state.NewPlan`.
+        live: unique mark of a page that follows the state of its server; see `cell.live.state.LiveState.follow`.
 
     Raises:
         InputError: the plan does not fit the cell.

@@ -22,7 +22,6 @@ import pytest
 
 from arm.plan_file import GripperStep, Move
 from cell.live.server import LiveServer
-from cell.live.state import NewPlan
 from cell.live.view import Live
 from cell.preview.page import preview_page
 from cell.preview.timeline import timed_steps
@@ -81,7 +80,7 @@ class Run:
         text = preview_page(
             case.plan, case.robot_open, case.robot_holding, case.unit, clearance_every_s=0.0, live=mark
         )
-        self.server.put(NewPlan(mark, "plan", case.plan, case.unit, text.encode()))
+        self.server.put(lambda state: state.follow(mark, "plan", case.plan, case.unit, text.encode()))
 
     def move(self, until_step: int, off: int = 0, part: float = 1.0) -> tuple[float, np.ndarray]:
         """Steps up to one, and of that a part; where the arm is then on the plan's clock, and its counts."""

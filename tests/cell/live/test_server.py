@@ -14,12 +14,11 @@ from arm.io.storage import data_file
 from arm.plan_file import Move
 from cell.files.task import read_task
 from cell.live import server as liveserver
-from cell.live.server import MOST_CONNECTIONS, MOST_MESSAGES, LiveServer
-from cell.live.state import Begun, Line
+from cell.live.server import MOST_CHANGES, MOST_CONNECTIONS, LiveServer
 from cell.live.view import Live
 from cell.preview.page import page, waiting_page
 from driver.execution.control import Control
-from pages.live import SOON_S, Reader, ask, new_plan, until
+from pages.live import SOON_S, Reader, ask, line, new_plan, until
 from wire.looks_at_motion import looks
 
 
@@ -137,8 +136,12 @@ def test_who_comes_late_gets_the_present_and_then_what_is_new(server: LiveServer
     index, move = next((i, s) for i, s in enumerate(plan.steps) if isinstance(s, Move))
     samples = [progress for _, progress in looks(move)][:5]
     early = Reader(server.server_port)
-    for message in (Begun(Control()), Line("a line"), new_plan(plan), move, *samples):
-        server.put(message)
+    server.put(lambda state: state.begin(Control()))
+    server.put(line("a line"))
+    server.put(new_plan(plan))
+    server.put(lambda state: state.enter(move))
+    for progress in samples:
+        server.put(lambda state, progress=progress: state.sample(progress))
     early.until(lambda _: len(early.samples) == len(samples))
     late = Reader(server.server_port)
     state = late.read()
@@ -149,7 +152,7 @@ def test_who_comes_late_gets_the_present_and_then_what_is_new(server: LiveServer
     assert late.samples == early.samples
     assert [s["counts"] for s in late.samples] == [list(s.position.counts) for s in samples]
     assert ask(server.server_port, "GET", "/").read() == b"<p>plan</p>"
-    server.put(samples[0])
+    server.put(lambda state: state.sample(samples[0]))
     for reader in (late, early):
         reader.until(lambda _, reader=reader: len(reader.samples) == len(samples) + 1)
     assert late.samples == early.samples
@@ -166,7 +169,7 @@ def test_an_answer_waits_for_news(server: LiveServer, monkeypatch: pytest.Monkey
     waiting = threading.Thread(target=lambda: states.append(reader.read()), daemon=True)
     waiting.start()
     until(lambda: server._changed._waiters)
-    server.put(Line("news"))
+    server.put(line("news"))
     waiting.join(SOON_S)
     assert [state["lines"] for state in states] == [["news"]]
 
@@ -177,7 +180,7 @@ def test_the_end_is_shown_and_the_server_goes(monkeypatch: pytest.MonkeyPatch) -
     server.start()
     ends: list[str] = []
     readers = [Reader(server.server_port) for _ in range(3)]
-    server.put(Line("a line"))
+    server.put(line("a line"))
     for reader in readers:
         reader.until(lambda _, reader=reader: reader.lines == ["a line"])
     threads = [threading.Thread(target=lambda r=r: ends.append(r.end()), daemon=True) for r in readers]
@@ -209,7 +212,7 @@ def test_who_reads_too_slowly_is_let_go(server: LiveServer, monkeypatch: pytest.
 
     monkeypatch.setattr(liveserver._Handler, "finish", finished)
     for i in range(200):
-        server.put(Line(f"{i} " + "x" * 60_000))
+        server.put(line(f"{i} " + "x" * 60_000))
     reader = Reader(server.server_port)
     reader.until(lambda _: len(reader.lines) == 200)
     ended.clear()
@@ -218,7 +221,7 @@ def test_who_reads_too_slowly_is_let_go(server: LiveServer, monkeypatch: pytest.
         slow.connect(("127.0.0.1", server.server_port))
         slow.sendall(f"GET /state?after=0 HTTP/1.1\r\nHost: localhost:{server.server_port}\r\n\r\n".encode())
         until(lambda: ended == ["/state?after=0"])
-    server.put(Line("and on"))
+    server.put(line("and on"))
     reader.until(lambda _: reader.lines[-1] == "and on")
 
 
@@ -233,12 +236,12 @@ def test_who_drives_the_arm_never_waits(preview_case) -> None:
     def drive() -> None:
         live.step(move)
         live.line("a line")
-        for _ in range(3 * MOST_MESSAGES):
+        for _ in range(3 * MOST_CHANGES):
             live.progress(progress)
 
     driving = threading.Thread(target=drive, daemon=True)
     driving.start()
     driving.join(SOON_S)
     assert not driving.is_alive()
-    assert server._inbox.qsize() == MOST_MESSAGES
+    assert server._inbox.qsize() == MOST_CHANGES
     server.server_close()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm.controller.segments import CountPath, Segment
-from cell.live.state import MOST_SAMPLES, Begun, Ended, Line, LiveState
+from cell.live.state import MOST_SAMPLES, LiveState
 from cell.preview.executed import OnPath
 from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
@@ -21,17 +21,17 @@ def test_a_sample_is_on_the_plans_clock_where_the_arm_is(preview_case) -> None:
     """Over moves that are one motion, under an override, and whether the arm is on the path or beside it."""
     plan, state = preview_case.plan, LiveState()
     timed, expected, shown = timed_steps(plan), [], []
-    state.take(new_plan(plan))
+    new_plan(plan)(state)
     motion = max(plan.motions, key=lambda m: len(m.moves))
     assert len(motion.moves) == 3
     for k, move in enumerate(motion.moves):
         index = motion.first + k
-        state.take(move)
+        state.enter(move)
         start = round(timed[index].start_s, 6)
         assert state.since(0)["step"] == {"index": index, "name": move.name, "t": start}
         for t, progress in looks(move, stretch=1.0 + 0.25 * k, off=3):
             before = state.version
-            state.take(progress)
+            state.sample(progress)
             (sample,) = state.since(before)["samples"]
             assert sample["motion"] == motion.first
             assert sample["counts"] == list(progress.position.counts)
@@ -57,9 +57,9 @@ def test_a_sample_is_never_laid_behind_the_one_before() -> None:
 def test_a_step_of_no_plan_has_a_name_alone(preview_case) -> None:
     plan, state = preview_case.plan, LiveState()
     move = next(plan.moves)
-    state.take(new_plan(plan))
-    state.take(replace(move, name="back out"))
-    state.take(next(looks(move))[1])
+    new_plan(plan)(state)
+    state.enter(replace(move, name="back out"))
+    state.sample(next(looks(move))[1])
     shown = state.since(0)
     assert [(s["motion"], s["t"]) for s in shown["samples"]] == [(None, None)]
     assert shown["step"] == {"index": None, "name": "back out", "t": None}
@@ -73,10 +73,10 @@ def word(state: LiveState) -> tuple[str, str | None]:
 
 def test_pauses_and_the_end_are_new_versions(preview_case) -> None:
     control, state = Control(), LiveState()
-    for message in (Begun(control), new_plan(preview_case.plan)):
-        state.take(message)
+    state.begin(control)
+    new_plan(preview_case.plan)(state)
     assert word(state) == ("waits", None)
-    state.take(preview_case.plan.steps[0])
+    state.enter(preview_case.plan.steps[0])
     assert word(state) == ("runs", None)
     state.refresh()
     before = state.version
@@ -87,7 +87,7 @@ def test_pauses_and_the_end_are_new_versions(preview_case) -> None:
         state.refresh()
         assert (word(state), state.version) == ((said, None), before + 1)
         before = state.version
-    state.take(Ended("stopped: why"))
+    state.end("stopped: why")
     assert state.version > before
     assert word(state) == ("ended", "stopped: why")
 
@@ -96,12 +96,12 @@ def test_who_asks_again_gets_what_is_new_and_nothing_twice(preview_case) -> None
     state = LiveState()
     move = next(preview_case.plan.moves)
     samples = [progress for _, progress in looks(move)][:6]
-    state.take(new_plan(preview_case.plan))
-    state.take(move)
+    new_plan(preview_case.plan)(state)
+    state.enter(move)
     lines, counts, version = [], [], 0
     for k, progress in enumerate(samples):
-        state.take(progress)
-        state.take(Line(f"line {k}"))
+        state.sample(progress)
+        state.say(f"line {k}")
         if k % 2:
             shown = state.since(version)
             version = shown["version"]
@@ -118,13 +118,13 @@ def test_a_new_plan_begins_anew_and_memory_is_bounded(preview_case) -> None:
     plan, state = preview_case.plan, LiveState()
     move = next(plan.moves)
     _, progress = next(looks(move))
-    state.take(new_plan(plan, "to-start", b"first"))
-    state.take(move)
+    new_plan(plan, "to-start", b"first")(state)
+    state.enter(move)
     for _ in range(MOST_SAMPLES + 5):
-        state.take(progress)
+        state.sample(progress)
     assert len(state.since(0)["samples"]) == MOST_SAMPLES
     assert len(json.dumps(state.since(0))) < 4e6
-    state.take(new_plan(plan, "plan", b"second"))
+    new_plan(plan, "plan", b"second")(state)
     assert state.page == b"second"
     shown = state.since(0)
     assert shown["plan"] == {"mark": "run-plan", "name": "plan", "sha256": plan.sha256}

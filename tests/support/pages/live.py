@@ -11,10 +11,11 @@ from typing import Any
 
 from arm.controller.unit import load_unit
 from arm.plan_file import Plan
-from cell.live.state import NewPlan
+from cell.live.state import LiveState
 
 UNIT = load_unit("crs93")
 SOON_S = 60.0
+Change = Callable[[LiveState], None]
 
 
 def until(holds: Callable[[], bool]) -> None:
@@ -24,8 +25,12 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
-def new_plan(plan: Plan, name: str = "plan", text: bytes | None = b"<p>plan</p>") -> NewPlan:
-    return NewPlan(f"run-{name}", name, plan, UNIT, text)
+def new_plan(plan: Plan, name: str = "plan", text: bytes | None = b"<p>plan</p>") -> Change:
+    return lambda state: state.follow(f"run-{name}", name, plan, UNIT, text)
+
+
+def line(text: str) -> Change:
+    return lambda state: state.say(text)
 
 
 OPENED = ExitStack()
