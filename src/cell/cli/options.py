@@ -124,11 +124,8 @@ def refuse_swapped(verb: str, plan: Path, task: Path | None) -> None:
     with suppress(InputError):
         keys = set() if task is None or not begins_as_object(task) else set(read_toml(plan))
     if keys & {"task", "camera", "arm"}:
-        raise InputError(
-            f"{plan} and {task} are swapped: the plan comes first, then its task; give a465 {verb} {task} {plan}",
-            plan=str(task),
-            task=str(plan),
-        )
+        why = f"{plan} and {task} are swapped: the plan comes first, then its task; give a465 {verb} {task} {plan}"
+        raise InputError(why, plan=str(task), task=str(plan))
 
 
 def refuse(message: str, exit_code: int = ImpossibleError.exit_code) -> None:

@@ -59,11 +59,8 @@ def recipe_poses(
         progress(len(found) / wanted)
         if len(found) == wanted:
             return frozen(np.array(found))
-    raise ImpossibleError(
-        f"the recipe has only {len(found)} feasible poses, of {wanted}: request fewer (--poses), or omit --recipe",
-        found=len(found),
-        wanted=wanted,
-    )
+    why = f"the recipe has only {len(found)} feasible poses, of {wanted}: request fewer (--poses), or omit --recipe"
+    raise ImpossibleError(why, found=len(found), wanted=wanted)
 
 
 def _facing(view: HandView, distance: float) -> Array | None:

@@ -120,10 +120,8 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         InputError: the file has neither queries nor motions.
     """
     if not scene.queries and not scene.motions:
-        raise InputError(
-            f"{scene.file}: nothing to check; add [[queries]] or [[motions]], or give a configuration with --q",
-            file=str(scene.file),
-        )
+        why = f"{scene.file}: nothing to check; add [[queries]] or [[motions]], or give a configuration with --q"
+        raise InputError(why, file=str(scene.file))
     queries = [answer_query(scene, q) for q in scene.queries]
     motions = [answer_motion(scene, m) for m in scene.motions]
     before, after = ("expected", "found", "mm exp."), ("closest", "as expected")

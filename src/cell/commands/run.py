@@ -158,10 +158,8 @@ def resume_plan(
     control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
     if not plan.task.get("cubes"):
-        raise ImpossibleError(
-            f"{plan_file}: the plan moves no cubes, so its remaining part is unknown; execute it again as a whole",
-            file=str(plan_file),
-        )
+        why = f"{plan_file}: the plan moves no cubes, so its remaining part is unknown; execute it again as a whole"
+        raise ImpossibleError(why, file=str(plan_file))
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed, run.budget = plan_file, budget
         run.widths = read_widths(plan_file.parent, nominal_width(task.cell))

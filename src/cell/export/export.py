@@ -99,9 +99,8 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
         return {"plan": str(file), "plan_sha256": plan.sha256, **summary}
     unit = unit_of_plan(file, plan, place)
     if form == "trajectory" and asked.period is not None:
-        raise InputError(
-            "--period does not go with --format trajectory, which has the ends of segments", option="period"
-        )
+        why = "--period does not go with --format trajectory, which has the ends of segments"
+        raise InputError(why, option="period")
     path = asked.output or file.with_suffix(SUFFIXES[form])
     keep_apart(path, file, asked.cell)
     period = PERIOD_S if asked.period is None else asked.period

@@ -96,9 +96,8 @@ def sampled(plan: Plan, unit: Unit, period: float) -> Samples:
         InputError: a period outside `PERIODS`, or a plan that takes no time.
     """
     if not PERIODS[0] <= period <= PERIODS[1]:
-        raise InputError(
-            f"--period {period:g}: must be from {PERIODS[0]:g} to {PERIODS[1]:g} s", period=period
-        )
+        why = f"--period {period:g}: must be from {PERIODS[0]:g} to {PERIODS[1]:g} s"
+        raise InputError(why, period=period)
     parts = _lasting(plan, unit)
     grid = period * np.arange(int(np.floor(parts[-1].end_s / period)) + 1)
     return _at(parts, unit, np.concatenate([grid, *(part.knots_s() for part in parts)]))

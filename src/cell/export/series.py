@@ -45,7 +45,6 @@ class Planned:
     """One motion as it was sent.
 
     Attributes:
-        number: index of the session's motion.
         sent_s: when its first line was sent, s since the log was opened.
         time_s: (m,) time of each point, if the unit neither stretches nor stops the motion.
         q: (m, 6) rad at the ends of segments.
@@ -53,7 +52,6 @@ class Planned:
             exactly the segments.
     """
 
-    number: int
     sent_s: float
     time_s: Array
     q: Array
@@ -119,8 +117,8 @@ def executed(session: Session, unit: Unit) -> Executed:
 def planned(session: Session, unit: Unit) -> tuple[Planned, ...]:
     """Return every sent motion with a known start, in order, each truncated at the start of the next."""
     found = []
-    for number, motion in enumerate(session.motions):
-        made = _absolute(number, motion, unit) if motion.target is not None else _stream(number, motion, unit)
+    for motion in session.motions:
+        made = _absolute(motion, unit) if motion.target is not None else _stream(motion, unit)
         if made is not None:
             found.append(made)
     followings = [*(m.time_s[0] for m in found[1:]), np.inf][: len(found)]
@@ -128,18 +126,17 @@ def planned(session: Session, unit: Unit) -> tuple[Planned, ...]:
     return tuple(m for m in cut if len(m.time_s))
 
 
-def _absolute(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
+def _absolute(motion: LoggedMotion, unit: Unit) -> Planned | None:
     """An absolute motion, from rest to rest. The unit alone determines its duration, so it ends with the answer R!."""
     start, target, ready_s = motion.start, motion.target, motion.ready_s
     if start is None or target is None or ready_s is None or ready_s <= motion.sent_s:
         return None
     q = unit.positions([start, target])
-    return Planned(
-        number, motion.sent_s, frozen([motion.sent_s, ready_s]), frozen(q), frozen(np.zeros_like(q))
-    )
+    times = frozen([motion.sent_s, ready_s])
+    return Planned(motion.sent_s, times, frozen(q), frozen(np.zeros_like(q)))
 
 
-def _stream(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
+def _stream(motion: LoggedMotion, unit: Unit) -> Planned | None:
     path = motion.path
     if path is None:
         return None
@@ -148,7 +145,7 @@ def _stream(number: int, motion: LoggedMotion, unit: Unit) -> Planned | None:
     if not path.has_velocity_jumps:  # neighbouring segments differ by rounding only
         at_knots = [*(s.derivative(0.0) for s in path.segments), path.segments[-1].derivative(1.0)]
         velocity = frozen(np.stack(at_knots) / unit.counts_per_rad)
-    return Planned(number, motion.sent_s, frozen(times), frozen(unit.positions(path.knots())), velocity)
+    return Planned(motion.sent_s, frozen(times), frozen(unit.positions(path.knots())), velocity)
 
 
 def _before(motion: Planned, end_s: float) -> Planned:

@@ -66,9 +66,8 @@ def apply_calibration(cell_file: Path, calibration: Path, key: str = "calibratio
         read_cell(cell_file)
     except A465Error as error:
         write_atomic(cell_file, before)
-        raise InputError(
-            f"{cell_file}: is invalid with {calibration}: {error}; it was left as it was", **error.data
-        ) from error
+        why = f"{cell_file}: is invalid with {calibration}: {error}; it was left as it was"
+        raise InputError(why, **error.data) from error
     return line
 
 

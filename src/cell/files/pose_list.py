@@ -254,9 +254,8 @@ def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
         q = reading.q(node, values, reading.angles)
         return Entry(key=node.key, name=f"configuration {number}", q=q, **_USUAL)
     if reading.frame is None:
-        raise bare.error(
-            "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)"
-        )
+        why = "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)"
+        raise bare.error(why)
     T = _pose(node, values, reading.lengths)
     return Entry(key=node.key, name=f"pose {number}", frame=reading.frame, T=T, **_USUAL)
 

@@ -162,10 +162,8 @@ def read_scene_file(path: Path) -> SceneFile:
     """
     root = Node.of_toml(path)
     if ARM in root:
-        raise InputError(
-            f"{path}: is an arm file; check needs a plan made with it (a465 check PLAN.json {path})",
-            file=str(path),
-        )
+        why = f"{path}: is an arm file; check needs a plan made with it (a465 check PLAN.json {path})"
+        raise InputError(why, file=str(path))
     if "task" in root or "q_start_deg" in root:
         kind = "task" if "task" in root else "cell"
         raise InputError(

@@ -68,9 +68,8 @@ def live_view(console: Console, port: int = 0) -> Iterator[Live]:
         InputError: it cannot listen on the port.
     """
     if port and not LEAST_PORT <= port <= 65535:
-        raise InputError(
-            f"--live-port = {port}: must be from {LEAST_PORT} to 65535, or 0 for any free port", port=port
-        )
+        why = f"--live-port = {port}: must be from {LEAST_PORT} to 65535, or 0 for any free port"
+        raise InputError(why, port=port)
     server = LiveServer(port)
     live = Live(server)
     server.start()

@@ -60,9 +60,8 @@ def page_content(
         InputError: the plan is for another unit, or the arms do not match each other or its scene.
     """
     if plan.unit != unit.name:
-        raise InputError(
-            f"unit = {unit.name!r}: the plan is for {plan.unit!r}", value=unit.name, plan=plan.unit
-        )
+        why = f"unit = {unit.name!r}: the plan is for {plan.unit!r}"
+        raise InputError(why, value=unit.name, plan=plan.unit)
     steps = timed_steps(plan)
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]

@@ -31,15 +31,13 @@ class MatchedMotion:
 
     Attributes:
         number: index of the session's motion.
-        step: index of the plan's step where it begins.
-        executed: its samples on the clock of that step.
+        executed: its samples on the clock of the plan's step where it begins.
         difference: (m, 6) rad, executed minus planned at the nearest point.
         planned_s: duration of the segments sent.
         lasted_s: from the first segment to R!; None if that never came.
     """
 
     number: int
-    step: int
     executed: ExecutedMove
     difference: Array
     planned_s: float
@@ -113,7 +111,6 @@ def _matched(number: int, step: int, logged: LoggedMotion, path: CountPath, unit
     begin_s = logged.sent_s if logged.target else logged.begin_s
     return MatchedMotion(
         number,
-        step,
         ExecutedMove(step, frozen([time_s for time_s, _ in found]), frozen(counts)),
         frozen(q - nearest),
         sum(s.duration_ms for s in logged.segments or path.segments) / 1e3,

@@ -94,7 +94,7 @@ def preview_log(log: Path, task_file: Path | None, output: Path, console: Consol
 def _motion_to_json(motion: MatchedMotion) -> dict[str, Any]:
     worst = np.degrees(np.abs(motion.difference).max(axis=0)) if motion.difference.size else np.zeros(0)
     return {
-        "step": motion.step,
+        "step": motion.executed.step,
         "planned_s": round(motion.planned_s, 3),
         "lasted_s": None if motion.lasted_s is None else round(motion.lasted_s, 3),
         "samples": len(motion.executed.time_s),
@@ -131,9 +131,8 @@ def _replay(log: Path, task_file: Path | None) -> Replay:
     unit = unit_of(session, None)
     plan, matched = plan_of(session, unit)
     if not plan.steps:
-        raise InputError(
-            f"{log}: has no motion with a known start, so there is nothing to show", file=str(log)
-        )
+        why = f"{log}: has no motion with a known start, so there is nothing to show"
+        raise InputError(why, file=str(log))
     return Replay(session, unit, plan, None, matched, None)
 
 

@@ -46,13 +46,11 @@ def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
         try:
             (folder / LOG).touch(exist_ok=False)
         except FileExistsError as error:
-            raise InputError(
-                f"{folder}: another run has just begun there; runs are not mixed", folder=str(folder)
-            ) from error
+            why = f"{folder}: another run has just begun there; runs are not mixed"
+            raise InputError(why, folder=str(folder)) from error
     except OSError as error:
-        raise InputError(
-            f"{asked or RUNS}: cannot be made: {error.strerror}", folder=str(asked or RUNS)
-        ) from error
+        why = f"{asked or RUNS}: cannot be made: {error.strerror}"
+        raise InputError(why, folder=str(asked or RUNS)) from error
     try:
         yield folder
     finally:

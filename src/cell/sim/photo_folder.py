@@ -67,9 +67,8 @@ class FolderCamera:
         try:
             return self._take()
         except OSError as error:
-            raise ExecutionStopped(
-                f"{self.folder}: images cannot be written: {error.strerror}", folder=str(self.folder)
-            ) from error
+            why = f"{self.folder}: images cannot be written: {error.strerror}"
+            raise ExecutionStopped(why, folder=str(self.folder)) from error
 
     def _moved(self) -> bool:
         """Whether anything moves, or moved since the last set or motion."""

@@ -56,9 +56,8 @@ def explain_failure(rest: Rest, wanted: bool, every_hole: bool = False) -> Itera
                 advice = _advice(console, task, observation, request, error) if wanted else ()
                 error.data["advice"] = [a.to_json() for a in advice]
                 if failure.kind == START_BLOCKED:
-                    raise ImpossibleError(
-                        f"{error}; {_conflict(task.cell, failure)}", **error.data
-                    ) from error
+                    why = f"{error}; {_conflict(task.cell, failure)}"
+                    raise ImpossibleError(why, **error.data) from error
         raise
 
 

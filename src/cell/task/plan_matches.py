@@ -199,9 +199,8 @@ def require_scene(cell: Cell, plan: Plan, observation: Observation) -> None:
                 faults.append(f"hole {hole.name} looks {now.state}, planned was {planned_state}")
     faults += [f"{name} of the plan was not seen" for name in bodies if name.startswith(plate_name(""))]
     if faults:
-        raise ImpossibleError(
-            f"the scene is not the plan's: {'; '.join(faults)}; look and plan again", faults=faults
-        )
+        why = f"the scene is not the plan's: {'; '.join(faults)}; look and plan again"
+        raise ImpossibleError(why, faults=faults)
 
 
 def scene_of_now(task: Task, plan: Plan) -> Scene:
@@ -251,9 +250,8 @@ def _require_placed(
     elif board == "table" and number.isdigit() and int(number) > 0:
         T_base_place = T_base_cube_on_table(task, place)
     else:
-        raise ImpossibleError(
-            f"the plan brings {entry['cube']!r} to {place!r}, which is no place; plan again"
-        )
+        why = f"the plan brings {entry['cube']!r} to {place!r}, which is no place; plan again"
+        raise ImpossibleError(why)
     let_go = apply(T_base_place, [0.0, 0.0, RELEASE_GAP])
     off = float(np.linalg.norm(cubes[entry["cube"]][:3, 3] - let_go))
     if off > PLACED:
@@ -296,9 +294,8 @@ def _pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
             return BoardPose(
                 board, frozen(mul(plate.T_base_body, inverse(nominal))), np.zeros((6, 6)), 0.0, np.inf
             )
-    raise ImpossibleError(
-        f"the plan's scene has {plate.name!r}, which is no board of the cell file; plan again"
-    )
+    why = f"the plan's scene has {plate.name!r}, which is no board of the cell file; plan again"
+    raise ImpossibleError(why)
 
 
 def _same_shape(a: Shape, b: Shape) -> bool:

@@ -284,12 +284,8 @@ class _Planner:
             return
         check = certify_move(self.world, path, self.place.unit, self.clearance)
         if not check.proved:
-            raise ImpossibleError(
-                f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.clearance)}",
-                target=name,
-                pair=list(check.pair),
-                distance_m=check.seen,
-            )
+            why = f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.clearance)}"
+            raise ImpossibleError(why, target=name, pair=list(check.pair), distance_m=check.seen)
         clearance = float(np.floor(check.clearance * 1e7)) / 1e7
         clearances = (clearance,) * len(path.segments)
         dwell = Move(name, "transit", None, path, None, 0.0, clearance, check.pair, True, (), clearances)

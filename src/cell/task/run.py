@@ -200,9 +200,8 @@ class TaskRun(OpenRun):
         try:
             opened = self.execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
             if opened is None or opened.stalled:
-                raise ExecutionStopped(
-                    f"the jaws do not open to release {cube}; the arm is at its target", index=0
-                )
+                why = f"the jaws do not open to release {cube}; the arm is at its target"
+                raise ExecutionStopped(why, index=0)
         except ExecutionStopped as error:
             if error.data.get("reason") == "lost":
                 raise

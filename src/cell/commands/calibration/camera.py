@@ -227,11 +227,8 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
         )
     fullest = max(photos, key=lambda photo: 0 if photo.view is None else len(photo.view.marker_ids))
     if part := finder.read_in_part(read_grey(folder / fullest.name)):
-        raise InputError(
-            f"{folder}: its images show more than the target ({target.label()}); {fullest.name} shows {part}",
-            path=str(folder),
-            instead=part,
-        )
+        shown = f"its images show more than the target ({target.label()}); {fullest.name} shows {part}"
+        raise InputError(f"{folder}: {shown}", path=str(folder), instead=part)
     return photos, (first.shape[1], first.shape[0])
 
 

@@ -69,9 +69,8 @@ def collect_step(
     task = read_task(files.task, without_calibration(console))
     hand = read_hand_target(files.target)
     if files.apply and options.output is None:
-        raise InputError(
-            "--apply needs -o FILE, the calibration file to enter in the cell file", option="--apply"
-        )
+        why = "--apply needs -o FILE, the calibration file to enter in the cell file"
+        raise InputError(why, option="--apply")
     if recording.suffix != ".json":
         raise InputError(f"{recording}: the name of a recording must end in .json", file=str(recording))
     world = where.world or task.file.with_suffix(".world.toml")

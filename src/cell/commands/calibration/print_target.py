@@ -30,9 +30,8 @@ def target_print_step(target_file: Path | None, output: Path, console: Console) 
     """
     keep_apart(output, target_file)
     if output.suffix.lower() != ".svg":
-        raise InputError(
-            f"{output}: the name must end in .svg, a format that keeps its size in print", file=str(output)
-        )
+        why = f"{output}: the name must end in .svg, a format that keeps its size in print"
+        raise InputError(why, file=str(output))
     target = Target() if target_file is None else _read(target_file)
     write_atomic(output, target_svg(target))
     width, height = (1e3 * size for size in target.size)
