@@ -39,8 +39,7 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from arm.plan_file import read_plan
     from cell.commands.second_opinion import second_opinion
     from cell.export.scene import arm_of_plan
-    from cell.files.place import place_or_arm
-    from cell.files.task import Task
+    from cell.files.task import Task, place_or_arm
     from cell.task.plan_matches import check_plan, replayed_to_json
     from cell.task.planning import options_of
     from plan.program.setting import planned_limits

@@ -14,8 +14,8 @@ from cell.commands.steps import warn_of
 from cell.config.arm_file import ArmFile
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
-from cell.files.place import POSES, place_or_arm
 from cell.files.pose_list import Reading, read_pose_list
+from cell.files.task import POSES, place_or_arm
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.explain import explain_list_failure

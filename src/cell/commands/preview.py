@@ -32,8 +32,7 @@ def preview_file(file: Path, task: Path | None, output: Path | None, console: Co
 def _preview_plan(plan_file: Path, task_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
     from arm.plan_file import read_plan
     from cell.export.scene import arm_of_plan
-    from cell.files.place import place_or_arm
-    from cell.files.task import Task
+    from cell.files.task import Task, place_or_arm
     from cell.preview.of_plan import write_page
     from cell.preview.page import write_preview
     from cell.task.plan_matches import require_match

@@ -47,7 +47,9 @@ class _FixedKeys(Keys):
     walls: tuple[Body, ...] = key("walls", tables(lambda node: read_body(node, "wall"), BodyKeys), default=[])
 
 
-class _RegisterKeys(Keys):
+class CellKeys(CameraKeys, _FixedKeys, BoardKeys, GripperKeys, CellValues, _DeviceKeys):
+    """All keys of a cell file."""
+
     rest_tolerance: int | None = key(
         "motion.rest_tolerance_counts", integer(1, MOST_REST_TOLERANCE), default=None
     )
@@ -55,10 +57,6 @@ class _RegisterKeys(Keys):
     acceleration_registers: tuple[int, ...] | None = key(
         "motion.acceleration_registers", _REGISTERS, default=None
     )
-
-
-class CellKeys(_RegisterKeys, CameraKeys, _FixedKeys, BoardKeys, GripperKeys, CellValues, _DeviceKeys):
-    """All keys of a cell file."""
 
 
 def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Cell:

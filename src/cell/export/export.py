@@ -87,7 +87,7 @@ def _refuse_options(
 def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
     from cell.export.plan import csv_of, joints_of, messages_of, sampled, trajectory_of
     from cell.export.scene import surroundings_of_plan, unit_of_plan
-    from cell.files.place import place_or_arm
+    from cell.files.task import place_or_arm
 
     plan, form = read_plan(file), asked.form or "csv"
     place = None if asked.cell is None else place_or_arm(asked.cell)

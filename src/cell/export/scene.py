@@ -19,9 +19,8 @@ from cell.config.cell_values import ARM_PADDING_MM
 from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
 from cell.files.observation import read_observation, require_boards
-from cell.files.place import POSES, read_place
 from cell.files.scene import read_scene_file
-from cell.files.task import Task
+from cell.files.task import POSES, Task, read_place
 from cell.scene.build import build_scene
 from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm

@@ -1,4 +1,4 @@
-"""The task file: the board to empty, and the destination of its cubes."""
+"""The task file: the board to empty, and the destination of its cubes; or a cell or arm file, which needs no task."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from arm.io.node import Node
 from arm.io.rules import flag, integer, integers, is_whole, number, numbers, path, rule_of, same, text
 from arm.io.storage import canonical_json, sha256
 from arm.se3 import Array
+from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.inputs import Inputs, config_inputs
@@ -23,6 +24,7 @@ from plan.options import AIMS, CHOICES, LOOKS
 
 KINDS = ("clear-board", "board-to-board")
 KIND = text(*KINDS)
+POSES = "poses"  # kind of a task that was read from a cell file
 _IDS = integers(2, 0, 999)
 _LOOK_AFTER = f"one of {', '.join(LOOKS)}, or a number of cubes, 1 or more"
 
@@ -177,6 +179,41 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         **keys.values_of(TaskValues),
         inputs=inputs,
         digest=sha256(sha256(canonical_json(inputs)) + cell.digest),
+    )
+
+
+def place_or_arm(path: Path) -> Task | ArmFile:
+    """Read an arm file, or what `read_place` reads.
+
+    Raises:
+        InputError: the file is none of them, or is wrong.
+    """
+    return read_arm_file(path) if ARM in task_or_cell(path) else read_place(path)
+
+
+def read_place(path: Path) -> Task:
+    """Read a task file, or a cell file as a task of kind `POSES` without boards.
+
+    Raises:
+        InputError: the file is neither, or is wrong.
+    """
+    if "task" in task_or_cell(path):
+        return read_task(path)
+    cell = read_cell(path)
+    return Task(
+        file=cell.file,
+        kind=POSES,
+        cell=cell,
+        from_board=cell.boards[0],  # required, but unused without cubes to move
+        look_after="never",
+        order="given",
+        assignment="given",
+        skip=False,
+        aim="time",
+        clearance_worth=None,
+        seed=0,
+        inputs={},
+        digest=sha256(sha256(canonical_json({})) + cell.digest),
     )
 
 

@@ -16,7 +16,7 @@ from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, rot_z, rotation, transform
-from cell.files.world_errors import ArmKeys, BuildKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
+from cell.files.world_errors import ArmKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
 from render.surface import Print
 from vision.camera.model import Camera, read_camera
 
@@ -52,9 +52,12 @@ class WorldValues(Keys):
     seed: int = key("seed", integer(0, 2**31 - 1), 0)
     noise_grey: float = key("noise_grey", number("grey levels", 0, 50), 2)
     joint_offsets: Array = key("joint_offsets_deg", _of_joints("deg", 5), [0] * 6)
+    build_seed: int = key(
+        "build_seed", integer(0, 2**31 - 1), 0
+    )  # of what stays from one session to the next
 
 
-class World(WorldValues, BuildKeys):
+class World(WorldValues):
     """Ground truth of the simulated cell.
 
     Attributes:
@@ -110,7 +113,7 @@ class TrueBoardKeys(Keys):
     cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
 
 
-class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, BuildKeys, WorldValues):
+class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, WorldValues):
     """Keys of a world file."""
 
     camera: Path | None = key("camera", path(), None)
@@ -149,7 +152,6 @@ def read_world(path: Path, marker_size: float) -> World:
         file=path,
         boards=boards,
         **keys.values_of(WorldValues),
-        **keys.values_of(BuildKeys),
         links=LinkErrors(keys.d, keys.a, keys.alpha),
         camera=None if keys.camera is None else read_camera(keys.camera),
         releases=tuple(keys.releases),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from arm.io.keys import Keys, key
 from arm.io.node import Rule
-from arm.io.rules import integer, number, numbers
+from arm.io.rules import number, numbers
 from arm.se3 import Array
 
 
@@ -69,9 +69,3 @@ class ArmKeys(Keys):
     backlash: Array = key("arm.backlash_deg", _of_joints(2), [0] * 6)
     warm_up: Array = key("arm.warm_up_deg", numbers(6, "deg", -2, 2), [0] * 6)
     warm_up_s: float = key("arm.warm_up_s", number("s", 1, 1e6), 1800)
-
-
-class BuildKeys(Keys):
-    """What stays as it is from one session to the next."""
-
-    build_seed: int = key("build_seed", integer(0, 2**31 - 1), 0)

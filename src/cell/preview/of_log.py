@@ -68,7 +68,13 @@ def preview_log(log: Path, task_file: Path | None, output: Path, console: Consol
         ImpossibleError: the given task is not that of the log's plan.
     """
     replay = _replay(log, task_file)
-    _write(replay, output)
+    if replay.task is not None:
+        write_page(replay.task, replay.plan, output, replay.unit, replay.executed)
+    else:  # clearance is not sampled, because the arm may have another tool
+        wide, narrow = (load_a465(TOOL_LENGTH, opening) for opening in JAW_OPENINGS)
+        write_preview(
+            replay.plan, wide, narrow, replay.unit, output, clearance_every_s=0.0, executed=replay.executed
+        )
     moves = len([m for m in replay.session.motions if m.segments])
     shown = len([m for m in replay.matched if replay.session.motions[m.number].segments])
     summary = {
@@ -172,14 +178,3 @@ def _task_files(session: Session, plan: Plan) -> Iterator[Path]:
     if isinstance(name, str) and name and Path(name).name == name:
         yield Path("scenes") / f"{name}.toml"
         yield data_file("scenes") / f"{name}.toml"
-
-
-def _write(replay: Replay, output: Path) -> None:
-    if replay.task is not None:
-        write_page(replay.task, replay.plan, output, replay.unit, replay.executed)
-        return
-    # clearance is not sampled, because the arm may have another tool
-    wide, narrow = (load_a465(TOOL_LENGTH, opening) for opening in JAW_OPENINGS)
-    write_preview(
-        replay.plan, wide, narrow, replay.unit, output, clearance_every_s=0.0, executed=replay.executed
-    )

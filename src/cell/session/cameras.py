@@ -111,7 +111,7 @@ def open_camera(cell: Cell, camera: str | None) -> Iterator[BaslerCamera | Video
         InputError: the selector is invalid, or the cell file has no device.
         CameraError: the camera is not available.
     """
-    chosen = camera_by(selected(cell, camera), cell.live_camera, cell.camera.size, say_on_stderr)
-    with chosen as opened:
+    chosen = selected(cell, camera)
+    with camera_by(chosen, cell.live_camera, cell.camera.size, say_on_stderr) as opened:
         say_on_stderr(opened.description)
         yield opened

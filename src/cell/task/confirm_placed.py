@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped
 from arm.former import former_names
 from arm.se3 import Array, apply
 from cell.config.cell import Cell
@@ -188,19 +186,6 @@ class ReleasedCubes:
                 row.remarks.append(f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture.name})")
                 unconfirmed.append((row, why))
         return unconfirmed
-
-
-def require_confirmed(rows: Iterable[CubeRow], report: dict[str, Any]) -> None:
-    """Require that every cube of a run was confirmed.
-
-    Raises:
-        ExecutionStopped: names those that were not; with the report.
-    """
-    rows = list(rows)
-    wrong = [row for row in rows if any(remark.startswith(NOT_CONFIRMED) for remark in row.remarks)]
-    if wrong:
-        listed = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
-        raise ExecutionStopped(f"{len(wrong)} of {len(rows)} cubes not confirmed: {listed}", **report)
 
 
 former_names(__name__, __name__, LetGo="ReleasedCubes")

@@ -25,9 +25,8 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
 from cell.config.arm_file import ARM, ArmFile, beyond_limits
-from cell.files.place import POSES
 from cell.files.pose_list import Entry, PoseList
-from cell.files.task import Task
+from cell.files.task import POSES, Task
 from cell.scene.build import build_scene
 from cell.task.planning import plan_fingerprint, pose_list_options
 from plan.advice.changes import Request

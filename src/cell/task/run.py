@@ -21,7 +21,7 @@ from cell.scene.build import T_base_cube_on_table, build_scene, cube_name
 from cell.session.budget import spending
 from cell.session.grasp_monitor import GraspMonitor, grip_fault
 from cell.session.speed import tool_words
-from cell.task.confirm_placed import require_confirmed, unseen_places, width_at
+from cell.task.confirm_placed import NOT_CONFIRMED, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
 from cell.task.explain import explain_failure
 from cell.task.open_run import TO_START, OpenRun
@@ -254,10 +254,15 @@ class TaskRun(OpenRun):
         """The report of a run; requires that every cube was confirmed.
 
         Raises:
-            ExecutionStopped: one was not; with the report.
+            ExecutionStopped: names those that were not; with the report.
         """
         report = self.report()
-        require_confirmed(self.rows, report)
+        wrong = [row for row in self.rows if any(note.startswith(NOT_CONFIRMED) for note in row.remarks)]
+        if wrong:
+            listed = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
+            raise ExecutionStopped(
+                f"{len(wrong)} of {len(self.rows)} cubes not confirmed: {listed}", **report
+            )
         return report
 
     def _stop(self, why: str) -> None:

@@ -24,8 +24,8 @@ from cell.export.export import ExportOptions, export_file
 from cell.export.plan import sampled, timed_steps, trajectory_of
 from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
-from cell.files.place import read_place
 from cell.files.pose_list import read_pose_list
+from cell.files.task import read_place
 from cell.task.pose_list_planning import place_of_cell, plan_pose_list
 from typed.command_line import a465
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from cell.files.place import read_place
-from cell.files.task import read_task
+from cell.files.task import read_place, read_task
 from cell.task.planning import options_of
 from typed.command_line import replace_in
 

@@ -19,7 +19,7 @@ from arm.se3 import rot_x, transform
 from cell.commands.run import resume_plan
 from cell.config.cell_file import read_cell
 from cell.console import Console
-from cell.files.place import read_place
+from cell.files.task import read_place
 from cell.session.connection import WhichCell
 from cell.task.plan_matches import check_plan
 from plan.collision.world import World

@@ -170,7 +170,10 @@ def take_views(
             raise InputError(f"the image shows more than the target ({target.label()}): {part}", instead=part)
         number, taken, since = number + 1, taken + 1, clock()
         write_png(folder / f"live-{number:03d}.png", image)
-        _print_advice(guided, limits, console)
+        advice = guided.advice
+        known = "" if advice.work_mm is None else f" ({advice.work_mm:.3f} mm, limit {limits.work_mm:g} mm)"
+        console.step(f"view {len(guided.photos)} taken{known}")
+        console.say("the views suffice" if advice.done else f"show the target {advice.words}")
     return taken
 
 
@@ -197,10 +200,3 @@ def _resume(folder: Path, finder: TargetFinder, guided: GuidedViews, console: Co
         console.say(f"{len(guided.photos)} views found in the folder")
     numbers = [int(p.stem[5:]) for p in files if p.stem.startswith("live-") and p.stem[5:].isdigit()]
     return max(numbers, default=0)
-
-
-def _print_advice(guided: GuidedViews, limits: CalibrationLimits, console: Console) -> None:
-    advice = guided.advice
-    known = "" if advice.work_mm is None else f" ({advice.work_mm:.3f} mm, limit {limits.work_mm:g} mm)"
-    console.step(f"view {len(guided.photos)} taken{known}")
-    console.say("the views suffice" if advice.done else f"show the target {advice.words}")
