@@ -43,17 +43,7 @@ def emulate_step(
 ) -> None:
     """Serve until a signal arrives, then report what happened to the cubes, if any.
 
-    Args:
-        unit_name: default: that of the task's cell, else crs93.
-        link: symbolic link to create to the pseudo-terminal.
-        tcp: additional TCP port; 0 is any free one.
-        time_scale: emulated seconds per wall second.
-        fault_file: faults to inject.
-        log_file: log of every line.
-        task_file: task of the cell around the arm; None: the controller alone.
-        world: ground truth of that cell; default: beside the task file.
-        photographs: folder for images of that cell (`cell.sim.photo_folder`).
-        hand_file: target in the gripper, near its nominal pose.
+    The arguments are the options of the command (`cell.cli.tools.emulate`).
 
     Raises:
         InputError: unit, link, port, time scale, fault file, log, task, world or folder is wrong; nothing was served.

@@ -31,14 +31,8 @@ def render_step(
 ) -> dict[str, Any]:
     """Write images of the simulated cell with the arm at q_start, or of a target as for a lens calibration.
 
-    Args:
-        task_file: task file with the cell.
-        world: ground truth of the cell; None: the world file beside the task file.
-        output: folder of the images.
-        count: number of images; None: that of a look, or `TARGET_IMAGES`.
-        console: output.
-        target_file: file of a target that covers the field of view, or "charuco" for the default one; None: the cell.
-        seed: seed of the target's poses and of their noise.
+    The arguments are the options of the command (`cell.cli.tools.render`). A target is one that covers the field of
+    view; the default `count` is that of a look, or `TARGET_IMAGES`.
 
     Raises:
         InputError: a file, the count or the seed is wrong.

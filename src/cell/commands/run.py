@@ -202,14 +202,11 @@ def opened(
     """Open a cell and yield a run in it. A report is written to the run folder however the run ends.
 
     Args:
-        task: task to run.
-        console: output.
-        where: cell to open.
+        task, console, where, watcher: see `run_task`.
         speed: fraction of the speed registers that plans use.
         chosen: run folder; None: a new one.
         control: control of the execution.
         confirm: called before anything moves, to ask the operator; raises on refusal.
-        watcher: observer of the run.
     """
     with (
         console.heard(),

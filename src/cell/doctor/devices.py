@@ -6,7 +6,8 @@ import grp
 import os
 import time
 import warnings
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,27 +41,18 @@ def check_ports() -> CheckResult:
 
 
 def _port(device: str) -> dict[str, Any]:
-    return {"device": device, "may_open": os.access(device, os.R_OK | os.W_OK), "group": _group(device)}
+    """Return a device, whether this user may open it, and the group that owns it, "" if unknown."""
+    group = ""
+    with suppress(OSError, KeyError):
+        group = grp.getgrgid(os.stat(device).st_gid).gr_name
+    return {"device": device, "may_open": os.access(device, os.R_OK | os.W_OK), "group": group}
 
 
-def _group(device: str) -> str:
-    """Return the group that owns a device, or "" if unknown."""
-    try:
-        return grp.getgrgid(os.stat(device).st_gid).gr_name
-    except (OSError, KeyError):
-        return ""
-
-
-@dataclass(frozen=True)
-class Answered:
-    """The firmware version that a unit reports, and the wall time of an answer."""
-
-    version: str
-    answer_s: float
-
-
-def ask(url: str, firmware: str) -> Answered:
+def ask(url: str, firmware: str) -> dict[str, Any]:
     """Identify a unit by commands that are allowed before identification: they move and set nothing.
+
+    Returns:
+        The firmware version that it reports, and the wall time of an answer, `answer_s`.
 
     Raises:
         InputError: the port cannot be opened, or no unit with this firmware answers.
@@ -75,7 +67,7 @@ def ask(url: str, firmware: str) -> Answered:
         version, _ = identify(link, firmware)
         began = time.monotonic()
         link.synchronise()  # by STAMP
-        return Answered(version, time.monotonic() - began)
+        return {"version": version, "answer_s": time.monotonic() - began}
     finally:
         link.close()
 
@@ -87,8 +79,9 @@ def check_controller(port: str) -> CheckResult:
         InputError, ExecutionStopped: see `ask`.
     """
     answer = ask(port, FIRMWARE)
-    found = f"{port}: {answer.version}; answers in {1e3 * answer.answer_s:.0f} ms; it cannot report which arm it drives"
-    return CheckResult("controller", OK, found, "", {"port": port, **asdict(answer)})
+    speed = f"answers in {1e3 * answer['answer_s']:.0f} ms"
+    found = f"{port}: {answer['version']}; {speed}; it cannot report which arm it drives"
+    return CheckResult("controller", OK, found, "", {"port": port, **answer})
 
 
 def check_cameras() -> CheckResult:

@@ -39,19 +39,17 @@ class HandTarget:
     plate: tuple[float, float, float]
     size_within: float = SIZE_WITHIN
 
-    @property
-    def T_target_plate(self) -> Array:
-        """Pose of the plate's middle; z points into the plate."""
-        width, height = self.target.size
-        return transform(t=(width / 2.0, height / 2.0, self.plate[2] / 2.0))
-
     def carried_by(self, robot: Robot) -> Robot:
         """Return the arm with the plate as a body of its last joint."""
         flange = inverse(robot.T_end_tool)
         joint = len(robot.joint_names)
         q = np.zeros(joint)
         T_joint_flange = mul(mul(inverse(robot.joint_poses(q)[joint]), robot.T_base_tool(q)), flange)
-        T_joint_plate = mul(mul(T_joint_flange, self.T_flange_target), self.T_target_plate)
+        width, height = self.target.size
+        T_target_plate = transform(
+            t=(width / 2.0, height / 2.0, self.plate[2] / 2.0)
+        )  # its middle; z goes into it
+        T_joint_plate = mul(mul(T_joint_flange, self.T_flange_target), T_target_plate)
         plate = LinkBody(PLATE, joint, Box(self.plate), frozen(T_joint_plate))
         content = {"robot": robot.digest, "plate": [list(self.plate), plate.T_joint_body.tolist()]}
         return replace(robot, bodies=(*robot.bodies, plate), digest=sha256(content))
