@@ -41,9 +41,8 @@ class Sway:
         self.file, self.cell, self.console = file, cell, console
         self.unseen = 0  # looks in which too little of the background was seen
         self.largest = 0.0  # m at the table
-        self._camera = cell.nominal_camera.at(
-            np.eye(4)
-        )  # of the recording: a calibration meanwhile changes neither
+        # of the recording: a calibration meanwhile changes neither
+        self._camera = cell.nominal_camera.at(np.eye(4))
         self._watch: CameraWatch | None = None
         if file.exists():
             self._watch = watch_with(read_background(file, self._camera), cell)

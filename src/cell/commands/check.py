@@ -14,16 +14,10 @@ def check_step(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
     """Check a plan (JSON; of a cell against its task), a scene file, or with --q a configuration in such a file."""
-    if not read_text(file, "JSON").lstrip().startswith("{"):
-        return _check_scene(file, task_file, configuration, console)
-    if configuration is not None:
-        raise InputError(f"{file} is a plan; --q needs a scene, cell or task file", file=str(file))
-    return _check_plan(file, task_file, console)
-
-
-def _check_scene(
-    file: Path, task_file: Path | None, configuration: str | None, console: Console
-) -> dict[str, Any]:
+    if read_text(file, "JSON").lstrip().startswith("{"):
+        if configuration is not None:
+            raise InputError(f"{file} is a plan; --q needs a scene, cell or task file", file=str(file))
+        return _check_plan(file, task_file, console)
     from cell.commands.check_scene import check_scene, closest_pairs
     from cell.files.scene import read_scene_file, read_surroundings
 

@@ -103,17 +103,8 @@ def camera_of(keys: CameraKeys, root: Node) -> CellCamera:
     """
     basler = BaslerSettings(keys.exposure, keys.gain, keys.timeout, keys.heartbeat, keys.features or {})
     size = None if keys.video_size is None else (keys.video_size[0], keys.video_size[1])
-    video = VideoSettings(
-        *(
-            size,
-            keys.video_exposure,
-            keys.video_gain,
-            keys.video_latency,
-            keys.video_timeout,
-            keys.video_stamps,
-        ),
-        keys.video_features or {},
-    )
+    optional = size, keys.video_exposure, keys.video_gain, keys.video_latency
+    video = VideoSettings(*optional, keys.video_timeout, keys.video_stamps, keys.video_features or {})
     for table_name, made in (("basler", basler), ("video", video)):
         if made.exposure is not None and made.timeout <= made.exposure:
             rule = f"must be more than the exposure, {made.exposure:g} s"

@@ -40,20 +40,17 @@ def check_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
     arm = _finding("hand-eye", hand_eye_state(cell), CALIBRATE_ARM)
     if unusable:
         arm = CheckResult("hand-eye", WRONG, str(unusable[0]), CALIBRATE_ARM, unusable[0].data)
+    about_shape = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
+    verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
+    shape = CheckResult("arm's shape", verdict, cell.arm_shape(), help, about_shape)
     results = (
         CheckResult("cell", OK, found, "", data),
-        _shape_finding(cell),
+        shape,
         _finding("lens", lens_state(cell), CALIBRATE_LENS),
         arm,
         _watch_finding(cell),
     )
     return results, cell
-
-
-def _shape_finding(cell: Cell) -> CheckResult:
-    data = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
-    verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
-    return CheckResult("arm's shape", verdict, cell.arm_shape(), help, data)
 
 
 def _watch_finding(cell: Cell) -> CheckResult:

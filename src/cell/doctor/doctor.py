@@ -41,7 +41,9 @@ def doctor_step(
     for finding in _findings(port, camera, cell_file):
         findings.append(finding)
         console.progress(finding.check, len(findings) / ROWS)
-    console.table(_HEADER, [_table_row(finding) for finding in findings], WIDTH)
+    helps = [f"\n-> {f.help}" if f.verdict != OK and f.help else "" for f in findings]  # below what was found
+    rows = [(f.check, f.verdict, f.found + help) for f, help in zip(findings, helps, strict=True)]
+    console.table(_HEADER, rows, WIDTH)
     verdict = max((f.verdict for f in findings), key=VERDICTS.index)
     console.say(", ".join(f"{sum(f.verdict == v for f in findings)} {v}" for v in VERDICTS))
     return {
@@ -95,9 +97,3 @@ def _self_test(cell: Cell | None) -> Iterator[CheckResult]:
     yield guarded(
         "self-test: unit", lambda: tests().check_unit(cell or _read_cell(None)[1]), _SELF_TEST_S, pty
     )
-
-
-def _table_row(finding: CheckResult) -> tuple[str, str, str]:
-    """Return the cells of a row: what was found has what would help below it."""
-    help = f"\n-> {finding.help}" if finding.verdict != OK and finding.help else ""
-    return finding.check, finding.verdict, finding.found + help

@@ -45,19 +45,18 @@ def require_boards(seen: Observation, task: Task) -> None:
             board=name,
             why=seen.missing[name],
         )
-    if task.board_height is not None:
-        _require_flat(task, seen.board(task.from_board.name))
+    source = seen.board(task.from_board.name)
+    if source is not None and task.board_height is not None:
+        _require_flat(task, task.board_height, source)
 
 
-def _require_flat(task: Task, seen: ObservedBoard | None) -> None:
-    if seen is None or task.board_height is None:
-        return
-    T = seen.pose.T_base_board
-    height = float(T[2, 3]) - task.cell.table_z
-    if abs(height - task.board_height) > HEIGHT_TOLERANCE or seen.pose.tilt() > FLAT_TOLERANCE:
+def _require_flat(task: Task, stated: float, seen: ObservedBoard) -> None:
+    """Require that a board is at the height that the task states, m, and not tilted."""
+    height = float(seen.pose.T_base_board[2, 3]) - task.cell.table_z
+    if abs(height - stated) > HEIGHT_TOLERANCE or seen.pose.tilt() > FLAT_TOLERANCE:
         raise ImpossibleError(
             f"board {seen.name} was detected {1e3 * height:.0f} mm above the table, tilted by "
-            f"{np.degrees(seen.pose.tilt()):.1f} deg, but the task says {1e3 * task.board_height:.0f} mm and flat; "
+            f"{np.degrees(seen.pose.tilt()):.1f} deg, but the task says {1e3 * stated:.0f} mm and flat; "
             f"correct board_height_mm in {task.file} or the stand",
             board=seen.name,
             height=height,

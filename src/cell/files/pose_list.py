@@ -73,11 +73,8 @@ def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
     Raises:
         InputError: an option has an unknown value.
     """
-    for option, value, choices in (
-        ("frame", frame, FRAMES),
-        ("angles", angles, tuple(ANGLES)),
-        ("lengths", lengths, tuple(LENGTHS)),
-    ):
+    known = {"frame": FRAMES, "angles": ANGLES, "lengths": LENGTHS}
+    for (option, choices), value in zip(known.items(), (frame, angles, lengths), strict=True):
         if value is not None and value not in choices:
             raise InputError(f"--{option} {value}: must be one of {', '.join(choices)}", value=value)
     return Reading(frame, angles, lengths)

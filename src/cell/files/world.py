@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
 from arm.io.keys import Keys, key
-from arm.io.node import Node, Rule
+from arm.io.node import Node
 from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, tables
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
@@ -42,16 +42,12 @@ class TrueBoard:
     prints: tuple[Print, Print] = (Print(), Print())
 
 
-def _of_joints(unit: str, largest: float) -> Rule[Array]:
-    return numbers(6, unit, -largest, largest)
-
-
 class WorldValues(Keys):
     """Values of a world file that are used unchanged."""
 
     seed: int = key("seed", integer(0, 2**31 - 1), 0)
     noise_grey: float = key("noise_grey", number("grey levels", 0, 50), 2)
-    joint_offsets: Array = key("joint_offsets_deg", _of_joints("deg", 5), [0] * 6)
+    joint_offsets: Array = key("joint_offsets_deg", numbers(6, "deg", -5, 5), [0] * 6)
     build_seed: int = key(
         "build_seed", integer(0, 2**31 - 1), 0
     )  # of what stays from one session to the next
@@ -117,9 +113,9 @@ class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, WorldValues)
     """Keys of a world file."""
 
     camera: Path | None = key("camera", path(), None)
-    d: Array = key("dh_d_error_mm", _of_joints("mm", 20), [0] * 6)
-    a: Array = key("dh_a_error_mm", _of_joints("mm", 20), [0] * 6)
-    alpha: Array = key("dh_alpha_error_deg", _of_joints("deg", 2), [0] * 6)
+    d: Array = key("dh_d_error_mm", numbers(6, "mm", -20, 20), [0] * 6)
+    a: Array = key("dh_a_error_mm", numbers(6, "mm", -20, 20), [0] * 6)
+    alpha: Array = key("dh_alpha_error_deg", numbers(6, "deg", -2, 2), [0] * 6)
     releases: list[str] = key(
         "releases", rule_of(f"a list of {', '.join(RELEASES)}", _are_releases, same), []
     )

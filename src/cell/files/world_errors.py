@@ -6,13 +6,8 @@
 from __future__ import annotations
 
 from arm.io.keys import Keys, key
-from arm.io.node import Rule
 from arm.io.rules import number, numbers
 from arm.se3 import Array
-
-
-def _of_joints(largest: float) -> Rule[Array]:
-    return numbers(6, "deg", 0, largest)
 
 
 class ImageKeys(Keys):
@@ -63,9 +58,9 @@ class MadeKeys(Keys):
 class ArmKeys(Keys):
     """Keys of ``[arm]``: what the encoders do not read."""
 
-    scatter: Array = key("arm.scatter_deg", _of_joints(1), [0] * 6)
-    eccentricity: Array = key("arm.eccentricity_deg", _of_joints(1), [0] * 6)
+    scatter: Array = key("arm.scatter_deg", numbers(6, "deg", 0, 1), [0] * 6)
+    eccentricity: Array = key("arm.eccentricity_deg", numbers(6, "deg", 0, 1), [0] * 6)
     sag: Array = key("arm.sag_deg", numbers(2, "deg", 0, 2), [0] * 2)
-    backlash: Array = key("arm.backlash_deg", _of_joints(2), [0] * 6)
+    backlash: Array = key("arm.backlash_deg", numbers(6, "deg", 0, 2), [0] * 6)
     warm_up: Array = key("arm.warm_up_deg", numbers(6, "deg", -2, 2), [0] * 6)
     warm_up_s: float = key("arm.warm_up_s", number("s", 1, 1e6), 1800)

@@ -10,7 +10,7 @@ from arm.io.storage import write_atomic
 from arm.plan_file import Plan
 from cell.files.task import Task
 from cell.preview.overlays import ExecutedMove
-from cell.preview.page import preview_page
+from cell.preview.page import Drawn, preview_page
 
 
 def write_page(
@@ -48,14 +48,7 @@ def plan_page(
         InputError: the plan does not fit the cell.
     """
     cell = task.cell
-    return preview_page(
-        plan,
-        cell.robot(),
-        cell.robot(cell.cube_size),
-        unit or cell.unit,
-        live=live,
-        boards=cell.boards,
-        dictionary=cell.dictionary,
-        camera=cell.camera,
-        executed=executed,
-    )
+    arms = cell.robot(), cell.robot(cell.cube_size)
+    drawn: Drawn = {"boards": cell.boards, "dictionary": cell.dictionary, "camera": cell.camera}
+    drawn["executed"] = executed
+    return preview_page(plan, *arms, unit or cell.unit, live=live, **drawn)

@@ -71,6 +71,15 @@ def run_page(
         *_extreme(cubes, "tilt_error_deg", max, "deg largest tilt (truth)", 3),
     ]
     previews = [k.name.replace("plan", "preview") + ".html" for k in plans if k.name.startswith("plan")]
+    cell = task.cell
+    provenance = [
+        ("task file", task.file.name),
+        ("cell file", cell.file.name),
+        ("camera file", cell.camera_file.name),
+        ("hand-eye calibration", "none" if cell.calibration is None else cell.calibration.id),
+        ("arm's shape", cell.arm_shape()),
+        ("task and cell", task.digest[:12]),
+    ]
     return render(
         "report/templates/run.html.j2",
         title=f"{task.name} · a465",
@@ -86,7 +95,7 @@ def run_page(
         looks=[_look(picture) for picture in pictures],
         plans=Table(_PLAN_HEADER, [_plan_row(kept) for kept in plans]),
         previews=previews,
-        provenance=Table(("what", "value"), _provenance(task)),
+        provenance=Table(("what", "value"), provenance),
         details=_details(plans),
     )
 
@@ -140,18 +149,6 @@ def _plan_row(kept: KeptPlan) -> Sequence[str]:
         f"{1e3 * min((m.clearance for m in kept.plan.moves), default=0.0):.1f}",
         kept.plan.sha256[:12],
     )
-
-
-def _provenance(task: Task) -> list[tuple[str, str]]:
-    cell = task.cell
-    return [
-        ("task file", task.file.name),
-        ("cell file", cell.file.name),
-        ("camera file", cell.camera_file.name),
-        ("hand-eye calibration", "none" if cell.calibration is None else cell.calibration.id),
-        ("arm's shape", cell.arm_shape()),
-        ("task and cell", task.digest[:12]),
-    ]
 
 
 def _details(plans: Sequence[KeptPlan]) -> list[tuple[str, Table]]:

@@ -35,7 +35,8 @@ def asked(
         answer: returns a typed line, or None if nobody can type.
     """
     for left in reversed(range(TRIES)):
-        _discard_earlier_input()
+        with contextlib.suppress(OSError, ValueError, termios.error):  # forget what was typed before
+            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
         console.say(question)
         typed = answer()
         if typed is None:
@@ -81,12 +82,6 @@ def foreground_terminal() -> int | None:
     except (AttributeError, ValueError, OSError):  # standard input is missing, closed, or not our terminal
         return None
     return descriptor if foreground else None
-
-
-def _discard_earlier_input() -> None:
-    """Discard what was typed before the question."""
-    with contextlib.suppress(OSError, ValueError, termios.error):
-        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
 def typed() -> str | None:

@@ -13,7 +13,6 @@ from arm.io.storage import sha256
 from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array
-from cell.config.cell import Cell
 from cell.files.task import Task
 from cell.scene.build import (
     RELEASE_GAP,
@@ -68,21 +67,16 @@ def pose_list_options(task: Task, speed: float) -> PlanOptions:
     return replace(options_of(task, speed), line_clearance=task.cell.clearance, look="never")
 
 
-def limits_digest(cell: Cell) -> str:
-    """Hash of the limits that plans keep: unit and registers."""
-    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
-    return sha256({"unit": cell.unit.digest, **registers})
-
-
 def plan_fingerprint(task: Task) -> dict[str, Any]:
     """Fingerprint of a plan's inputs: hashes, and task and cell file key by key, compared before execution.
 
     `notes` are not compared (`arm.plan_file.Plan.notes`).
     """
     cell = task.cell
+    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
     return {
         "notes": {"a465": version("a465")},
-        "limits": limits_digest(cell),
+        "limits": sha256({"unit": cell.unit.digest, **registers}),
         "calibration": cell.camera.digest,
         "calibration_id": cell.calibration.id if cell.calibration is not None else "none",
         "task": task.digest,
