@@ -11,6 +11,7 @@ from cell.accuracy.placement import PlacementBudget
 from cell.console import Console
 
 UNKNOWN = "the cell has no calibration with a covariance, so the errors of the placements are not known"
+HEADER = ("cube", "to", "offset mm", "height mm", "tilt deg", "enters %", "mostly due to")
 _SHOWN = 3  # sources in a row of the table
 _SURE = 0.9999  # what is likelier is told as more than this
 
@@ -20,19 +21,19 @@ def print_budgets(budgets: Sequence[PlacementBudget], console: Console) -> None:
     if not budgets:
         console.say(UNKNOWN)
         return
-    rows = [
-        (
-            b.cube,
-            b.target,
-            1e3 * b.sideways,
-            1e3 * b.height,
-            float(np.degrees(b.tilt)),
-            _percent(b),
-            _sources(b),
-        )
+    console.table(HEADER, [(b.cube, b.target, *_millimetres(b), _percent(b), _sources(b)) for b in budgets])
+
+
+def budget_rows(budgets: Sequence[PlacementBudget]) -> list[tuple[str, ...]]:
+    """Return the same rows as texts, with the columns of `HEADER`."""
+    return [
+        (b.cube, b.target, *(f"{value:.2f}" for value in _millimetres(b)), _percent(b), _sources(b))
         for b in budgets
     ]
-    console.table(("cube", "to", "offset mm", "height mm", "tilt deg", "enters %", "mostly due to"), rows)
+
+
+def _millimetres(budget: PlacementBudget) -> tuple[float, float, float]:
+    return 1e3 * budget.sideways, 1e3 * budget.height, float(np.degrees(budget.tilt))
 
 
 def budget_words(budgets: Sequence[PlacementBudget]) -> str:

@@ -31,7 +31,7 @@ def plan_budgets(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBu
     model = ErrorModel.of(cell)
     boards = {pose.board.name: model.board(pose) for pose in seen.poses}
     return tuple(
-        placement_budget(model, transfer, fit_of(cell)) for transfer in _transfers(cell, boards, plan)
+        placement_budget(model, transfer, pocket_fit(cell)) for transfer in _transfers(cell, boards, plan)
     )
 
 
@@ -46,7 +46,7 @@ def require_placements(cell: Cell, seen: Observation, plan: Plan) -> tuple[Place
     return require_insertion(cell, seen, lambda changed, look: plan_budgets(changed, look, plan))
 
 
-def fit_of(cell: Cell) -> PocketFit:
+def pocket_fit(cell: Cell) -> PocketFit:
     """What has to fit where a cube enters a pocket of this cell."""
     sigma = np.hypot(cell.cube_tolerance, cell.pocket_tolerance) / TOLERANCE_SDS
     return PocketFit(cell.cube_size, cell.boards[0].pocket[0], float(sigma))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from arm.board import Board
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.placement import PlacementBudget, Transfer, placement_budget
-from cell.accuracy.plan_budgets import fit_of
+from cell.accuracy.plan_budgets import pocket_fit
 from cell.config.cell import Cell
 from plan.cartesian.reachability import ReachTable
 from vision.observation import Observation
@@ -26,7 +26,7 @@ def reach_budgets(
     target = None if to_board is None else seen.board(to_board.name)
     if source is None or target is None or not ErrorModel.available(cell):
         return ()
-    model, fit = ErrorModel.of(cell), fit_of(cell)
+    model, fit = ErrorModel.of(cell), pocket_fit(cell)
     taken, put = model.board(source.pose), model.board(target.pose)
     best = {reach.hole: reach.best.q_hole for reach in table.holes if reach.ok}
     cubes = [hole for hole in source.holes("cube", "unsure") if hole.name in best]

@@ -13,6 +13,11 @@ import cv2
 
 from arm.errors import InputError
 from arm.plan_file import Plan
+from cell.accuracy.budget_report import HEADER, budget_rows
+from cell.accuracy.picture import BudgetPicture, budget_picture
+from cell.accuracy.placement import PlacementBudget
+from cell.accuracy.plan_budgets import pocket_fit
+from cell.config.cell import Cell
 from cell.files.task import Task
 from cell.report.html import Table, render
 
@@ -49,6 +54,7 @@ def run_page(
     plans: Sequence[KeptPlan],
     began: datetime,
     ended: datetime,
+    budgets: Sequence[PlacementBudget] = (),
 ) -> str:
     """Return the page's text, self-contained.
 
@@ -58,6 +64,7 @@ def run_page(
         pictures: images of the looks, in order.
         plans: plans of the run, in order.
         began, ended: times of the host's clock.
+        budgets: predicted errors of the placements, in order.
     """
     cubes, error = report["cubes"], report.get("error")
     placed = sum(cube["placed"] for cube in cubes)
@@ -95,9 +102,17 @@ def run_page(
         looks=[_look(picture) for picture in pictures],
         plans=Table(_PLAN_HEADER, [_plan_row(kept) for kept in plans]),
         previews=previews,
+        budgets=Table(HEADER, budget_rows(budgets)),
+        boards=_budget_pictures(cell, budgets),
         provenance=Table(("what", "value"), provenance),
         details=_details(plans),
     )
+
+
+def _budget_pictures(cell: Cell, budgets: Sequence[PlacementBudget]) -> list[BudgetPicture]:
+    """Return a picture of each board that a cube was put into."""
+    drawn = (budget_picture(board, budgets, pocket_fit(cell)) for board in cell.boards)
+    return [picture for picture in drawn if picture.marks]
 
 
 def _extreme(

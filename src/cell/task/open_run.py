@@ -15,6 +15,8 @@ from arm.errors import ImpossibleError, InputError
 from arm.io.storage import write_atomic
 from arm.plan_file import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
+from cell.accuracy.budget_report import budget_to_json
+from cell.accuracy.placement import PlacementBudget
 from cell.console import Console
 from cell.files.observation import require_boards
 from cell.files.task import Task
@@ -74,6 +76,7 @@ class OpenRun:
         self.pictures: list[Picture] = []
         self.began = datetime.now().astimezone()
         self.remarks: list[str] = []
+        self.budgets: dict[str, PlacementBudget] = {}  # of each cube, by the last plan that moves it
         self.followed: Path | None = None  # file of the plan under execution, if it moves cubes
         self.homed = False  # homed in this run, so a stop can be resumed
         self.homed_before = False  # homed before this run, so it is not homed again
@@ -217,7 +220,8 @@ class OpenRun:
         try:
             write_atomic(self.folder / "report.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
             now = datetime.now().astimezone()
-            page = run_page(self.task, report, self.pictures, self.kept, self.began, now)
+            budgets = list(self.budgets.values())
+            page = run_page(self.task, report, self.pictures, self.kept, self.began, now, budgets)
             write_atomic(self.folder / "report.html", page)
         except InputError as error:
             self.tell(f"no report: {error}")
@@ -239,6 +243,7 @@ class OpenRun:
             "time_scale": self.connection.time_scale,
             "arm_shape": self.task.cell.arm_shape(),
             "simulated": self.connection.simulated is not None,
+            "placements": [budget_to_json(budget) for budget in self.budgets.values()],
             "remarks": self.remarks,
             "folder": str(self.folder),
         }

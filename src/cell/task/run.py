@@ -122,9 +122,10 @@ class TaskRun(OpenRun):
             ImpossibleError: a cube is too likely to miss its pocket, or the arm may come too near to something.
         """
         erring_clearances(self.task.cell, plan)
-        words = budget_words(require_placements(self.task.cell, observation, plan))
-        if words:
-            self.console.step(words)
+        budgets = require_placements(self.task.cell, observation, plan)
+        self.budgets |= {budget.cube: budget for budget in budgets}
+        if budgets:
+            self.console.step(budget_words(budgets))
 
     def follow(self, plan: Plan, observation: Observation) -> tuple[Observation, bool]:
         """Execute a plan cube by cube, and look where the plan does.

@@ -12,7 +12,7 @@ from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Plan
 from cell.accuracy.budget_report import budget_to_json, budget_words, print_budgets
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.plan_budgets import fit_of, plan_budgets, require_placements
+from cell.accuracy.plan_budgets import plan_budgets, pocket_fit, require_placements
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task, read_task
@@ -129,5 +129,5 @@ def test_what_is_said_is_what_was_found(
 
 
 def test_sizes_are_those_of_the_cell_file(task: Task) -> None:
-    fit = fit_of(replace(task.cell, cube_size=0.0401, cube_tolerance=3e-4, pocket_tolerance=4e-4))
+    fit = pocket_fit(replace(task.cell, cube_size=0.0401, cube_tolerance=3e-4, pocket_tolerance=4e-4))
     assert (fit.cube, fit.mouth, fit.sigma) == (0.0401, task.cell.boards[0].pocket[0], pytest.approx(2.5e-4))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
+from cell.accuracy.placement import PlacementBudget, Source
 from cell.files.task import Task, read_task
 from cell.report.run_page import KeptPlan, Picture, run_page
 
@@ -112,6 +113,24 @@ def test_pictures_are_in_the_page_and_no_larger_than_they_need(task: Task, tmp_p
         run_page(task, report(), [Picture("stopped", tmp_path / "look-3.png")], [], BEGAN, ENDED)
     )
     assert not re.search(r"https?:|//[a-z]|src=\"(?!data:)", html)
+
+
+def test_predicted_errors_are_a_table_and_a_picture_over_their_board(task: Task) -> None:
+    covariance = np.diag([1e-6, 4e-6, 9e-6, 0.0, 0.0, 0.0])
+    sources = {"repeatability": Source(2e-3, 0.8), "detection": Source(1e-3, 0.2)}
+    budgets = [
+        PlacementBudget(f"cube 01-02/{n}", f"01-02/{n}", f"03-04/{n}", covariance, sources, 0.91234)
+        for n in (1, 3)
+    ]
+    html = run_page(task, report(cube(1)), [], [], BEGAN, ENDED, budgets)
+    assert "cube 01-02/3 03-04/3 2.24 3.00 0.00 91.23 repeatability 80 %, detection 20 %" in words(html)
+    assert html.count("<ellipse") == 2
+    assert html.count('class="board"') == 1
+    assert (
+        'rx="48.95" ry="24.48" transform="rotate(90.0)"' in html
+    )  # 2.45 times 2 mm along y and 1 mm along x, by 10
+    assert "91.23 %" in html
+    assert "Predicted accuracy" not in run_page(task, report(cube(1)), [], [], BEGAN, ENDED)
 
 
 def test_plans_are_named_with_their_pages_and_what_they_rest_on(task: Task, preview_case) -> None:
