@@ -14,7 +14,7 @@ PAPER = NaoUnknowns()
 def nao(**degrees):
     x = np.zeros(21)
     for name, value in degrees.items():
-        x[PAPER.index(name)] = np.radians(value)
+        x[PAPER.names.index(f"{name}_deg")] = np.radians(value)
     return NaoKinematics(PAPER, x)
 
 

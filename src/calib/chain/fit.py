@@ -258,6 +258,11 @@ class NormalEquations:
     S: Array
     g: Array
 
+    @property
+    def total(self) -> tuple[Array, Array]:
+        """Information and gradient of all stances together, with the priors."""
+        return self.prior[0] + self.S.sum(axis=0), self.prior[1] + self.g.sum(axis=0)
+
 
 def normal_equations(
     problem: Problem, fit: ChainFit, extra: Sequence[Array] | None = None

@@ -56,17 +56,6 @@ class ChainLimits:
     undetermined: tuple[float, float] = (np.radians(2.0), 0.02)
 
 
-@dataclass(frozen=True)
-class ScatterOptions:
-    """How an arm may scatter.
-
-    Attributes:
-        smooth: indices of the unknowns that are smooth errors of its joints, held until the arm is seen to scatter.
-    """
-
-    smooth: tuple[int, ...] = ()
-
-
 @renamed_arguments(suspects="hypotheses")
 @dataclass(frozen=True, eq=False)
 class ChainCalibration(Judged):
@@ -158,8 +147,9 @@ class ChainCalibration(Judged):
         free = self.problem.free.copy()
         free[list(self.considered)] = True
         equations = normal_equations(replace(self.problem, free=free), self.fit)
-        covariance = inverse_scaled(equations.prior[0] + equations.S.sum(axis=0))
-        step = covariance @ (equations.prior[1] + equations.g.sum(axis=0))
+        information, gradient = equations.total
+        covariance = inverse_scaled(information)
+        step = covariance @ gradient
         both = embedded(covariance * max(1.0, self.excess) + np.outer(step, step), free)
         both[list(self.considered)], both[:, list(self.considered)] = 0.0, 0.0
         return both
@@ -211,7 +201,7 @@ def calibrate_chain(
     refined: Callable[[Choice], Choice] = lambda choice: choice,
     readings: Sequence[str] = (),
     step_known: bool = False,
-    scatter: ScatterOptions | None = None,
+    smooth: Sequence[int] | None = None,
 ) -> ChainCalibration:
     """Select a model, fit it, cross-validate, and run the score tests; the verdict is not yet made.
 
@@ -225,12 +215,13 @@ def calibrate_chain(
         refined: refines a choice, such as the shape of one of its parts.
         readings: their names, for a single chain.
         step_known: whether `reading_sigma` is certain; otherwise readings are assumed exact if that fits.
-        scatter: how an arm may scatter; None: not at all.
+        smooth: indices of the unknowns that are smooth errors of the joints, held until the arm is seen to scatter;
+            None: it does not scatter.
     """
     if not step_known:
         problem = _exact_if_it_fits(problem, parts, limits)
     choice = refined(choose_model(problem, parts, weights))
-    if scatter is not None:
+    if smooth is not None:
         choice = prefer_single_causes(choice, parts, readings)
     began = time.perf_counter()
     again = fit_chains(choice.problem, choice.fit.weights)
@@ -255,12 +246,12 @@ def calibrate_chain(
         _considered(choice.problem, parts),
         any(part.known for part in parts),
     )
-    if scatter is None:
+    if smooth is None:
         return found
     sure = scatters(found)
     if not sure and not any(trial.needed for trial in found.trials):
         return found
-    s = fit_scattering(problem, parts, fit, scatter.smooth)
+    s = fit_scattering(problem, parts, fit, smooth)
     if not sure and not _explains_with_less(s, problem, parts, choice, limits):
         return found
     return replace(
@@ -269,9 +260,7 @@ def calibrate_chain(
         fit=s.choice.fit,
         trials=s.choice.trials,
         held_out=cross_validate(s.choice),
-        hypotheses=find_errors_despite_scatter(
-            s.choice.problem, s.choice.fit, s.base, s.smooth, s.sizes, readings, s.freedom
-        ),
+        hypotheses=find_errors_despite_scatter(s, readings),
         change=sudden_change(s.choice.fit.weights[0] == 0.0),
         scattering=s,
         considered=_considered(s.choice.problem, parts),

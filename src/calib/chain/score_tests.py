@@ -11,6 +11,7 @@ from scipy import special
 from arm.se3 import Array, Bools, Indices
 from calib.chain.fit import ChainFit, NormalEquations, Problem, Sightings, normal_equations
 from calib.chain.model_selection import largest_rise
+from calib.chain.repeatability import Scattering
 from calib.chain.scatter import Sizes, equations_of, estimate_sizes, reduced
 from calib.model.chain import Evaluated
 from calib.model.chi_square import chi2_limit
@@ -97,31 +98,19 @@ def find_error_hypotheses(
         chosen = slice(place, place + of.shape[-1])
         place = chosen.stop
         found += tests.named(name, chosen)
-    return _sorted(found)
+    return most_significant_first(found)
 
 
-def find_errors_despite_scatter(
-    problem: Problem,
-    fit: ChainFit,
-    base: Array,
-    smooth: Sequence[int],
-    sizes: Sizes,
-    readings: Sequence[str],
-    freedom: float,
-) -> tuple[ChainErrorHypothesis, ...]:
+def find_errors_despite_scatter(arm: Scattering, readings: Sequence[str]) -> tuple[ChainErrorHypothesis, ...]:
     """Test all known model errors of an arm that scatters, the most significant first.
 
     The sizes of the scatter are estimated anew with each error in the model: what the error explains is not scatter.
 
     Args:
-        problem: of the fit, of a single chain.
-        fit: without the errors.
-        base: standard deviations of the readings that are known without the scatter, (readings,) rad.
-        smooth: indices of the unknowns that are smooth errors of the arm.
-        sizes: of the scatter, without the errors.
+        arm: without the errors, of a single chain.
         readings: their names.
-        freedom: measurements that the sizes were estimated from.
     """
+    problem, fit = arm.choice.problem, arm.choice.fit
     s = problem.sightings[0]
     at = s.evaluate(fit.unknowns)
     found: list[ChainErrorHypothesis] = []
@@ -131,17 +120,18 @@ def find_errors_despite_scatter(
         chosen = slice(0, column.shape[-1])
 
         def tests(of: Sizes, column: Array = column) -> _ScoreTests:
-            data = reduced(problem, fit, base, smooth, column)
-            return _ScoreTests(problem, fit, equations_of(data, of), shifts, freedom)
+            data = reduced(problem, fit, arm.base, arm.smooth, column)
+            return _ScoreTests(problem, fit, equations_of(data, of), shifts, arm.freedom)
 
-        first = tests(sizes).movement(name, chosen)[0].image if "moved" in name else 0
+        first = tests(arm.sizes).movement(name, chosen)[0].image if "moved" in name else 0
         after = (np.arange(len(used)) >= first)[:, None, None, None]
-        better = estimate_sizes(reduced(problem, fit, base, smooth, column * after), begin=sizes)
-        found += tests(better).named(name, chosen)
-    return _sorted(found)
+        data = reduced(problem, fit, arm.base, arm.smooth, column * after)
+        found += tests(estimate_sizes(data, begin=arm.sizes)).named(name, chosen)
+    return most_significant_first(found)
 
 
-def _sorted(found: Sequence[ChainErrorHypothesis]) -> tuple[ChainErrorHypothesis, ...]:
+def most_significant_first(found: Sequence[ChainErrorHypothesis]) -> tuple[ChainErrorHypothesis, ...]:
+    """Sort hypotheses by their drop of the cost, relative to its limit."""
     return tuple(sorted(found, key=lambda hypothesis: -hypothesis.drop / hypothesis.limit))
 
 
@@ -164,7 +154,7 @@ class _ScoreTests:
         freedom: float | None = None,
     ) -> None:
         n = shifts.shape[2]
-        S, g = equations.prior[0] + equations.S.sum(axis=0), equations.prior[1] + equations.g.sum(axis=0)
+        S, g = equations.total
         self._fit, self._shifts, self._noise_freedom = fit, shifts, problem.noise_freedom
         self._freedom = freedom
         self._covariance, self._gradient = inverse_scaled(S[:n, :n]), g[:n]

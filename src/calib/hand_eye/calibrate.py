@@ -11,7 +11,7 @@ from arm.errors import CalibrationRefused
 from arm.se3 import Array, Bools
 from calib.chain.fit import Problem, Sightings
 from calib.chain.model_selection import Part
-from calib.chain.result import ChainLimits, ScatterOptions, calibrate_chain
+from calib.chain.result import ChainLimits, calibrate_chain
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.chain import OFFSETS, arm_chain, smooth_errors, unknown_names
 from calib.hand_eye.image_effects import ImageEffects, poses_without_bias
@@ -145,7 +145,7 @@ def calibrate_hand_eye(
         [begin.inliers.astype(float)],
         readings=[f"J{j + 1}" for j in range(dh.joints)],
         step_known=encoder_step is not None,
-        scatter=ScatterOptions(tuple(range(last, last + len(waves)))),
+        smooth=range(last, last + len(waves)),
     )
 
     def in_words(name: str, value: float) -> str:

@@ -7,22 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.chain.fit import ChainFit, Problem, fit_chains
+from calib.chain.fit import Problem, fit_chains
 from calib.chain.model_selection import Choice, Part, choose_model
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
+from calib.chain.score_tests import most_significant_first
 from calib.chain.verdict import with_verdict
 from calib.nao.backlash import fit_compliance_and_backlash
 from calib.nao.chain import SIDES, NaoUnknowns
-from calib.nao.limbs import (
-    LIMB_SIGMA,
-    LimbTest,
-    choose_with_limbs,
-    find_limb_errors,
-    is_astray,
-    limb_trial,
-    limb_unknowns,
-)
+from calib.nao.limbs import LIMB_SIGMA, find_limb_errors, is_astray, limb_trial, limb_unknowns
 from calib.nao.recording import NaoRecording
 from calib.recordings.encoder_steps import encoder_sigmas
 from calib.recordings.points import plausible_numbers
@@ -54,6 +47,26 @@ def _shaped(
         if _kept(tried[-1]) >= WELL_KEPT:
             break
     return max(tried, key=_kept)
+
+
+def _with_limbs(
+    without: Choice, full: Problem, parts: Sequence[Part], recording: NaoRecording, sides: Sequence[str]
+) -> Choice:
+    """Put limbs, the last of `parts`, in a model if the images show them; otherwise it stays as it was.
+
+    `full` has the unknowns of all parts free.
+    """
+    if is_astray(without.fit):
+        return without
+    test = find_limb_errors(without.problem, without.fit, _ALL, sides)
+    trial = limb_trial(without.problem, without.fit, test, LIMBS)
+    if trial.needed:
+        full = replace(full, reading_sigma=without.problem.reading_sigma)
+        other = _shaped(choose_model(full, parts), full, parts, recording, sides)
+        if other.problem.free[parts[-1].unknowns[0]]:
+            return other
+        trial = next(t for t in other.trials if t.part == LIMBS)
+    return replace(without, trials=(*without.trials, trial))
 
 
 def _kept(choice: Choice) -> float:
@@ -119,13 +132,7 @@ def calibrate_nao(
     )
     optional = [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()]
 
-    def tested(problem: Problem, fit: ChainFit) -> LimbTest:
-        return find_limb_errors(problem, fit, _ALL, sides)
-
-    def shaped(choice: Choice, full: Problem, parts: Sequence[Part]) -> Choice:
-        return _shaped(choice, full, parts, recording, sides)
-
-    part = Part(LIMBS, tuple(lengths))
+    every_part = [*optional, Part(LIMBS, tuple(lengths))]
     longer = replace(problem, free=shown)
 
     def limbs_explain() -> bool:
@@ -133,7 +140,7 @@ def calibrate_nao(
         paper[[i for one in optional for i in one.unknowns]] = False
         plain = replace(problem, free=paper)
         fit = fit_chains(plain)
-        return limb_trial(plain, fit, tested(plain, fit), LIMBS).needed
+        return limb_trial(plain, fit, find_limb_errors(plain, fit, _ALL, sides), LIMBS).needed
 
     # limbs that are off distort compliance and backlash, whose fit then takes long: try them first
     first = limbs and limbs_explain()
@@ -143,22 +150,22 @@ def calibrate_nao(
             if choice.fit.chi2_dof < limits.chi2_dof and not choice.problem.free[_GEARS].any():
                 return choice
             choice = choose_model(replace(problem, reading_sigma=choice.problem.reading_sigma), optional)
-        choice = shaped(choice, problem, optional)
-        return choose_with_limbs(choice, longer, optional, part, tested, shaped) if limbs else choice
+        choice = _shaped(choice, problem, optional, recording, sides)
+        return _with_limbs(choice, longer, every_part, recording, sides) if limbs else choice
 
     calibration = calibrate_chain(
         names,
         np.array([name.endswith("_mm") for name in names]),
         longer if first else problem,
-        [*optional, part] if first else optional,
+        every_part if first else optional,
         limits,
         refined=refined,
         step_known=encoder_step is not None,
     )
     if not calibration.problem.free[lengths].any():
-        more = tested(calibration.problem, calibration.fit).limbs
-        hypotheses = sorted((*calibration.hypotheses, *more), key=lambda one: -one.drop / one.limit)
-        calibration = replace(calibration, hypotheses=tuple(hypotheses))
+        more = find_limb_errors(calibration.problem, calibration.fit, _ALL, sides).limbs
+        hypotheses = most_significant_first((*calibration.hypotheses, *more))
+        calibration = replace(calibration, hypotheses=hypotheses)
 
     def in_words(name: str, value: float) -> str:
         unit = name.rpartition("_")[2] if "_per_" not in name else "deg/Nm"

@@ -70,12 +70,6 @@ class NaoUnknowns:
         """Size of each name's unit in rad, m or rad/Nm."""
         return np.array([1e-3 if n.endswith("_mm") else np.pi / 180.0 for n in self.names])
 
-    def index(self, name: str) -> int:
-        """Index of a name without its unit."""
-        return next(
-            i for i, n in enumerate(self.names) if n.rpartition("_")[0] == name or n.startswith(f"{name}_")
-        )
-
 
 @lru_cache(maxsize=1)
 def nao_model() -> pin.Model:

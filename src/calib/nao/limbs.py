@@ -7,13 +7,13 @@ hips, and offsets along the knee's axis and across thigh and tibia, which act as
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from calib.chain.fit import MOST_STEPS, ChainFit, Problem, normal_equations
-from calib.chain.model_selection import MEANINGLESS, Choice, Part, Trial, choose_model, largest_rise
+from calib.chain.model_selection import MEANINGLESS, Trial, largest_rise
 from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses
 from calib.model.least_squares import inverse_scaled
 from calib.model.projection import Projection, along
@@ -63,7 +63,7 @@ def find_limb_errors(
         for s, a in zip(problem.sightings, at, strict=True)
     ]
     equations, n = normal_equations(problem, fit, columns), int(problem.free.sum())
-    S, g = equations.prior[0] + equations.S.sum(axis=0), equations.prior[1] + equations.g.sum(axis=0)
+    S, g = equations.total
     S[n:, n:] += np.eye(len(limbs)) / LIMB_SIGMA**2
     test = score_test(inverse_scaled(S[:n, :n]), g[:n], S[:n, n:], S[n:, n:], g[n:])
     # excess cost of an incomplete model makes every limb look significant; what the limbs explain is not excess
@@ -99,34 +99,3 @@ def limb_trial(problem: Problem, fit: ChainFit, test: LimbTest, part: str) -> Tr
     """Whether limbs explain more than chance, and than any other single cause, such as a wrong target size."""
     others = [s.drop for s in find_error_hypotheses(problem, fit) if "moved" not in s.name]
     return Trial(part, max(test.drop - max(others), 0.0), test.limit)
-
-
-def choose_with_limbs(
-    without: Choice,
-    full: Problem,
-    parts: Sequence[Part],
-    limbs: Part,
-    tested: Callable[[Problem, ChainFit], LimbTest],
-    shaped: Callable[[Choice, Problem, Sequence[Part]], Choice],
-) -> Choice:
-    """Put limbs in a model with compliance and backlash if the images show them; otherwise it stays as it was.
-
-    Args:
-        without: choice without limbs.
-        full: problem with all parts free, limbs too.
-        parts: its other parts.
-        limbs: the part of the limbs.
-        tested: score test of the limbs at a fit.
-        shaped: finds the shape of a choice's backlash, from the problem with all parts free.
-    """
-    if is_astray(without.fit):
-        return without
-    trial = limb_trial(without.problem, without.fit, tested(without.problem, without.fit), limbs.name)
-    if trial.needed:
-        more = [*parts, limbs]
-        together = replace(full, reading_sigma=without.problem.reading_sigma)
-        other = shaped(choose_model(together, more), together, more)
-        if other.problem.free[limbs.unknowns[0]]:
-            return other
-        trial = next(t for t in other.trials if t.part == limbs.name)
-    return replace(without, trials=(*without.trials, trial))
