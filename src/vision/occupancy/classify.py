@@ -144,26 +144,25 @@ def hole_occupancy(
     tolerance = float(np.clip(2.0 * std, TOLERANCE, MOST_TOLERANCE))
     borders = hole_borders(pose.board, index, eye, cube_size, 2.0 * tolerance + GAP + WINDOW + BLUR)
     limits = step_limits(view, contrast, tolerance)
-    cube = [_found(b, view, limits) for b in borders.cube]
-    empty = [_found(b, view, limits) for b in borders.empty]
+    cube, empty = ([_found(b, view, limits) for b in of_state] for of_state in borders)
+    rim = empty[-1]
     if not all(np.isfinite(found.shows[found.border.clear]).all() for found in empty):
         return Occupancy("unsure", 0.5, OUT)
     eye = eye - pose.board.holes[index]
-    rim_counts = _rim_counts(view, borders.of("rim")[0], eye, limits)
+    rim_counts = _rim_counts(view, rim.border, eye, limits)
     score = 1.0 / (1.0 + np.exp(_evidence(empty, rim_counts) - _evidence(cube, rim_counts)))
     even = rough_part(view, _top_patch(cube_size, eye), limits) < EVEN
     if 1.0 - SURE < score < SURE:
         return Occupancy("unsure", float(score), FAINT if even else OTHER)
     if score >= SURE:
-        rim = empty[-1].fraction(empty[-1].border.telling)
-        why = _why_no_cube(_fractions(cube, "top"), rim, even)
+        why = _why_no_cube(_fractions(cube, "top"), rim.fraction(rim.border.telling), even)
         return Occupancy("unsure" if why else "cube", float(score), why)
     even_sides = [
         max(rough_part(view, p, limits) for p in both) < EVEN_SIDE
         for both in _beside_mouth(pose.board.pocket[0])
     ]
     sides = np.fmax(_fractions(empty, "mouth"), _fractions(empty, "floor"))
-    why = _why_not_empty(sides, _fractions(empty, "rim")[0], np.array(even_sides))
+    why = _why_not_empty(sides, rim.fraction(rim.border.clear), np.array(even_sides))
     return Occupancy("unsure" if why else "empty", float(score), why)
 
 
@@ -173,13 +172,14 @@ def _contrast(images: Sequence[Image], camera: Camera, pose: BoardPose) -> float
     The image's edge may cut off part of a marker's white border, which detection does not need.
     """
     greys = []
-    for square in marker_squares(pose.board):
+    centres, grid = marker_squares(pose.board)
+    for centre in centres:
         T = pose.T_base_board.copy()
-        T[:3, 3] = apply(pose.T_base_board, square.centre)
-        view = plate_view(images, camera, T, float(np.abs(square.points).max()) * 1.5)
+        T[:3, 3] = apply(pose.T_base_board, centre)
+        view = plate_view(images, camera, T, float(grid.max()) * 1.5)
         if view is None:
             continue
-        grey = view.at(square.points)
+        grey = view.at(grid)
         shown = np.isfinite(grey)
         if shown.mean() >= LEAST_MARKER:
             greys.append(grey[shown])

@@ -8,7 +8,7 @@ compared, all are projected from the camera's centre to the plate's top plane z 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -43,39 +43,12 @@ class Border:
     clear: Bools
 
 
-@dataclass(frozen=True, eq=False)
-class HoleBorders:
-    """All borders of both states."""
-
-    cube: tuple[Border, ...]
-    empty: tuple[Border, ...]
-
-    def of(self, kind: Kind) -> list[Border]:
-        """All borders of one kind."""
-        return [b for b in (*self.cube, *self.empty) if b.kind == kind]
-
-
-@dataclass(frozen=True, eq=False)
-class MarkerSquare:
-    """A marker with its white border: `centre` (3,) m in the board frame, and a grid of `points` (n, 2) m around it."""
-
-    centre: Array
-    points: Array
-
-
-def marker_squares(board: Board) -> list[MarkerSquare]:
-    """Both markers of a board."""
+def marker_squares(board: Board) -> tuple[Array, Array]:
+    """Centres of both markers, (2, 3) m in the board frame, and a grid over a marker and its white border, (n, 2) m."""
     half = board.marker_size * (0.5 + QUIET_ZONE)
     side = np.linspace(-half, half, 21)
-    points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    return [MarkerSquare(outline.mean(axis=0), points) for outline in board.marker_corners()]
-
-
-@dataclass(frozen=True, eq=False)
-class _Line:
-    kind: Kind
-    points: Array
-    outward: Array
+    grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    return board.marker_corners().mean(axis=1), grid
 
 
 def seen_on_plate(points: Array, height: float, eye: Array) -> Array:
@@ -83,8 +56,10 @@ def seen_on_plate(points: Array, height: float, eye: Array) -> Array:
     return np.asarray(eye[:2] + (points - eye[:2]) * (eye[2] / (eye[2] - height)))
 
 
-def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: float) -> HoleBorders:
-    """Return the borders of a hole in both states.
+def hole_borders(
+    board: Board, index: int, eye: Array, cube_size: float, near: float
+) -> tuple[list[Border], list[Border]]:
+    """Return the borders of a hole with a cube, and those of the empty hole, the rim last.
 
     Args:
         board: board with the hole.
@@ -102,7 +77,7 @@ def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: f
     angle = 2.0 * np.pi * np.arange(36) / 36
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     cube_lines = [*_sides("top", top), *_uprights(top, foot, eye, cube_size)]
-    rim = _Line("rim", seen_on_plate(FINGER_HOLE_RADIUS * circle, -POCKET_DEPTH, eye), circle)
+    rim = _border("rim", seen_on_plate(FINGER_HOLE_RADIUS * circle, -POCKET_DEPTH, eye), circle)
     empty_lines = [*_sides("mouth", mouth), *_sides("floor", floor), rim]
     outline = np.asarray(cv2.convexHull(np.concatenate([top, foot]).astype(np.float32)))[:, 0].astype(float)
     cube_edges = [_closed(top), _closed(outline), *(line.points for line in cube_lines[4:])]
@@ -112,13 +87,18 @@ def hole_borders(board: Board, index: int, eye: Array, cube_size: float, near: f
     for line in cube_lines:
         p = line.points
         telling = _plain(p, board, hole, near) & ~_close_to(p, empty_edges, near)
-        cube.append(Border(line.kind, p, line.outward, telling, np.ones(len(p), dtype=bool)))
+        cube.append(replace(line, telling=telling))
     for line in empty_lines:
         p = line.points
-        shown = np.ones(len(p), dtype=bool) if line.kind == "mouth" else _depth_in(mouth, p) > near
+        clear = line.clear if line.kind == "mouth" else _depth_in(mouth, p) > near
         covered = (_depth_in(outline, p) > near) & ~_close_to(p, cube_edges, near)
-        empty.append(Border(line.kind, p, line.outward, shown & covered, shown))
-    return HoleBorders(tuple(cube), tuple(empty))
+        empty.append(replace(line, telling=clear & covered, clear=clear))
+    return cube, empty
+
+
+def _border(kind: Kind, points: Array, outward: Array) -> Border:
+    everywhere = np.ones(len(points), dtype=bool)
+    return Border(kind, points, outward, everywhere, everywhere)
 
 
 def _square(width: float) -> Array:
@@ -126,20 +106,20 @@ def _square(width: float) -> Array:
     return np.asarray(width / 2.0 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]))
 
 
-def _stations(kind: Kind, start: Array, end: Array) -> _Line:
+def _stations(kind: Kind, start: Array, end: Array) -> Border:
     length = float(np.linalg.norm(end - start))
     count = max(int((length - 2.0 * CORNER_GAP) / PITCH), 0)
     along = CORNER_GAP + (length - 2.0 * CORNER_GAP) * (np.arange(count) + 0.5) / max(count, 1)
     direction = (end - start) / max(length, 1e-9)
     points = start + along[:, None] * direction
-    return _Line(kind, points, np.tile([direction[1], -direction[0]], (count, 1)))
+    return _border(kind, points, np.tile([direction[1], -direction[0]], (count, 1)))
 
 
-def _sides(kind: Kind, corners: Array) -> list[_Line]:
+def _sides(kind: Kind, corners: Array) -> list[Border]:
     return [_stations(kind, corners[k], corners[(k + 1) % 4]) for k in range(4)]
 
 
-def _uprights(top: Array, foot: Array, eye: Array, cube_size: float) -> list[_Line]:
+def _uprights(top: Array, foot: Array, eye: Array, cube_size: float) -> list[Border]:
     """Upright edges with at least one face towards the camera, from the top down to the plate."""
     # distance of the eye along the normal of the side that begins at each corner
     distances = (-eye[1], eye[0], eye[1], -eye[0])
@@ -177,9 +157,9 @@ def _plain(points: Array, board: Board, hole: Array, near: float) -> Bools:
     on_plate = points + hole[:2]
     inside = np.abs(on_plate - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0 - near
     good = inside.all(axis=-1)
-    for square in marker_squares(board):
-        half = np.abs(square.points).max() + near
-        good &= np.abs(on_plate - square.centre[:2]).max(axis=-1) > half
+    centres, grid = marker_squares(board)
+    for centre in centres:
+        good &= np.abs(on_plate - centre[:2]).max(axis=-1) > grid.max() + near
     for other in board.holes:
         if not np.array_equal(other, hole):
             good &= np.abs(on_plate - other[:2]).max(axis=-1) > board.pocket[0] / 2.0 + near

@@ -92,8 +92,8 @@ def seating(top: CubeTop | None, cube: CubeWidth) -> Seating:
     if not _shows(top):
         return Seating("unsure", "the sides of its top do not show clearly enough")
     width = CubeWidth(cube.value, float(np.hypot(cube.std, OWN_STD)))
-    log, best = _heights(top, width, PLAY * PLAYS)
-    lift, std = _moments(LIFTS, log)
+    log, best = _at_heights(top, width, LIFTS)
+    lift, std = _moments(LIFTS, np.asarray(logsumexp(log, axis=1)))
     if best < -MOST_UNLIKELY or (best < -ALL_AGREE and visible < len(top.shown)):
         aside = _aside(top, width)
         if aside > MOST_ASIDE:
@@ -111,7 +111,7 @@ def width_of(top: CubeTop | None, cube: CubeWidth) -> CubeWidth | None:
     """Return the width of a seated cube from its top and the prior `cube`; None if the top does not determine it."""
     if top is None or abs(top.turn) > MOST_TURN or top.twist > MOST_TWIST or not _shows(top):
         return None
-    log, best = _at_heights(top, cube, PLAY * PLAYS, np.zeros(1))
+    log, best = _at_heights(top, cube, np.zeros(1))
     if best < -MOST_UNLIKELY:
         return None
     return CubeWidth(*_moments(cube.value + cube.std * WIDTHS, log[0]))
@@ -122,27 +122,23 @@ def _shows(top: CubeTop) -> bool:
     return all(max(top.shown[low], top.shown[high]) > LEAST_SHOWN for low, high in PAIRS)
 
 
-def _heights(top: CubeTop, cube: CubeWidth, plays: Array) -> tuple[Array, float]:
-    """Log likelihood of each of `LIFTS`, and of the best cube of any height, relative to free sides."""
-    log, best = _at_heights(top, cube, plays, LIFTS)
-    return np.asarray(logsumexp(log, axis=1)), best
-
-
-def _at_heights(top: CubeTop, cube: CubeWidth, plays: Array, lifts: Array) -> tuple[Array, float]:
+def _at_heights(top: CubeTop, cube: CubeWidth, lifts: Array) -> tuple[Array, float]:
     """Log likelihood of heights and widths, (lifts, widths), with play integrated out; and the best over all three.
 
-    A higher top looks wider and farther from the point below the camera. A wider cube also sits higher: `top.rise`.
+    Both are relative to free sides. A higher top looks wider and farther from the point below the camera. A wider cube
+    also sits higher: `top.rise`.
     """
     widths = cube.value + cube.std * WIDTHS
     height = lifts[:, None] + top.rise * (widths - top.size)
     larger = top.distance / (top.distance - height)  # factor of the projection to the plane of a seated top
     half = (widths * larger - top.size) / 2.0
+    plays = PLAY * PLAYS
     log = np.broadcast_to(-0.5 * WIDTHS**2, half.shape)
     best, sides = log, _likely(top)
     for axis, (low, high) in enumerate(PAIRS):
         shift = -top.slope[axis] * top.distance * (larger - 1.0)
         aside = shift[..., None] + larger[..., None] * plays
-        one = -0.5 * (plays / PLAY) ** 2 if plays[-1] < FREE_PLAY else np.zeros(len(plays))
+        one = -0.5 * (plays / PLAY) ** 2
         one = one + _at(sides[high], half[..., None] + aside) + _at(sides[low], half[..., None] - aside)
         best = best + one.max(axis=-1)
         log = log + logsumexp(one, axis=-1) - np.log(one.shape[-1])
