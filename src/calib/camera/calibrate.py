@@ -18,7 +18,7 @@ from calib.camera.bundle_adjustment import (
     residual_of,
 )
 from calib.camera.cross_validation import cross_validate
-from calib.camera.flat_views import NOMINAL, FlatCalibration, FlatViews, Lift
+from calib.camera.flat_views import NOMINAL, FlatViews, Lift
 from calib.camera.initial_guess import initial_guess, pose_of
 from calib.camera.next_views import NextView, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
@@ -26,7 +26,7 @@ from calib.camera.score_tests import error_hypotheses
 from calib.camera.verdict import with_verdict
 from calib.camera.view_selection import TargetPhoto, outlying_corner, outlying_views, unusable
 from calib.camera.working_volume import working_volume
-from calib.model.intrinsics import NAMES, camera_of, lens_parameter_jacobian, vector_of
+from calib.model.intrinsics import NAMES, lens_parameter_jacobian, pinhole, vector_of
 from calib.model.optimal_design import OptimalDesign
 from calib.model.projection import Projection
 from vision.camera.model import Camera, Region
@@ -76,10 +76,16 @@ def calibrate_camera(
     corner_sigma = found.bundle.corner_sigma
     known_lifts = [(lifts or {}).get(photos[i].name) for i in found.index]
     lain = None
-    if any(known_lifts) or (flat and _tilted(found.bundle, limits.tilt) < limits.tilted):
-        _require_parallel(found, known_lifts, photos, limits.tilt)
+    tilted = sum(abs(T[2, 2]) <= np.cos(limits.tilt) for T in found.bundle.poses)
+    if any(known_lifts) or (flat and tilted < limits.tilted):
+        if any(known_lifts):
+            _require_parallel(found, photos, limits.tilt)
         lain = FlatViews(found.views, target, size, known_lifts, corner_sigma).solve()
-        found = replace(found, bundle=_laid(found, lain))
+        residuals = tuple(
+            residual_of(lain.camera, T, v) for T, v in zip(lain.poses, found.views, strict=True)
+        )
+        bundle = replace(found.bundle, camera=lain.camera, poses=lain.poses, residuals=residuals)
+        found = replace(found, bundle=bundle)
     distances = work or _distances(found.bundle, found.views)
     volume = working_volume(found.bundle.camera, *distances, region)
     informations = information(found.bundle, found.views)
@@ -92,13 +98,12 @@ def calibrate_camera(
     bundle = found.bundle
     if lain is None:
         corner_sigma = bundle.corner_sigma  # of the views that were chosen
-    covariance = intrinsics_covariance(informations, free, corner_sigma, bundle.prior)
-    if lain is not None:
-        covariance = lain.covariance
+        covariance = intrinsics_covariance(informations, free, corner_sigma, bundle.prior)
+        hypotheses = tuple(error_hypotheses(bundle, found.views, target))
+    else:  # the flat fit has these errors among its unknowns
+        covariance, hypotheses = lain.covariance, ()
     known = prior + sum(informations)
     undetermined = _undetermined(bundle.camera, covariance, free, corner_sigma)
-    # the flat fit has these errors among its unknowns
-    hypotheses = () if lain is not None else tuple(error_hypotheses(bundle, found.views, target))
     # each established error moves the lens as if it had been an unknown of the fit
     for change in (s.intrinsics_change for s in hypotheses if s.sure):
         covariance = covariance + np.outer(change, change)
@@ -122,20 +127,10 @@ def calibrate_camera(
     return with_verdict(calibration)
 
 
-def _tilted(bundle: Bundle, tilt: float) -> int:
-    """Number of views tilted by at least `tilt`, rad."""
-    return sum(abs(T[2, 2]) <= np.cos(tilt) for T in bundle.poses)
-
-
-def _require_parallel(
-    found: _Found, lifts: Sequence[Lift | None], photos: Sequence[TargetPhoto], tilt: float
-) -> None:
-    if not any(lifts):
-        return
+def _require_parallel(found: _Found, photos: Sequence[TargetPhoto], tilt: float) -> None:
     # foreshortening hardly depends on the focal length, which least squares may get very wrong here
     size = found.bundle.camera.size
-    f = NOMINAL * size[0]
-    camera = camera_of(np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, *np.zeros(5)]), size)
+    camera = pinhole(NOMINAL * size[0], size)
     poses = [pose_of(view, camera) for view in found.views]
     middle = np.median([T[:3, 2] for T in poses], axis=0)
     middle /= np.linalg.norm(middle)
@@ -148,11 +143,6 @@ def _require_parallel(
                 photograph=photos[i].name,
                 tilt_deg=float(np.degrees(off)),
             )
-
-
-def _laid(found: _Found, lain: FlatCalibration) -> Bundle:
-    residuals = tuple(residual_of(lain.camera, T, v) for T, v in zip(lain.poses, found.views, strict=True))
-    return replace(found.bundle, camera=lain.camera, poses=lain.poses, residuals=residuals)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from arm.se3 import Array, frozen, moved
 from calib.camera.bundle_adjustment import View
 from calib.camera.initial_guess import pose_of
 from calib.camera.score_tests import bulges
-from calib.model.intrinsics import COUNT, camera_of, vector_of
+from calib.model.intrinsics import COUNT, camera_of, pinhole, vector_of
 from calib.model.least_squares import Step, inverse_scaled, levenberg_marquardt, solve_scaled
 from calib.model.projection import Projection
 from vision.camera.model import Camera
@@ -158,8 +158,7 @@ class FlatViews:
         return found
 
     def _start(self, log_f: float) -> _State:
-        f = float(np.exp(log_f))
-        camera = camera_of(np.array([f, f, *((np.array(self._size) - 1.0) / 2.0), *np.zeros(5)]), self._size)
+        camera = pinhole(float(np.exp(log_f)), self._size)
         starts = tuple(pose_of(view, camera) for view in self._views)
         normal = np.median([T[:3, 2] for T in starts], axis=0)
         normal /= np.linalg.norm(normal)

@@ -9,7 +9,7 @@ import numpy as np
 from arm.errors import CalibrationRefused
 from arm.se3 import Array
 from calib.camera.bundle_adjustment import Bundle, View, adjust
-from calib.model.intrinsics import camera_of
+from calib.model.intrinsics import pinhole
 from vision.boards.pose_fit import STEP_DONE, Corners, Fit, fit_weighted, planar_poses
 from vision.camera.model import Camera
 
@@ -78,7 +78,7 @@ def _starts(views: Sequence[View], size: tuple[int, int]) -> list[tuple[Camera, 
     """A camera of each focal length with the poses of the views, best fit first."""
     tried: list[tuple[float, Camera, list[Array]]] = []
     for f in np.multiply(FOCAL_LENGTHS, size[0]):
-        camera = camera_of(np.array([f, f, (size[0] - 1) / 2.0, (size[1] - 1) / 2.0, *np.zeros(5)]), size)
+        camera = pinhole(f, size)
         try:
             fits = [_fitted(view, camera, NEAR) for view in views]
         except np.linalg.LinAlgError:

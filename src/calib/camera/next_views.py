@@ -67,8 +67,12 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
     middle = np.array([*target.size, 0.0]) / 2.0
     points = target.points()
     found = []
+    last = np.array(camera.size) - 1.0 - MARGIN_PX
+    # the target's long side is parallel to that of the image
+    aligned = (camera.size[0] >= camera.size[1]) == (target.size[0] >= target.size[1])
+    in_plane = rot_z(0.0 if aligned else np.pi / 2.0)
     aims = (np.array(list(product(range(3), range(3)))) * 0.3 + 0.2) * np.array(camera.size)
-    rays = np.concatenate([camera.normalised(aims), np.ones((9, 1))], axis=1)
+    rays = camera.rays(aims)
     places = product(range(3), range(3), (near, far), range(-1, TURNED))
     for column, row, z, turned in places:
         ray = rays[3 * column + row]
@@ -77,22 +81,15 @@ def _candidates(camera: Camera, target: Target, near: float, far: float) -> list
         angle = 2.0 * np.pi * turned / TURNED
         # rotating about this axis brings the edge in direction `angle` of the image nearer
         axis = np.array([-np.sin(angle), np.cos(angle), 0.0])
-        R = rotation(TILT * axis if turned >= 0 else np.zeros(3)) @ rot_z(_rotation_in_plane(camera, target))
+        R = rotation(TILT * axis if turned >= 0 else np.zeros(3)) @ in_plane
         T = transform(R, z * ray - R @ middle)
         pixels = Projection(camera, T, points).pixels
-        last = np.array(camera.size) - 1.0 - MARGIN_PX
         inside = ((pixels >= MARGIN_PX) & (pixels <= last)).all(axis=1)
         if inside.mean() < LEAST_SEEN:
             continue
         information = view_equations(camera, T, points[inside]).S
         found.append(NextView(T, _words(column, row, z, turned), 0.0, information))
     return found
-
-
-def _rotation_in_plane(camera: Camera, target: Target) -> float:
-    """Rotation of the target, rad, that aligns its long side with that of the image."""
-    aligned = (camera.size[0] >= camera.size[1]) == (target.size[0] >= target.size[1])
-    return 0.0 if aligned else np.pi / 2.0
 
 
 def _words(column: int, row: int, z: float, turned: int) -> str:

@@ -76,9 +76,7 @@ def working_volume(camera: Camera, near: float, far: float, region: Region | Non
             places=len(rays),
             without_inverse=int(len(rays) - finite.sum()),
         )
-    rays = rays[finite]
-    flat = np.concatenate([rays, np.ones((len(rays), 1))], axis=-1)
-    points = np.concatenate([z * flat for z in np.linspace(near, far, LAYERS)])
+    points = np.concatenate([z * rays[finite] for z in np.linspace(near, far, LAYERS)])
     to_metres = points[:, 2, None, None] / np.diag(camera.K)[:2, None]
     by_intrinsics = (to_metres * lens_parameter_jacobian(camera, points)).reshape(-1, 9)
     by_point = to_metres * camera.projection_jacobian(points)
@@ -89,10 +87,10 @@ def working_volume(camera: Camera, near: float, far: float, region: Region | Non
 
 
 def _rays(camera: Camera, region: Region) -> Array:
-    """Undistorted points (ROWS * COLUMNS, 2) of a grid that fills a region; NaN where there is no inverse."""
+    """Rays (ROWS * COLUMNS, 3) of a grid that fills a region; NaN where there is no inverse."""
     left, top, right, bottom = region
     u, v = np.meshgrid(
         left + (np.arange(COLUMNS) + 0.5) * (right - left) / COLUMNS - 0.5,
         top + (np.arange(ROWS) + 0.5) * (bottom - top) / ROWS - 0.5,
     )
-    return camera.normalised(np.stack([u.ravel(), v.ravel()], axis=-1))
+    return camera.rays(np.stack([u.ravel(), v.ravel()], axis=-1))

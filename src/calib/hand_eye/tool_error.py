@@ -66,8 +66,7 @@ def image_holes(found: HandEye) -> Array:
     """Places that the camera sees at usual heights, (n, 3) m in the base frame."""
     size = np.array(found.recording.camera.size)
     pixels = np.array([(x, y) for x in _ACROSS for y in _ACROSS]) * (size - 1.0)
-    rays = np.append(found.camera.normalised(pixels), np.ones((len(pixels), 1)), axis=1)
-    eye, rays = found.T_base_camera[:3, 3], rays @ found.T_base_camera[:3, :3].T
+    eye, rays = found.T_base_camera[:3, 3], found.camera.rays(pixels) @ found.T_base_camera[:3, :3].T
     with np.errstate(divide="ignore"):
         along = (np.array(HEIGHTS)[:, None] - eye[2]) / rays[:, 2]
     ahead = np.isfinite(along) & (along > 0.0)

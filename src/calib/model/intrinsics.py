@@ -26,6 +26,11 @@ def camera_of(vector: Array, size: tuple[int, int]) -> Camera:
     return Camera(K, vector[4:], size, frozen(np.eye(4)))
 
 
+def pinhole(focal: float, size: tuple[int, int]) -> Camera:
+    """Camera without distortion, at the origin: focal length in px, and the principal point in the image's middle."""
+    return camera_of(np.array([focal, focal, *((np.array(size) - 1.0) / 2.0), *np.zeros(5)]), size)
+
+
 def lens_parameter_jacobian(camera: Camera, points_camera: Array) -> Array:
     """Derivative of the pixels by the intrinsics: points (..., 3) m in the camera frame to (..., 2, 9)."""
     on_plane = points_camera[..., :2] / points_camera[..., 2:]

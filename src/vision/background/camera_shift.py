@@ -13,7 +13,7 @@ difference grows with the height above it; `twist_covariance` includes it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -173,7 +173,7 @@ def measure_shift(background: Background, image: Image, camera: Camera, distance
         scale_sigma=float(np.sqrt(covariance[3, 3])),
         seen=seen,
         found=len(tracks.index),
-        focal=_focal(camera),
+        focal=float(np.sqrt(camera.K[0, 0] * camera.K[1, 1])),
         distance=distance,
         reach=float(np.hypot(*camera.size)) / 2.0,
     )
@@ -181,17 +181,14 @@ def measure_shift(background: Background, image: Image, camera: Camera, distance
 
 def mean_shift(shifts: Sequence[CameraShift]) -> CameraShift:
     """Return the mean shift of a look's images; its covariance is that of one image, as their features are the same."""
-    first = shifts[0]
-    return CameraShift(
+    return replace(
+        shifts[0],
         rotation=frozen(np.mean([s.rotation for s in shifts], axis=0)),
         covariance=frozen(np.mean([s.covariance for s in shifts], axis=0)),
         scale=float(np.mean([s.scale for s in shifts])),
         scale_sigma=float(np.mean([s.scale_sigma for s in shifts])),
         seen=min(s.seen for s in shifts),
         found=min(s.found for s in shifts),
-        focal=first.focal,
-        distance=first.distance,
-        reach=first.reach,
     )
 
 
@@ -201,20 +198,12 @@ def as_calibrated(image: Image, camera: Camera, shift: CameraShift) -> Image:
     The lens's distortion of so small a shift is left out: it is below 0.01 px within the correction's limit.
     """
     corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], dtype=float) * (np.array(camera.size) - 1)
-    now = _project(camera, _rays(camera, corners), shift.rotation)
+    now = _project(camera, camera.rays(corners), shift.rotation)
     matrix = np.linalg.lstsq(np.concatenate([corners, np.ones((4, 1))], axis=1), now, rcond=None)[0].T
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
     return np.asarray(
         cv2.warpAffine(image, matrix, camera.size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.uint8
     )
-
-
-def _focal(camera: Camera) -> float:
-    return float(np.sqrt(camera.K[0, 0] * camera.K[1, 1]))
-
-
-def _rays(camera: Camera, points: Array) -> Array:
-    return np.concatenate([camera.normalised(points), np.ones((len(points), 1))], axis=1)
 
 
 def _project(camera: Camera, rays: Array, turn: Array, scale: float = 0.0) -> Array:
@@ -228,7 +217,7 @@ def _fitted(background: Background, tracks: Tracks, camera: Camera) -> tuple[Arr
     if len(tracks.index) < FEWEST_SEEN:
         return None
     points = background.points[tracks.index]
-    rays, seen = _rays(camera, points), points + tracks.shifts
+    rays, seen = camera.rays(points), points + tracks.shifts
     agree = _consensus(rays, seen, camera)
     weights = np.linalg.inv(tracks.covariances + FLOOR_PX**2 * np.eye(2))
     unknowns = np.zeros(4)

@@ -21,7 +21,8 @@ import numpy.typing as npt
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import read_bytes, write_atomic
 from arm.se3 import Array
-from vision.camera.model import Camera, Image
+from vision.camera.frame_source import Image, as_grey
+from vision.camera.model import Camera
 
 Floats = npt.NDArray[np.float32]
 
@@ -64,10 +65,9 @@ class Background:
     camera: str
 
 
-def band_passed(image: Image | Floats) -> Floats:
+def band_passed(image: Image) -> Floats:
     """Return an image without its smooth parts and part of its noise, (h, w)."""
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    floats = grey.astype(np.float32)
+    floats = as_grey(image).astype(np.float32)
     fine = cv2.GaussianBlur(floats, (0, 0), FINE_PX)
     return np.asarray(fine - cv2.GaussianBlur(floats, (0, 0), COARSE_PX), dtype=np.float32)
 

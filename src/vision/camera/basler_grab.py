@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.errors import CameraError
 from vision.camera.frame_order import FrameOrder
-from vision.camera.frame_source import Image
+from vision.camera.frame_source import Image, as_grey
 
 
 @dataclass(eq=False)
@@ -110,14 +110,11 @@ class FrameTaker:
     def _grey(self, result: Any) -> Image:
         if result.PixelType == self.pylon.PixelType_Mono8:
             return np.asarray(result.GetArray(), dtype=np.uint8)
-        import cv2
-
         converter, form = self.pylon.ImageFormatConverter(), result.PixelType
         mono = self.pylon.IsMono(form) and not self.pylon.IsBayer(form)
         converter.OutputPixelFormat = self.pylon.PixelType_Mono8 if mono else self.pylon.PixelType_BGR8packed
         image = np.array(converter.Convert(result).GetArray(), dtype=np.uint8)
-        # OpenCV's colour weights, as for images from files; pylon's differ
-        return image if mono else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        return as_grey(image)  # OpenCV's colour weights, as for images from files; pylon's differ
 
     def _error(self, reason: str, rule: str, **data: Any) -> CameraError:
         return CameraError(self.camera, reason, rule, **data)

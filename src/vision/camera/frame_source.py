@@ -17,6 +17,13 @@ Image = npt.NDArray[np.uint8]
 IMAGE_SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".pgm")
 
 
+def as_grey(image: Image) -> Image:
+    """An image as grey (h, w), with OpenCV's weights of colours."""
+    import cv2
+
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+
+
 def read_grey(file: Path) -> Image:
     """Read an image as 8-bit grey in the orientation of the sensor; an orientation tag in the file is ignored.
 

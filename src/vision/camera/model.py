@@ -119,6 +119,10 @@ class Camera:
         x = (pixels[..., 0] - cx - skew * y) / fx
         return undistort(self.distortion, np.stack([x, y], axis=-1))
 
+    def rays(self, pixels: npt.ArrayLike) -> Array:
+        """Directions (..., 3) of pixels (..., 2) in the camera frame, with z = 1; NaN as in `normalised`."""
+        return np.insert(self.normalised(pixels), 2, 1.0, axis=-1)
+
     def require_size(self, image: Image, what: str) -> None:
         """Check that an image has this camera's size and a valid format.
 
@@ -225,9 +229,7 @@ def _read(path: Path, placed: bool) -> Camera:
 def _has_inverse(camera: Camera) -> bool:
     u, v = np.meshgrid(np.linspace(0.0, camera.size[0] - 1.0, 17), np.linspace(0.0, camera.size[1] - 1.0, 17))
     pixels = np.stack([u, v], axis=-1)
-    points = camera.normalised(pixels)
-    back = camera.project(np.concatenate([points, np.ones((*u.shape, 1))], axis=-1))
-    return bool(np.abs(back - pixels).max() < 1e-6)  # NaN compares false
+    return bool(np.abs(camera.project(camera.rays(pixels)) - pixels).max() < 1e-6)  # NaN compares false
 
 
 def write_camera(

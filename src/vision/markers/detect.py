@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.se3 import Array, frozen
-from vision.camera.frame_source import Image
+from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.markers.border_shift import border_shift, moved_outwards
 from vision.markers.dictionaries import predefined
@@ -59,7 +59,7 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
         InputError: the image is not of the camera's size, or there is no such dictionary.
     """
     camera.require_size(image, "image")
-    grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    grey = as_grey(image)
     detector = _detector(dictionary)
     shrink = max(1, grey.shape[1] // SEARCH_WIDTH_PX)
     small = grey

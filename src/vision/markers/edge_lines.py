@@ -71,7 +71,8 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     corners, good, noise = rough_px, fits, np.zeros(len(rough_px))
     for half in (WIDE_PX, NARROW_PX):
         lines = _fit_lines(*_edge_points(image, corners, np.minimum(reach, half)), camera)
-        crossings = camera.project(_on_plane(_intersections(lines), camera))
+        corners_on_plane = _intersections(lines) @ np.linalg.inv(camera.K[:2, :2]).T
+        crossings = camera.project(np.insert(corners_on_plane, 2, 1.0, axis=-1))
         good = fits & (lines.inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
         corners = np.where(good[:, None, None], crossings, rough_px)
         noise = np.sqrt((lines.sigma**2).mean(axis=1))
@@ -133,8 +134,3 @@ def _intersections(lines: _Lines) -> Array:
     homogeneous = np.concatenate([lines.normals, -lines.offsets[..., None]], axis=-1)
     at = cross(np.roll(homogeneous, 1, axis=1), homogeneous)
     return np.asarray(at[..., :2] / np.where(np.abs(at[..., 2:]) > 1e-3, at[..., 2:], np.nan))
-
-
-def _on_plane(undistorted_px: Array, camera: Camera) -> Array:
-    points = undistorted_px @ np.linalg.inv(camera.K[:2, :2]).T
-    return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from arm.se3 import Array, Indices, frozen
-from vision.camera.frame_source import Image
+from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.markers.dictionaries import predefined
 from vision.markers.edge_lines import refine_by_border_lines
@@ -44,7 +44,7 @@ class Quality:
 
 def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
     """Measure the quality of an image, grey (h, w) or BGR, in which `view` of the target was detected."""
-    grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+    grey = as_grey(image)
     blur: list[float] = []
     steps: list[float] = []
     white: list[Array] = []

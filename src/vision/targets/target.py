@@ -18,7 +18,7 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import flag, integers, number, text
 from arm.se3 import Array, Indices, frozen
-from vision.camera.frame_source import Image
+from vision.camera.frame_source import Image, as_grey
 from vision.markers.dictionaries import dictionary_names, predefined
 from vision.targets.marker_print import MarkerPrint, family
 
@@ -173,7 +173,7 @@ class TargetFinder:
         Args:
             image: 8-bit grey (h, w) or BGR (h, w, 3).
         """
-        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        grey = as_grey(image)
         return self._find_checkerboard(grey) if self._charuco is None else _find_charuco(self._charuco, grey)
 
     def _find_checkerboard(self, grey: Image) -> TargetView | None:

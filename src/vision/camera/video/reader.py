@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vision.camera.frame_source import Image
+from vision.camera.frame_source import Image, as_grey
 
 DRIFT = 2e-4  # by which the clocks of device and host may differ, s/s: ten times a common quartz
 HOST_S = 10.0  # a stamp that is at most this much before the arrival is of the host's own clock
@@ -267,7 +267,5 @@ def grey(raw: npt.NDArray[Any]) -> Image:
     if raw.dtype != np.uint8 or not (raw.ndim == 2 or (raw.ndim == 3 and raw.shape[2] in (1, 3))):
         raise ValueError(f"frames are {raw.dtype} of shape {raw.shape}, but must be 8-bit grey or BGR")
     if raw.ndim == 3 and raw.shape[2] == 3:
-        import cv2
-
-        return np.asarray(cv2.cvtColor(raw, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        return as_grey(raw)
     return np.array(raw.reshape(raw.shape[:2]))
