@@ -155,19 +155,18 @@ class _Found:
     kept: dict[int, Bools]
 
 
-def _view(photo: TargetPhoto, target: Target, kept: Bools) -> View:
-    if photo.view is None:
-        raise CalibrationRefused(f"{photo.name}: shows no target", photograph=photo.name)
-    return View(target.points()[photo.view.ids[kept]], photo.view.corners_px[kept])
-
-
 def _without_outliers(
     photos: Sequence[TargetPhoto], target: Target, size: tuple[int, int], free: Bools, reasons: list[str]
 ) -> _Found:
     """Adjust, reject outlying views and corners, and repeat until there are none."""
-    index = [i for i, reason in enumerate(reasons) if not reason]
-    kept = {i: np.ones(len(view.ids), dtype=bool) for i in index if (view := photos[i].view) is not None}
-    views = [_view(photos[i], target, kept[i]) for i in index]
+    shown = {i: p.view for i, p in enumerate(photos) if p.view is not None and not reasons[i]}
+    kept = {i: np.ones(len(view.ids), dtype=bool) for i, view in shown.items()}
+
+    def view_of(i: int) -> View:
+        return View(target.points()[shown[i].ids[kept[i]]], shown[i].corners_px[kept[i]])
+
+    index = list(shown)
+    views = [view_of(i) for i in index]
     bundle = initial_guess(views, size)
     bundle = adjust(views, bundle.camera, bundle.poses, free, bundle.prior)
     for _ in range(_ROUNDS):
@@ -196,7 +195,7 @@ def _without_outliers(
             break
         poses = [T for T, i in zip(bundle.poses, index, strict=True) if not reasons[i]]
         index = [i for i in index if not reasons[i]]
-        views = [_view(photos[i], target, kept[i]) for i in index]
+        views = [view_of(i) for i in index]
         bundle = adjust(views, bundle.camera, poses, free, bundle.prior)
     return _Found(bundle, views, index, kept)
 

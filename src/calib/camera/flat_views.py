@@ -109,7 +109,8 @@ class FlatViews:
         noise: float = 0.1,
     ) -> None:
         self._views, self._size, self._noise = views, size, noise
-        self._lifts = tuple(lifts) if any(lift is not None for lift in lifts) else ()
+        known = any(lift is not None for lift in lifts)
+        self._lifts = tuple(lift or Lift(0.0, 0.0) for lift in lifts) if known else ()
         self._half = np.array(target.size) / 2.0
         corners = target.points()
         order = {tuple(p): i for i, p in enumerate(corners.round(9).tolist())}
@@ -162,7 +163,7 @@ class FlatViews:
         starts = tuple(pose_of(view, camera) for view in self._views)
         normal = np.median([T[:3, 2] for T in starts], axis=0)
         normal /= np.linalg.norm(normal)
-        lift = [0.0 if x is None else x.height for x in self._lifts] or [0.0] * len(starts)
+        lift = [x.height for x in self._lifts] or [0.0] * len(starts)
         depth = float(np.median([normal @ T[:3, 3] + h for T, h in zip(starts, lift, strict=True)]))
         shared = np.zeros(5 + 2 * self._corners)
         return _State(camera, starts, normal, depth, shared, np.zeros((len(starts), 3)))
@@ -229,18 +230,16 @@ class FlatViews:
         paper = PAPER * v[0] / (NOMINAL * self._size[0])
         residuals, rows = [], []
         for i, (view, T, ids) in enumerate(zip(self._views, s.poses, self._ids, strict=True)):
-            shape, by_shared = self._shape(view.points, ids, shared, v[0] / max(T[2, 3], 1e-6), paper)
+            by_shared = self._by_shared(view.points, ids, shared, v[0] / max(T[2, 3], 1e-6), paper)
             bulge = np.zeros((len(ids), 3, 3))
             bulge[:, 2] = paper * bulges(view.points[:, :2] / self._half - 1.0)
-            p = Projection(s.camera, T, shape + by_shared @ s.shared + bulge @ s.bulges[i])
+            p = Projection(s.camera, T, view.points + by_shared @ s.shared + bulge @ s.bulges[i])
             residuals.append(((view.pixels - p.pixels) / self._noise).ravel())
             normal, offset = T[:3, 2], float(s.normal @ T[:3, 3])
             residuals.append(-(E.T @ (normal - s.normal)) / tilt)
-            lifted = self._lifts[i] if self._lifts else None
-            within = float(np.hypot(LIES, 0.0 if lifted is None else lifted.within))
-            height = 0.0 if lifted is None else lifted.height
             if self._lifts:
-                residuals.append(np.array([-(offset - s.depth + height) / within]))
+                within = float(np.hypot(LIES, self._lifts[i].within))
+                residuals.append(np.array([-(offset - s.depth + self._lifts[i].height) / within]))
             if not derive:
                 continue
             J = np.zeros((len(ids), 2, count))
@@ -277,10 +276,8 @@ class FlatViews:
             of_prior[place : place + 3, first + 9 * i + 6 : first + 9 * i + 9] = np.eye(3)
         return np.concatenate(residuals), np.concatenate([*rows, of_prior])
 
-    def _shape(
-        self, points: Array, ids: Array, shared: int, px_per_m: float, paper: float
-    ) -> tuple[Array, Array]:
-        """Points as designed, and their derivatives by the shared effects, (m, 3, shared)."""
+    def _by_shared(self, points: Array, ids: Array, shared: int, px_per_m: float, paper: float) -> Array:
+        """Derivatives of the points by the shared effects, (m, 3, shared)."""
         centred = points[:, :2] - self._half
         by = np.zeros((len(points), 3, shared))
         by[:, 1, 0] = STRETCH * centred[:, 1]
@@ -289,7 +286,7 @@ class FlatViews:
         each = np.arange(len(points))
         for axis in range(2):
             by[each, axis, 5 + 2 * ids + axis] = CORNERS_PX / px_per_m
-        return points, by
+        return by
 
     def _prior(self, v: Array) -> tuple[Array, Array]:
         """Residuals (8,) of the prior on aspect, principal point and distortion, and its standard deviations."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.se3 import Array, Bools, Indices
+from calib.recordings.points import on_a_line
 from vision.camera.model import Image
 from vision.targets.quality import Quality, measure_quality
 from vision.targets.target import FEWEST_CORNERS, TargetFinder, TargetView
@@ -16,6 +17,7 @@ from vision.targets.target import FEWEST_CORNERS, TargetFinder, TargetView
 BLURRED, LEAST_BLUR_PX, MOST_BLUR_PX = 2.0, 1.5, 4.0
 LEAST_CONTRAST = 25.0  # grey levels
 SATURATED = 0.5  # largest fraction of saturated white
+THINNEST = 0.02  # width of a view's corners, relative to their length: thinner is one line
 SAME_PX = 4.0  # views whose corners differ by less are the same view
 # an outlying view exceeds all three:
 OUTLIER_VIEW = 4.0  # standard deviations of a view's variance above that of the others
@@ -73,7 +75,7 @@ def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
             f"fewer than {FEWEST_CORNERS} corners of the target detected: it is hidden, cut off (a checkerboard must "
             "be whole), or in view twice"
         )
-    if _on_one_line(photo.view):
+    if on_a_line(photo.view.corners_px, THINNEST):
         return "all detected corners lie on one line"
     if photo.quality.contrast < LEAST_CONTRAST:
         return (
@@ -84,12 +86,6 @@ def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
     if photo.quality.blur_px > blur_limit:
         return f"blurred: edges are {photo.quality.blur_px:.1f} px wide, in the sharpest views {sharp:.1f} px"
     return ""
-
-
-def _on_one_line(view: TargetView) -> bool:
-    centred = view.corners_px - view.corners_px.mean(axis=0)
-    values = np.linalg.svd(centred, compute_uv=False)
-    return bool(values[1] < 0.02 * values[0])
 
 
 def _same_as(photo: TargetPhoto, kept: Sequence[TargetPhoto]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.robot.dh import DhTable
 from arm.se3 import Array, frozen, rot_x, rot_z, transform
-from calib.model.chain import Chain, Element, Fixed, Motion, Unknown, joined, pose_unknowns
+from calib.model.chain import Chain, Element, Evaluated, Fixed, Motion, Unknown, joined, pose_unknowns
 
 CAMERA, TARGET, OFFSETS = 0, 6, 12
 """Index of the first unknown of the camera's extrinsics, the target's mount and the joint offsets."""
@@ -100,10 +100,6 @@ def arm_chain(dh: DhTable, T_base_camera: Array, T_gripper_target: Array, smooth
     return joined([*place.inverse().elements, *links, *mount])
 
 
-def place_and_mount(T_base_camera: Array, T_gripper_target: Array, unknowns: Array) -> tuple[Array, Array]:
-    """Apply the unknowns to T_base_camera and T_gripper_target, 4x4 each."""
-
-    def pose(first: int, guess: Array) -> Array:
-        return frozen(Chain((Fixed(guess), *pose_unknowns(first))).evaluate(np.zeros((1, 0)), unknowns).T[0])
-
-    return pose(CAMERA, T_base_camera), pose(TARGET, T_gripper_target)
+def free_pose(guess: Array, first: int, unknowns: Array) -> Evaluated:
+    """Evaluate a pose about a guess (4x4), whose unknowns begin at `first`: `CAMERA` or `TARGET`."""
+    return Chain((Fixed(guess), *pose_unknowns(first))).evaluate(np.zeros((1, 0)), unknowns)

@@ -10,9 +10,8 @@ import numpy as np
 
 from arm.se3 import Array, frozen
 from calib.chain.result import ChainCalibration
-from calib.hand_eye.chain import CAMERA, OFFSETS, TARGET, place_and_mount, smooth_errors
+from calib.hand_eye.chain import CAMERA, OFFSETS, TARGET, free_pose, smooth_errors
 from calib.hand_eye.image_effects import refined_lens
-from calib.model.chain import Chain, Fixed, pose_unknowns
 from calib.model.intrinsics import COUNT
 from calib.recordings.arm import ArmRecording
 from vision.camera.model import Camera
@@ -61,18 +60,14 @@ class HandEye:
     tool: ToolError = NO_TOOL
 
     @cached_property
-    def _placed(self) -> tuple[Array, Array]:
-        return place_and_mount(*self.start, self.chain.fit.unknowns)
-
-    @property
     def T_base_camera(self) -> Array:
         """Extrinsics of the camera, 4x4."""
-        return self._placed[0]
+        return frozen(free_pose(self.start[0], CAMERA, self.chain.fit.unknowns).T[0])
 
-    @property
+    @cached_property
     def T_gripper_target(self) -> Array:
         """Mount of the target, 4x4; gripper is the flange."""
-        return self._placed[1]
+        return frozen(free_pose(self.start[1], TARGET, self.chain.fit.unknowns).T[0])
 
     @property
     def joint_offsets(self) -> Array:
@@ -127,17 +122,18 @@ class HandEye:
         held = {"links": range(6 + joints, 6 + 4 * joints), "lens": range(6 + 4 * joints, len(C))}
         P = self._parameters
         found = {name: _given(C, np.array(of)) for name, of in held.items()}
-        exact = _given(self.chain.covariance, np.array([-2, -1])) if not self.chain.considered else None
-        bare = self.chain.fit.covariance(self.chain.problem.free) if exact is None else exact
-        return found | {"print": P @ bare @ P.T}
+        if self.chain.considered:
+            exact = self.chain.fit.covariance(self.chain.problem.free)
+        else:
+            exact = _given(self.chain.covariance, np.array([-2, -1]))
+        return found | {"print": P @ exact @ P.T}
 
     @cached_property
     def _parameters(self) -> Array:
         """Derivative of those parameters by all unknowns, (6 + 4 joints + 9, count)."""
         dh, count = self.recording.dh, len(self.chain.names)
         joints = dh.joints
-        place = Chain((Fixed(self.start[0]), *pose_unknowns(CAMERA)))
-        twist = place.evaluate(np.zeros((1, 0)), self.chain.fit.unknowns).by_unknown[0].T
+        twist = free_pose(self.start[0], CAMERA, self.chain.fit.unknowns).by_unknown[0].T
         arm = np.zeros((4 * joints, count))
         arm[:, OFFSETS : OFFSETS + 4 * joints] = np.eye(4 * joints)
         if self.chain.scattering is not None:

@@ -33,14 +33,15 @@ def target_points(node: Node, fewest: int, called: str) -> Array:
     points = node.read(numbers((None, 3)))
     if len(points) < fewest:
         raise node.error(f"must have at least {fewest} {called}")
-    if _on_a_line(points):
+    if on_a_line(points, _ON_A_LINE):
         raise node.error(f"must have {called} that do not all lie on one line")
     return points
 
 
-def _on_a_line(points: Array) -> bool:
+def on_a_line(points: Array, thinnest: float) -> bool:
+    """Whether the ratio of width to length of points (n, 2 or 3) is `thinnest` at most."""
     length, width = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[:2]
-    return not width > _ON_A_LINE * length
+    return not width > thinnest * length
 
 
 def seen_points(node: Node, count: int, fewest: int, called: str) -> Array:
@@ -60,7 +61,7 @@ def seen_points(node: Node, count: int, fewest: int, called: str) -> Array:
     seen = np.isfinite(pixels[:, 0])
     if seen.sum() < fewest:
         raise node.error(f"must have at least {fewest} {called} that are not null")
-    if _on_a_line(pixels[seen]):
+    if on_a_line(pixels[seen], _ON_A_LINE):
         raise node.error(f"must have {called} that do not all lie on one line")
     return pixels
 

@@ -18,10 +18,8 @@ import numpy as np
 from arm.se3 import Array, Bools, by_twist, moved, rotation, transform
 from vision.camera.model import Camera
 
-TRUSTED, REFUSED = (
-    3.5,
-    6.0,
-)  # standard deviations: a frame's corner loses weight above the first, all above the second
+# standard deviations: a frame's corner loses weight above the first, all above the second
+TRUSTED, REFUSED = 3.5, 6.0
 SMALLEST_SIGMA_PX = 0.02  # smallest corner noise assumed in outlier tests
 WRONG_CORNER_F = 30.0  # limit of F(2, 8): rejects a correct corner in 0.15 % of all fits
 STEP_DONE = 1e-9  # m and rad, last step of a fit: a millionth of the precision from corners of 0.01 px

@@ -6,7 +6,8 @@ import pytest
 from arm.robot.model import load_a465
 from arm.se3 import frozen, inverse, rot_z, rotation, transform
 from calib.chain.fit import Problem, Sightings, fit_chains
-from calib.hand_eye.chain import OFFSETS, DhTable, arm_chain, place_and_mount, unknown_names
+from calib.hand_eye import chain
+from calib.hand_eye.chain import OFFSETS, DhTable, arm_chain, free_pose, unknown_names
 from vision.camera.model import Camera
 
 HALF = np.pi / 2
@@ -67,7 +68,8 @@ def test_place_mount_and_offsets_are_found_with_their_covariance():
     fit = fit_chains(problem)
     assert fit.chi2_dof == pytest.approx(1.0, abs=0.1)
     assert fit.iterations <= 8
-    found, mount = place_and_mount(guess, MOUNT, fit.unknowns)
+    found = free_pose(guess, chain.CAMERA, fit.unknowns).T[0]
+    mount = free_pose(MOUNT, chain.TARGET, fit.unknowns).T[0]
     assert np.linalg.norm(found[:3, 3] - place[:3, 3]) < 0.5e-3
     assert mount == pytest.approx(MOUNT, abs=1e-3)
     sigma = np.sqrt(np.diag(fit.covariance(free)))[OFFSETS : OFFSETS + 6]
