@@ -26,8 +26,8 @@ from arm.poses import BoardPose
 from arm.se3 import Array, inverse, moved, rotation_vector
 from pictures.made_boards import made
 from vision.boards.pose import BoardAssessment, assess_board
-from vision.boards.pose_fit import project
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.markers.border_shift import moved_outwards
 from vision.markers.detect import Marker, detect_markers
 
@@ -78,7 +78,7 @@ def joint(shots: Sequence[Shot], camera: Camera) -> Joint:
 
     def off(x: Array) -> list[Array]:
         points, poses = parts(x)
-        return [px - project(T, points, camera) for px, T in zip(seen, poses, strict=True)]
+        return [px - Projection(camera, T, points).pixels for px, T in zip(seen, poses, strict=True)]
 
     fit = least_squares(
         lambda x: np.concatenate([np.ravel(off(x)) / CORNER_PX, x[:16] / SHAPE_MM]),
@@ -110,7 +110,7 @@ def twin(shot: Shot, shape: float, camera: Camera, rng: np.random.Generator) -> 
         like = shot.markers[marker_id]
         if like.noise is None or like.side_sigma_px is None:
             sys.exit(f"{shot.name}: marker {marker_id} has no border lines")
-        pixels = project(shot.pose.T_base_board, outline, camera)
+        pixels = Projection(camera, shot.pose.T_base_board, outline).pixels
         pixels = pixels + rng.multivariate_normal(np.zeros(8), like.noise).reshape(4, 2)
         pixels = moved_outwards(pixels, like.side_sigma_px * rng.standard_normal(4))
         frame.append(replace(like, corners_px=pixels))

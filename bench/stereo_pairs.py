@@ -28,9 +28,9 @@ from calib.camera.bundle_adjustment import View, adjust
 from calib.camera.initial_guess import initial_guess
 from calib.model.intrinsics import COUNT, camera_of, vector_of
 from calib.model.least_squares import inverse_scaled, solve_scaled
-from calib.model.projection import Projection
 from vision.camera.frame_source import Image, read_grey
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.targets.target import Target, TargetFinder
 
 TARGET = Target("checkerboard", 10, 7, 0.025, 0.0, "")

@@ -10,8 +10,8 @@ from arm.board import Board
 from arm.poses import adjoint
 from arm.se3 import Array, inverse
 from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, spoiled
-from vision.boards.pose_fit import pose_jacobian
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.markers.detect import Marker
 
 TILTS_DEG = (0.0, 7.0, 15.0)
@@ -62,7 +62,7 @@ def drawn(seed: int, of: Conditions) -> Scene:
 def bound(scene: Scene, of: Conditions, camera: Camera) -> Array:
     """Cramer-Rao bound of the twist, (6, 6): every corner of every photograph, the shared noise once."""
     points = scene.board.marker_corners().reshape(8, 3)
-    J = pose_jacobian(camera.T_camera_base @ scene.T_base_board, points, camera).reshape(-1, 6)
+    J = Projection(camera, camera.T_camera_base @ scene.T_base_board, points).by_target.reshape(-1, 6)
     return np.asarray((of.noise_px**2 / of.frames + of.common_px**2) * np.linalg.inv(J.T @ J))
 
 

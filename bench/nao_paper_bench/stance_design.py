@@ -17,7 +17,6 @@ from arm.errors import ImpossibleError
 from arm.se3 import Array
 from calib.model.least_squares import eliminate, inverse_scaled
 from calib.model.optimal_design import OptimalDesign
-from calib.model.projection import Projection, along
 from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns, nao_sightings
 from nao_paper_bench.stance_pool import (
     Stance,
@@ -27,6 +26,7 @@ from nao_paper_bench.stance_pool import (
     resting_posture,
 )
 from vision.camera.model import Camera
+from vision.camera.projection import Projection, along
 
 Criterion = Literal["A", "D"]
 _NEAR, _TRIES = np.radians(12.0), 270  # spread of nearby stances; their number for all chosen ones

@@ -27,6 +27,7 @@ PLACES = {
     "arm.products": "arm.numerics.products",
     "arm.unit": "arm.controller.unit",
     "calib.hand_eye.optimal_design": "calib.model.optimal_design",
+    "calib.model.projection": "vision.camera.projection",
     "calib.pose_pairs": "calib.robot_world.solve",
     "calib.robot_world_start": "calib.robot_world.initial_guess",
     "calib.urdf_chain": "calib.model.from_urdf",

@@ -24,8 +24,8 @@ from calib.model.least_squares import (
     levenberg_marquardt,
     solve_scaled,
 )
-from calib.model.projection import Projection
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 _STEPS = 100
 COST_DONE = 1e-10  # relative change of the cost

@@ -26,10 +26,10 @@ from calib.camera.score_tests import error_hypotheses
 from calib.camera.verdict import with_verdict
 from calib.camera.view_selection import TargetPhoto, outlying_corner, outlying_views, unusable
 from calib.camera.working_volume import working_volume
-from calib.model.intrinsics import NAMES, lens_parameter_jacobian, pinhole, vector_of
+from calib.model.intrinsics import NAMES, pinhole, vector_of
 from calib.model.optimal_design import OptimalDesign
-from calib.model.projection import Projection
 from vision.camera.model import Camera, Region
+from vision.camera.projection import Projection
 from vision.targets.target import FEWEST_CORNERS, Target
 
 FEWEST_VIEWS = 3  # needed to compute anything
@@ -229,7 +229,7 @@ def _undetermined(camera: Camera, covariance: Array, free: Bools, corner_sigma: 
     sigma = np.sqrt(np.diag(covariance))
     middle = (np.array(camera.size) - 1.0) / 2.0
     ends = np.append((middle + 0.5) / np.diag(camera.K)[:2], 1.0)[None]
-    felt = np.linalg.norm(lens_parameter_jacobian(camera, ends)[0], axis=0) * sigma > FELT * corner_sigma
+    felt = np.linalg.norm(camera.intrinsics_jacobian(ends)[0], axis=0) * sigma > FELT * corner_sigma
     weak = sigma > WEAK * camera.size[0]
     zero = np.abs(vector_of(camera)) < 2.0 * sigma
     undetermined = np.where(np.arange(len(NAMES)) < 4, weak, zero & felt) & free

@@ -22,8 +22,8 @@ from calib.camera.initial_guess import pose_of
 from calib.camera.score_tests import bulges
 from calib.model.intrinsics import COUNT, camera_of, pinhole, vector_of
 from calib.model.least_squares import Step, inverse_scaled, levenberg_marquardt, solve_scaled
-from calib.model.projection import Projection
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.targets.target import Target
 
 # standard deviations of what is not exact

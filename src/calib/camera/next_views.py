@@ -10,8 +10,8 @@ import numpy as np
 from arm.se3 import Array, rot_z, rotation, transform
 from calib.camera.bundle_adjustment import view_equations
 from calib.model.optimal_design import OptimalDesign
-from calib.model.projection import Projection
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.targets.target import Target
 
 TILT = np.radians(35.0)

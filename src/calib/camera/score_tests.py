@@ -12,8 +12,8 @@ from arm.se3 import Array
 from calib.camera.bundle_adjustment import Bundle, View
 from calib.model.intrinsics import COUNT, vector_of
 from calib.model.least_squares import eliminate, inverse_scaled
-from calib.model.projection import Projection
 from calib.model.score_test import score_test
+from vision.camera.projection import Projection
 from vision.targets.target import Target
 
 BIASED_CORNERS = "biased corners"

@@ -13,7 +13,6 @@ import numpy as np
 
 from arm.errors import CalibrationRefused
 from arm.se3 import Array, Bools, by_twist
-from calib.model.intrinsics import lens_parameter_jacobian
 from vision.camera.model import Camera, Region
 
 COLUMNS, ROWS, LAYERS = 9, 6, 3
@@ -78,7 +77,7 @@ def working_volume(camera: Camera, near: float, far: float, region: Region | Non
         )
     points = np.concatenate([z * rays[finite] for z in np.linspace(near, far, LAYERS)])
     to_metres = points[:, 2, None, None] / np.diag(camera.K)[:2, None]
-    by_intrinsics = (to_metres * lens_parameter_jacobian(camera, points)).reshape(-1, 9)
+    by_intrinsics = (to_metres * camera.intrinsics_jacobian(points)).reshape(-1, 9)
     by_point = to_metres * camera.projection_jacobian(points)
     by_pose = by_twist(by_point, points).reshape(-1, 6)
     absorbed, *_ = np.linalg.lstsq(by_pose, by_intrinsics, rcond=None)

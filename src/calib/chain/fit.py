@@ -24,8 +24,8 @@ from calib.model.least_squares import (
     levenberg_marquardt,
     solve_scaled,
 )
-from calib.model.projection import Projection, along
 from vision.camera.model import Camera
+from vision.camera.projection import Projection, along
 
 MOST_STEPS = 60
 _STEP_DONE = 1e-3  # stop once every step is below a thousandth of its standard deviation

@@ -15,8 +15,8 @@ from arm.se3 import Array, Bools
 from calib.camera.bundle_adjustment import View
 from calib.camera.initial_guess import pose_of
 from calib.model.chi_square import chi2_limit, chi2_quantile
-from calib.model.projection import Projection
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 FEWEST = 4  # corners of an image
 WRONG_CORNER = 6.0  # standard deviations

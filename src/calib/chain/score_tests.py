@@ -16,9 +16,9 @@ from calib.chain.scatter import Sizes, equations_of, estimate_sizes, reduced
 from calib.model.chain import Evaluated
 from calib.model.chi_square import chi2_limit
 from calib.model.least_squares import inverse_scaled
-from calib.model.projection import Projection, along
 from calib.model.score_test import score_test
 from vision.camera.model import Camera
+from vision.camera.projection import Projection, along
 
 SURE = 1e-5  # false alarm rate
 _ACROSS = 3.0  # six over two: an arm's scatter affects two of a pose's six degrees of freedom, across the line of sight

@@ -15,9 +15,9 @@ from arm.se3 import Array, frozen
 from calib.camera.score_tests import inwards
 from calib.chain.per_image_poses import PerImagePoses, fit_per_image_poses
 from calib.model.intrinsics import COUNT, camera_of, vector_of
-from calib.model.projection import Projection
 from calib.recordings.arm import ArmRecording
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 SIZE, BIAS = "size of the target", "bias of its corners"
 _SHOWN = 4.0  # standard deviations from which the bias of the corners is taken off

@@ -18,9 +18,9 @@ from calib.chain.fit import ChainFit, Problem, normal_equations
 from calib.hand_eye.calibrate import HandEye, hand_eye_problem
 from calib.hand_eye.chain import CAMERA, OFFSETS, arm_chain
 from calib.model.optimal_design import OptimalDesign
-from calib.model.projection import Projection
 from calib.recordings.arm import ArmRecording
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 LEVER = 0.2e-3 / np.radians(0.02)  # m; weighs rotations by the displacement at this distance
 UNKNOWN_LENGTH, UNKNOWN_TURN = 0.1, np.radians(10.0)  # m, rad; standard deviations of extrinsics and mount

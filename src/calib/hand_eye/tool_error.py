@@ -13,7 +13,7 @@ from arm.robot.dh import DhTable
 from arm.se3 import Array, Bools, Indices, apply, frozen, inverse, skew, transform
 from calib.hand_eye.chain import OFFSETS, arm_chain
 from calib.hand_eye.result import NO_TOOL, HandEye, ToolError
-from calib.model.projection import Projection
+from vision.camera.projection import Projection
 
 TOOL = frozen(transform(t=(0.0, 0.0, 0.134112)))
 """T_flange_tool of the A465's gripper and fingers."""

@@ -22,8 +22,8 @@ from scipy.special import log_ndtr
 
 from arm.se3 import Array, Indices
 from calib.chain.fit import ChainFit, Problem, Sightings, fit_chains, whitened
-from calib.model.projection import along
 from calib.nao.chain import LEG, KnownSides, NaoUnknowns, gravity_gains, gravity_torques, nao_model
+from vision.camera.projection import along
 
 MASS_SIGMA = 0.10  # relative standard deviation of a link's mass
 _LEAST_TORQUE_SIGMA = 0.005  # Nm; centres of mass are inexact too

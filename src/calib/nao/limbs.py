@@ -16,9 +16,9 @@ from calib.chain.fit import MOST_STEPS, ChainFit, Problem, normal_equations
 from calib.chain.model_selection import MEANINGLESS, Trial, largest_rise
 from calib.chain.score_tests import ChainErrorHypothesis, find_error_hypotheses
 from calib.model.least_squares import inverse_scaled
-from calib.model.projection import Projection, along
 from calib.model.score_test import score_test
 from calib.nao.chain import LIMBS, SIDES, NaoUnknowns
+from vision.camera.projection import Projection, along
 
 LIMB_SIGMA = 0.5e-3  # m, prior of a limb's error (docs/sources.md, "The NAO and its paper")
 _ASTRAY = 100.0  # chi2 per degree of freedom above which a fit that did not converge is given up

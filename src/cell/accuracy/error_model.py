@@ -21,9 +21,9 @@ from arm.robot.dh import A465
 from arm.robot.error_screws import error_screws
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen, inverse
-from calib.model.projection import Projection
 from cell.accuracy.linear_error import ErrorGroup, LinearError
 from cell.config.cell import Cell
+from vision.camera.projection import Projection
 
 DETECTION, BOARD, CAMERA, OFFSETS, LINKS, LENS = (
     "detection",

@@ -8,8 +8,9 @@ import numpy as np
 
 from arm.board import Board
 from arm.se3 import Array, moved
-from vision.boards.pose_fit import Corners, fit_weighted, planar_poses, pose_jacobian, project
+from vision.boards.pose_fit import Corners, fit_weighted, planar_poses
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 _STEPS = 12
 
@@ -51,16 +52,16 @@ def _second_marker(pixels: Array, points: Array, camera: Camera, limit_px: float
     T = planar_poses(pixels[:4], points[:4], camera)[0]
     second = np.arange(8) >= 4
     for _ in range(_STEPS):
-        by_pose = pose_jacobian(T, shifted, camera)
-        by_shift = by_pose[..., :2] * second[:, None, None]
-        J = np.concatenate([by_pose, by_shift], axis=-1).reshape(-1, 8)
-        residual = pixels - project(T, shifted, camera)
+        seen = Projection(camera, T, shifted)
+        by_shift = seen.by_point[..., :2] * second[:, None, None]
+        J = np.concatenate([seen.by_target, by_shift], axis=-1).reshape(-1, 8)
+        residual = pixels - seen.pixels
         if not np.isfinite(residual).all():
             return None
         step, *_ = np.linalg.lstsq(J, residual.reshape(-1), rcond=None)
         T = moved(T, step[:6])
         shifted[second, :2] += step[6:]
-    if not _rms(pixels - project(T, shifted, camera)) < limit_px:  # NaN behind the camera
+    if not _rms(pixels - Projection(camera, T, shifted).pixels) < limit_px:  # NaN behind the camera
         return None
     return np.asarray((shifted[4:].mean(axis=0) - shifted[:4].mean(axis=0))[:2])
 

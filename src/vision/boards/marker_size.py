@@ -12,8 +12,9 @@ import numpy as np
 
 from arm.board import Board
 from arm.se3 import moved
-from vision.boards.pose_fit import Fit, pose_jacobian, project
+from vision.boards.pose_fit import Fit
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 _STEPS = 8
 DETERMINED = 1e-9  # smallest ratio of the information's eigenvalues, in m and rad
@@ -50,10 +51,10 @@ def fit_marker_size(board: Board, fit: Fit, camera: Camera, least_sigma_px: floa
     J, residual = np.empty(0), np.empty(0)
     for _ in range(_STEPS):
         points = (centres + scale * (outlines - centres)).reshape(-1, 3)
-        by_pose = pose_jacobian(T, points, camera)
-        by_scale = by_pose[..., :3] @ (outlines - centres).reshape(-1, 3)[..., None]
-        J = (root[..., None] * np.concatenate([by_pose, by_scale], axis=-1)).reshape(-1, 7)
-        residual = fit.mean_px - project(T, points, camera)
+        seen = Projection(camera, T, points)
+        by_scale = seen.by_point @ (outlines - centres).reshape(-1, 3)[..., None]
+        J = (root[..., None] * np.concatenate([seen.by_target, by_scale], axis=-1)).reshape(-1, 7)
+        residual = fit.mean_px - seen.pixels
         if not np.isfinite(residual).all():
             return None
         step, *_ = np.linalg.lstsq(J, (root * residual).reshape(-1), rcond=None)

@@ -32,11 +32,11 @@ from vision.boards.pose_fit import (
     fit_pose,
     frame_variance,
     planar_poses,
-    pose_jacobian,
 )
 from vision.boards.shared_errors import Fitted, fit_with_shared, left_over, shared_errors
 from vision.boards.tilt_prior import log_odds_of_tilts, tilt_hypothesis
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.markers.detect import Marker
 
 __all__ = ["BoardAssessment", "BoardLimits", "assess_board", "estimate_board_pose"]
@@ -189,7 +189,7 @@ def _fitted(
     fit: Fit, corners: Corners, camera: Camera, variance: float, errors: Array | None
 ) -> Fitted | None:
     """The pose and its covariance; None if the corners do not determine it."""
-    J = pose_jacobian(fit.T_camera_board, corners.points, camera)
+    J = Projection(camera, fit.T_camera_board, corners.points).by_target
     information = np.einsum("n,nia,nib->ab", fit.shares, J, J)
     if not np.isfinite(information).all() or not np.isfinite(variance):
         return None

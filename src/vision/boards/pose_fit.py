@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from arm.se3 import Array, Bools, by_twist, moved, rotation, transform
+from arm.se3 import Array, Bools, moved, rotation, transform
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 # standard deviations: a frame's corner loses weight above the first, all above the second
 TRUSTED, REFUSED = 3.5, 6.0
@@ -159,7 +160,7 @@ def fit_weighted(
     shares = np.where(used, 1.0 / (shared + (1.0 - shared) * average / np.where(used, totals, 1.0)), 0.0)
     mean = np.einsum("fn,fni->ni", weights, pixels) / np.maximum(totals, 1e-9)[:, None]
     T = _least_squares(mean, shares, corners.points, start, camera, done)
-    projected = project(T, corners.points, camera)
+    projected = Projection(camera, T, corners.points).pixels
     mean = np.where(used[:, None], mean, projected)
     return Fit(T, mean, weights, shares, mean - projected)
 
@@ -167,7 +168,8 @@ def fit_weighted(
 def fit_again(fit: Fit, points: Array, start: Array, camera: Camera) -> Fit:
     """Refit the mean corners and shares of `fit` from another `start`."""
     T = _least_squares(fit.mean_px, fit.shares, points, start, camera)
-    return replace(fit, T_camera_board=T, mean_residual_px=fit.mean_px - project(T, points, camera))
+    projected = Projection(camera, T, points).pixels
+    return replace(fit, T_camera_board=T, mean_residual_px=fit.mean_px - projected)
 
 
 def frame_variance(corners: Corners, fit: Fit) -> float | None:
@@ -203,7 +205,7 @@ def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
     if fit.freedom < 4 or not fit.valid:
         return None
     root = np.sqrt(fit.shares)[:, None]
-    A = root[..., None] * pose_jacobian(fit.T_camera_board, points, camera)
+    A = root[..., None] * Projection(camera, fit.T_camera_board, points).by_target
     r = root * fit.mean_residual_px
     flat = A.reshape(-1, 6)
     left = np.eye(2) - A @ np.linalg.inv(flat.T @ flat) @ A.transpose(0, 2, 1)
@@ -213,18 +215,6 @@ def _wrong_corner(fit: Fit, points: Array, camera: Camera) -> int | None:
     return worst if gain[worst] / 2.0 > WRONG_CORNER_F * rest else None
 
 
-def project(T_camera_board: Array, points: Array, camera: Camera) -> Array:
-    """Project points (n, 3) m of the board frame, (n, 2) px; NaN for points behind the camera."""
-    return camera.project(points @ T_camera_board[:3, :3].T + T_camera_board[:3, 3])
-
-
-def pose_jacobian(T_camera_board: Array, points: Array, camera: Camera) -> Array:
-    """Derivative (n, 2, 6) of `project` by the twist of the board in its own frame, px per m and rad."""
-    R = T_camera_board[:3, :3]
-    by_point = camera.projection_jacobian(points @ R.T + T_camera_board[:3, 3]) @ R
-    return by_twist(by_point, points)
-
-
 def _least_squares(
     mean: Array, shares: Array, points: Array, T: Array, camera: Camera, done: float = STEP_DONE
 ) -> Array:
@@ -232,20 +222,21 @@ def _least_squares(
     root = np.sqrt(shares)[:, None]
     damping = 1e-6
 
-    def residuals(T: Array) -> Array:
-        return np.asarray((root * (mean - project(T, points, camera))).reshape(-1))
+    def residuals(seen: Projection) -> Array:
+        return np.asarray((root * (mean - seen.pixels)).reshape(-1))
 
-    now = residuals(T)
+    seen = Projection(camera, T, points)
+    now = residuals(seen)
     for _ in range(_STEPS):
-        J = (root[..., None] * pose_jacobian(T, points, camera)).reshape(-1, 6)
+        J = (root[..., None] * seen.by_target).reshape(-1, 6)
         H, g = J.T @ J, J.T @ now
         xi = np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
-        candidate = moved(T, xi)
+        candidate = Projection(camera, moved(seen.T, xi), points)
         then = residuals(candidate)
         if then @ then <= now @ now:
-            T, now, damping = candidate, then, damping * 0.1
+            seen, now, damping = candidate, then, damping * 0.1
         else:
             damping *= 10.0
         if np.abs(xi).max() < done or damping > 1e6:
             break
-    return T
+    return seen.T

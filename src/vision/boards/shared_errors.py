@@ -14,8 +14,9 @@ import numpy as np
 
 from arm.board import TOLERANCE_SDS, Board
 from arm.se3 import Array, Bools, moved
-from vision.boards.pose_fit import Fit, pose_jacobian, project
+from vision.boards.pose_fit import Fit
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 from vision.markers.border_shift import moved_outwards
 
 SAME_PRINT = 2.0  # size error of the print of both markers, in standard deviations of the tolerance
@@ -56,6 +57,7 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
         sides_px: standard deviation of each side of both markers, (2, 4) px.
     """
     outlines = board.marker_corners()
+    seen = Projection(camera, T_camera_board, outlines.reshape(8, 3))
     columns: list[Array] = []
     if board.tolerance > 0.0:
         sd = board.tolerance / TOLERANCE_SDS
@@ -69,11 +71,9 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
                 own * np.array(axis) * np.ones_like(centred) for axis in ((sd, 0.0, 0.0), (0.0, sd, 0.0))
             ]
             in_plane += [own * sd / reach * turned, own * OWN_EDGE * sd / board.marker_size * centred]
-        by_point = pose_jacobian(T_camera_board, outlines.reshape(8, 3), camera)[..., :3]
-        columns += [np.einsum("nij,nj->ni", by_point, moved.reshape(8, 3)).ravel() for moved in in_plane]
+        columns += [np.einsum("nij,nj->ni", seen.by_point, moved.reshape(8, 3)).ravel() for moved in in_plane]
     if (sides_px > 0.0).any():
-        corners = project(T_camera_board, outlines.reshape(8, 3), camera)
-        quads = corners.reshape(2, 4, 2)
+        quads = seen.pixels.reshape(2, 4, 2)
         bias = np.where((sides_px > 0.0).any(axis=1, keepdims=True), np.full((2, 4), BORDER_BIAS_PX), 0.0)
         columns.append(
             np.stack([moved_outwards(q, by) - q for q, by in zip(quads, bias, strict=True)]).ravel()
@@ -143,6 +143,6 @@ def _whitened(fit: Fit, T: Array, points: Array, camera: Camera) -> tuple[Array,
     """Weighted Jacobian (n, 6) and residuals (n,) of the used coordinates, their weights (n,), and a mask (16,)."""
     used = np.repeat(fit.shares > 0.0, 2)
     root = np.sqrt(np.repeat(fit.shares, 2)[used])
-    J = pose_jacobian(T, points, camera).reshape(-1, 6)[used]
-    r = (fit.mean_px - project(T, points, camera)).ravel()[used]
-    return root[:, None] * J, root * r, root, used
+    seen = Projection(camera, T, points)
+    r = (fit.mean_px - seen.pixels).ravel()[used]
+    return root[:, None] * seen.by_target.reshape(-1, 6)[used], root * r, root, used

@@ -108,6 +108,22 @@ class Camera:
         jacobian /= points[..., 2, None, None]
         return jacobian
 
+    def intrinsics_jacobian(self, points_camera: Array) -> Array:
+        """Derivative of `project` by fx fy cx cy k1 k2 p1 p2 k3, without skew: points (..., 3) m to (..., 2, 9)."""
+        on_plane = points_camera[..., :2] / points_camera[..., 2:]
+        x, y = on_plane[..., 0], on_plane[..., 1]
+        r2 = x * x + y * y
+        J = np.zeros((*x.shape, 2, 9))
+        distorted = distort(self.distortion, on_plane)
+        J[..., 0, 0], J[..., 1, 1] = distorted[..., 0], distorted[..., 1]
+        J[..., 0, 2] = J[..., 1, 3] = 1.0
+        for column, power in ((4, r2), (5, r2**2), (8, r2**3)):
+            J[..., column] = on_plane * power[..., None]
+        J[..., 0, 6], J[..., 1, 6] = 2.0 * x * y, r2 + 2.0 * y * y
+        J[..., 0, 7], J[..., 1, 7] = r2 + 2.0 * x * x, 2.0 * x * y
+        J[..., 4:] *= np.diag(self.K)[:2][:, None]
+        return J
+
     def normalised(self, pixels: npt.ArrayLike) -> Array:
         """Map pixels (..., 2) to undistorted points (..., 2) on the plane z = 1 of the camera frame.
 

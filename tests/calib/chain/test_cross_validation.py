@@ -15,9 +15,9 @@ from calib.chain.model_selection import Choice
 from calib.chain.result import ChainCalibration
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
-from calib.model.projection import Projection
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 from vision.camera.model import Camera
+from vision.camera.projection import Projection
 
 NOISE_PX = 0.3
 

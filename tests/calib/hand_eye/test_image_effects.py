@@ -19,9 +19,9 @@ from calib.hand_eye.image_effects import (
     refined_lens,
 )
 from calib.model.intrinsics import vector_of
-from calib.model.projection import Projection
 from calib.recordings.arm import ArmRecording
 from recorded.arm_sets import LENS, NOMINAL, TARGETS
+from vision.camera.projection import Projection
 
 SIGMA = np.array([5.0, 5.0, 8.0, 8.0, 0.02, 0.3, 1e-3, 1e-3, 0.0])
 T = np.array([transform(rotation([0.3, 2.9, 0.2 * k]), (0.02 * k, 0.03, 0.8 + 0.1 * k)) for k in range(3)])

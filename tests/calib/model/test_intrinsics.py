@@ -1,19 +1,21 @@
-"""Intrinsics as a vector, and its Jacobian by finite differences."""
+"""Intrinsics as a vector."""
 
 import numpy as np
 import pytest
 
-from calib.model.intrinsics import COUNT, camera_of, lens_parameter_jacobian, vector_of
+from calib.model.intrinsics import NAMES, camera_of, pinhole, vector_of
 from pictures.targets import camera
 
 
-def test_lens_parameter_jacobian_is_the_derivative_of_the_projection():
-    rng = np.random.default_rng(1)
-    points = np.column_stack([rng.uniform(-0.2, 0.2, (50, 2)), rng.uniform(0.8, 1.3, 50)])
-    vector = vector_of(camera())
-    J = lens_parameter_jacobian(camera(), points)
-    for i in range(COUNT):
-        step = np.zeros(COUNT)
-        step[i] = 1e-6 * max(1.0, abs(vector[i]))
-        ahead, behind = (camera_of(vector + s * step, camera().size).project(points) for s in (1, -1))
-        assert J[..., i] == pytest.approx((ahead - behind) / (2 * step[i]), rel=1e-6, abs=1e-6)
+def test_a_vector_makes_the_camera_that_it_was_made_of():
+    again = camera_of(vector_of(camera()), camera().size)
+    assert (again.K == camera().K).all()
+    assert (again.distortion == camera().distortion).all()
+    assert dict(zip(NAMES, vector_of(again), strict=True))["fy"] == camera().K[1, 1]
+
+
+def test_a_pinhole_looks_at_the_middle_of_its_image():
+    found = pinhole(1500.0, (1920, 1200))
+    assert found.project((0.0, 0.0, 2.0)) == pytest.approx((959.5, 599.5))  # pixels begin at 0
+    assert found.project((0.1, 0.0, 1.0)) - (959.5, 599.5) == pytest.approx((150.0, 0.0))
+    assert not np.any(found.distortion)

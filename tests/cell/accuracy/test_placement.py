@@ -22,6 +22,7 @@ from cell.accuracy.placement import GRIP_PROJECTION, Transfer, placement_budget,
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from plan.kinematics.ik import inverse_kinematics
+from vision.camera.projection import Projection
 
 FIT = PocketFit(0.040, 0.044, 5e-5)
 STEP = 1e-5

@@ -11,7 +11,7 @@ from arm.poses import adjoint
 from arm.se3 import Array, inverse
 from pictures.boards import lab_board, lab_camera, random_pose, seen_corners, spoiled, twist_between
 from vision.boards.pose import assess_board
-from vision.boards.pose_fit import pose_jacobian
+from vision.camera.projection import Projection
 
 CAMERA = lab_camera()
 BOARD = lab_board()
@@ -22,7 +22,7 @@ TILTS = (0.0, 7.0, 15.0)
 def bound(board: Board, T_base_board: Array, variance_px: float) -> Array:
     """Cramer-Rao bound of the twist for a variance of the mean corners, (6, 6)."""
     points = board.marker_corners().reshape(8, 3)
-    J = pose_jacobian(inverse(CAMERA.T_base_camera) @ T_base_board, points, CAMERA).reshape(-1, 6)
+    J = Projection(CAMERA, inverse(CAMERA.T_base_camera) @ T_base_board, points).by_target.reshape(-1, 6)
     return np.asarray(variance_px * np.linalg.inv(J.T @ J))
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm.se3 import Array, frozen, inverse, rotation, transform
-from pictures.board_errors import BOARD, CAMERA, TILTS, Parts, bound, trials
+from arm.se3 import frozen
+from pictures.board_errors import CAMERA, TILTS, Parts, bound, trials
 from pictures.boards import lab_board, random_pose, seen_corners, twist_between
 from vision.boards.pose import assess_board
-from vision.boards.pose_fit import Corners, fit_pose, fit_weighted, pose_jacobian
+from vision.boards.pose_fit import Corners, fit_pose, fit_weighted
 
 
 @pytest.mark.parametrize("common_px", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
@@ -86,18 +86,3 @@ def test_a_corner_that_is_wrong_in_all_frames_is_left_out(off_px: float) -> None
         assert xi @ np.linalg.solve(seen.pose.covariance, xi) / 6.0 < 6.0
         assert np.linalg.norm(xi[3:]) < np.radians(0.5)
         assert seen.pose.residual_px == pytest.approx(off_px / 4.0, rel=0.15)
-
-
-def test_pose_jacobian_by_differences() -> None:
-    T = inverse(CAMERA.T_base_camera) @ random_pose(np.random.default_rng(0), 15.0)
-    points = BOARD.marker_corners().reshape(8, 3)
-    J, h = pose_jacobian(T, points, CAMERA), 1e-6
-
-    def pixels(xi: Array) -> Array:
-        moved = T @ transform(rotation(xi[3:]), xi[:3])
-        return CAMERA.project(points @ moved[:3, :3].T + moved[:3, 3])
-
-    for k in range(6):
-        step = h * np.eye(6)[k]
-        difference = (pixels(step) - pixels(-step)) / (2 * h)
-        assert np.abs(J[..., k] - difference).max() < 1e-5 * np.abs(difference).max()

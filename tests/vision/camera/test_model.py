@@ -29,6 +29,20 @@ def test_projection_is_opencvs() -> None:
     assert np.abs(camera.project(points) - expected.reshape(-1, 2)).max() < 1e-9
 
 
+def test_intrinsics_jacobian_is_the_derivative_of_the_projection() -> None:
+    camera, points = lab_camera(), points_in_view(50)
+    vector = np.array([*np.diag(camera.K)[:2], *camera.K[:2, 2], *camera.distortion])
+
+    def pixels(v: np.ndarray) -> np.ndarray:
+        K = np.array([[v[0], 0.0, v[2]], [0.0, v[1], v[3]], [0.0, 0.0, 1.0]])
+        return replace(camera, K=K, distortion=v[4:]).project(points)
+
+    J = camera.intrinsics_jacobian(points)
+    for i, step in enumerate(1e-6 * np.maximum(1.0, np.abs(vector))):
+        ahead, behind = (pixels(vector + s * step * np.eye(9)[i]) for s in (1, -1))
+        assert J[..., i] == pytest.approx((ahead - behind) / (2.0 * step), rel=1e-6, abs=1e-5)
+
+
 def test_projection_from_the_base_goes_through_the_pose() -> None:
     camera = lab_camera()
     points = points_in_view(20)

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from arm.se3 import Array, by_twist
-from calib.model.intrinsics import lens_parameter_jacobian
 from vision.camera.model import Camera
 
 
@@ -59,7 +58,7 @@ class Projection:
     @cached_property
     def by_intrinsics(self) -> Array:
         """Derivative by the nine intrinsics, (..., m, 2, 9)."""
-        return lens_parameter_jacobian(self.camera, self.in_camera)
+        return self.camera.intrinsics_jacobian(self.in_camera)
 
     @property
     def _R(self) -> Array:

@@ -5,8 +5,8 @@ import pytest
 
 from arm.se3 import moved, rotation, transform
 from calib.model.intrinsics import COUNT, camera_of, vector_of
-from calib.model.projection import Projection, along
 from pictures.targets import camera
+from vision.camera.projection import Projection, along
 
 H = 1e-6
 TWISTS = np.eye(6)
