@@ -27,12 +27,12 @@ class CrossValidation:
     metres: float
 
 
-def cross_validate(choice: Choice, folds: int = FOLDS) -> CrossValidation:
+def cross_validate(choice: Choice) -> CrossValidation:
     """Cross-validate: predict each part of the stances from a fit to the others."""
     problem, fit = choice.problem, choice.fit
     squares, count, metres, lost = 0.0, 0, [], False
-    for fold in range(folds):
-        parts = [_fold(s, folds) == fold for s in problem.sightings]
+    for fold in range(FOLDS):
+        parts = [_fold(s) == fold for s in problem.sightings]
         weights = [np.where(part, 0.0, w) for part, w in zip(parts, fit.weights, strict=True)]
         known = fit_chains(problem, weights, fit)
         for s, part, w in zip(problem.sightings, parts, fit.weights, strict=True):
@@ -55,6 +55,6 @@ def cross_validate(choice: Choice, folds: int = FOLDS) -> CrossValidation:
     return CrossValidation(float(np.sqrt(squares / count)), rms)
 
 
-def _fold(s: Sightings, folds: int) -> Indices:
+def _fold(s: Sightings) -> Indices:
     _, place = np.unique(s.stances, return_inverse=True)
-    return np.asarray(place % folds, dtype=np.intp)
+    return np.asarray(place % FOLDS, dtype=np.intp)

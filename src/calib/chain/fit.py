@@ -275,8 +275,7 @@ def normal_equations(
         extra: derivatives of the projected points by further unknowns, (n, m, 2, k) px of every chain.
     """
     prior = _priors(problem, fit.unknowns, 0 if extra is None else extra[0].shape[-1])
-    at, chains = (fit.unknowns, fit.errors, fit.weights), range(len(problem.sightings))
-    each = [s.equations for k in chains for s in _stances(problem, k, *at, extra)]
+    each = [s.equations for s in _stances(problem, fit.unknowns, fit.errors, fit.weights, extra)]
     return NormalEquations(prior, np.array([e.S for e in each]), np.array([e.g for e in each]))
 
 
@@ -319,8 +318,7 @@ def _system(
 ) -> tuple[Array, Array, list[_Stance]]:
     """Information and negative gradient of the free unknowns with all errors eliminated, and their stances."""
     S, g = _priors(problem, x)
-    chains = range(len(problem.sightings))
-    stances = [s for k in chains for s in _stances(problem, k, x, errors, weights, apart=False)]
+    stances = list(_stances(problem, x, errors, weights, apart=False))
     for stance in stances:
         S += stance.equations.S
         g += stance.equations.g
@@ -334,50 +332,53 @@ def _priors(problem: Problem, x: Array, more: int = 0) -> tuple[Array, Array]:
 
 def _stances(
     problem: Problem,
-    chain: int,
     x: Array,
     errors: Sequence[Array],
     weights: Sequence[Array],
     extra: Sequence[Array] | None = None,
     apart: bool = True,
 ) -> Iterator[_Stance]:
-    """Yield every used stance of a chain; unless `apart`, merge the stances if no reading has an error."""
-    s, e, w = problem.sightings[chain], errors[chain], weights[chain]
-    at = s.evaluate(x, e)
-    r, by_target = whitened(problem, s, at, w, x)
-    scale = np.sqrt(w)[:, None, None] / s.sigma(problem.pixel_sigma)
-    J = s.jacobian(by_target, at.by_unknown, scale)[..., problem.free]
-    if extra is not None:
-        detected = np.isfinite(s.pixels)[..., None]
-        J = np.concatenate([J, np.where(detected, extra[chain] * scale[..., None], 0.0)], axis=-1)
+    """Yield every used stance of every chain; unless `apart`, merge the stances if no reading has an error."""
     inexact = np.flatnonzero(problem.reading_sigma > 0.0)
-    by_reading = along(by_target, at.by_reading) if len(inexact) else np.zeros((*r.shape, 0))
-    stances = s.stances if apart or len(inexact) else np.zeros_like(s.stances)
-    for stance in np.unique(stances[w > 0.0]):
-        together = np.flatnonzero(stances == stance)
-        images = together[w[together] > 0.0]
-        rows = r[images].reshape(-1)
-        A = J[images].reshape(len(rows), -1)
-        columns = [
-            (int(j), together[s.reading_ids[together, j] == i])
-            for j in inexact
-            for i in sorted(set(s.reading_ids[images, j].tolist()))
-        ]
-        N = np.zeros((*r[images].shape, len(columns)))
-        for k, (j, shared) in enumerate(columns):
-            of = s.reading_ids[images, j] == s.reading_ids[shared[0], j]
-            N[of, ..., k] = by_reading[images[of], ..., j]
-        sigma = problem.reading_sigma[[j for j, _ in columns]]
-        now = np.array([e[shared[0], j] for j, shared in columns])
-        prior = np.diag(sigma**-2), -now / sigma**2
-        yield _Stance(chain, columns, eliminate(A, N.reshape(len(rows), -1), rows, *prior))
+    for chain, (s, e, w) in enumerate(zip(problem.sightings, errors, weights, strict=True)):
+        at = s.evaluate(x, e)
+        r, by_target, scale = whitened(problem, s, at, w, x)
+        J = s.jacobian(by_target, at.by_unknown, scale)[..., problem.free]
+        if extra is not None:
+            detected = np.isfinite(s.pixels)[..., None]
+            J = np.concatenate([J, np.where(detected, extra[chain] * scale[..., None], 0.0)], axis=-1)
+        by_reading = along(by_target, at.by_reading) if len(inexact) else np.zeros((*r.shape, 0))
+        stances = s.stances if apart or len(inexact) else np.zeros_like(s.stances)
+        for stance in np.unique(stances[w > 0.0]):
+            together = np.flatnonzero(stances == stance)
+            images = together[w[together] > 0.0]
+            rows = r[images].reshape(-1)
+            A = J[images].reshape(len(rows), -1)
+            columns = [
+                (int(j), together[s.reading_ids[together, j] == i])
+                for j in inexact
+                for i in sorted(set(s.reading_ids[images, j].tolist()))
+            ]
+            N = np.zeros((*r[images].shape, len(columns)))
+            for k, (j, shared) in enumerate(columns):
+                of = s.reading_ids[images, j] == s.reading_ids[shared[0], j]
+                N[of, ..., k] = by_reading[images[of], ..., j]
+            sigma = problem.reading_sigma[[j for j, _ in columns]]
+            now = np.array([e[shared[0], j] for j, shared in columns])
+            prior = np.diag(sigma**-2), -now / sigma**2
+            yield _Stance(chain, columns, eliminate(A, N.reshape(len(rows), -1), rows, *prior))
 
 
-def whitened(problem: Problem, s: Sightings, at: Evaluated, weights: Array, x: Array) -> tuple[Array, Array]:
-    """Whitened residuals (n, m, 2), and derivatives of the points by the target's twist (n, m, 2, 6); 0 if missing."""
+def whitened(
+    problem: Problem, s: Sightings, at: Evaluated, weights: Array, x: Array
+) -> tuple[Array, Array, Array]:
+    """Residuals (n, m, 2), derivatives of the points by the target's twist (n, m, 2, 6), 0 if missing; and their scale.
+
+    The scale (n, m or 1, 2) is that by which both were multiplied.
+    """
     projection = Projection(problem.camera, at.T, s.points)
     r = s.pixels - projection.pixels - s.shifts(x)
     scale = np.sqrt(weights)[:, None, None] / s.sigma(problem.pixel_sigma)
     measured = np.isfinite(r)
     by_target = np.where(measured[..., None], projection.by_target * scale[..., None], 0.0)
-    return np.where(measured, r * scale, 0.0), by_target
+    return np.where(measured, r * scale, 0.0), by_target, scale

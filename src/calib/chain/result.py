@@ -74,8 +74,7 @@ class ChainCalibration(Judged):
         limits: of the verdict.
         change: first image that no longer fits those before it; None if there is none.
         scattering: the scatter of an arm that does not repeat as well as the corners would show; None without.
-        considered: unknowns that exist by their prior, but are not in the model because the images do not show them.
-        known_parts: whether the target's size is an unknown of its own, in the model or considered.
+        known: unknowns that exist by their prior, even if the images do not show them: among them the target's size.
     """
 
     names: tuple[str, ...]
@@ -90,8 +89,12 @@ class ChainCalibration(Judged):
     limits: ChainLimits
     change: int | None = None
     scattering: Scattering | None = None
-    considered: tuple[int, ...] = ()
-    known_parts: bool = False
+    known: tuple[int, ...] = ()
+
+    @property
+    def considered(self) -> tuple[int, ...]:
+        """Those of the `known` unknowns that are not in the model because the images do not show them."""
+        return tuple(i for i in self.known if not self.problem.free[i])
 
     @property
     def chi2_limit(self) -> float:
@@ -131,7 +134,7 @@ class ChainCalibration(Judged):
             return frozen(self._with_considered())
         covariance = self.fit.covariance(self.problem.free) * max(1.0, self.excess)
         size = next((s for s in self.hypotheses if s.name == "target size" and len(s.others)), None)
-        if size is not None and not self.known_parts:
+        if size is not None and not self.known:
             # inverse of the blocks with the size as one more unknown
             by_size = np.zeros(len(covariance))
             by_size[self.problem.free] = size.others
@@ -242,9 +245,7 @@ def calibrate_chain(
         took,
         limits,
         change,
-        None,
-        _considered(choice.problem, parts),
-        any(part.known for part in parts),
+        known=tuple(i for part in parts if part.known for i in part.unknowns),
     )
     if smooth is None:
         return found
@@ -263,12 +264,7 @@ def calibrate_chain(
         hypotheses=find_errors_despite_scatter(s, readings),
         change=sudden_change(s.choice.fit.weights[0] == 0.0),
         scattering=s,
-        considered=_considered(s.choice.problem, parts),
     )
-
-
-def _considered(problem: Problem, parts: Sequence[Part]) -> tuple[int, ...]:
-    return tuple(i for part in parts if part.known for i in part.unknowns if not problem.free[i])
 
 
 def _explains_with_less(

@@ -90,10 +90,8 @@ def reduced(
         images: to use; default: those with a weight.
     """
     s, x = problem.sightings[0], fit.unknowns
-    ones = np.ones(len(s.readings))
     at = s.evaluate(x)
-    r, by_target = whitened(problem, s, at, ones, x)
-    scale = 1.0 / s.sigma(problem.pixel_sigma)
+    r, by_target, scale = whitened(problem, s, at, np.ones(len(s.readings)), x)
     used = np.flatnonzero(fit.weights[0] > 0.0) if images is None else images
     Q, R = np.linalg.qr(by_target[used].reshape(len(used), -1, 6))
     order = np.union1d(np.flatnonzero(problem.free), np.asarray(smooth, dtype=np.intp)).astype(np.intp)

@@ -121,9 +121,10 @@ def calibrate_hand_eye(
     lengths = np.array(are_lengths + [False] * (len(names) - last))
     nominal = arm_chain(dh, np.eye(4), np.eye(4)).evaluate(recording.joints, np.zeros(last)).T
     begin = initial_guess(nominal, alone.T_camera_target)
+    about = (begin.T_base_camera, begin.T_gripper_target)
     problem = hand_eye_problem(
         recording,
-        (begin.T_base_camera, begin.T_gripper_target),
+        about,
         alone.pixel_sigma,
         encoder_sigmas([recording.joints], encoder_step),
         alone.wrong,
@@ -153,7 +154,5 @@ def calibrate_hand_eye(
         return f"{1e3 * value:.3g} mm" if length else f"{np.degrees(value):.3g} deg"
 
     chain = with_verdict(chain, in_words)
-    found = HandEye(
-        recording, chain, (begin.T_base_camera, begin.T_gripper_target), alone.pixel_sigma, effects.lens
-    )
+    found = HandEye(recording, chain, about, effects.lens)
     return with_hand_eye_verdict(found, limits, place or WorkPlace())

@@ -47,7 +47,6 @@ class HandEye:
         recording: the input.
         chain: the calibration of the chain, with its verdict.
         start: T_base_camera and T_gripper_target relative to which the chain's unknowns are defined, 4x4 each.
-        pixel_sigma: noise of a corner, (2,) px, estimated from the images without the arm.
         lens_factor: change of the nine intrinsics per unknown of the lens, (9, k); k = 0 if the lens is held.
         tool: predicted error of the tool in the holes.
     """
@@ -55,7 +54,6 @@ class HandEye:
     recording: ArmRecording
     chain: ChainCalibration
     start: tuple[Array, Array]
-    pixel_sigma: Array
     lens_factor: Array
     tool: ToolError = NO_TOOL
 

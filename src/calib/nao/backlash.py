@@ -192,7 +192,7 @@ def _likelier_sides(
     """
     s, errors, weights = problem.sightings[chain], fit.errors[chain], fit.weights[chain]
     at_fit, used = s.evaluate(fit.unknowns, errors), weights > 0.0
-    r, by_target = whitened(problem, s, at_fit, weights, fit.unknowns)
+    r, by_target, _ = whitened(problem, s, at_fit, weights, fit.unknowns)
     by_reading = along(by_target, at_fit.by_reading)
     then = signs.copy()
     for stance in np.unique(s.stances[used]):

@@ -15,12 +15,12 @@ from arm.errors import CameraError
 from vision.camera.basler_devices import Selector, find_devices, read_selector
 from vision.camera.basler_features import (
     Feature,
+    choose,
     message_of,
     set_exposure,
     set_features,
     set_gain,
     set_heartbeat,
-    set_mono,
 )
 from vision.camera.basler_grab import FrameTaker, removed
 from vision.camera.deadline_worker import T, Worker
@@ -139,7 +139,7 @@ class BaslerCamera:
         # one frame per software trigger, and no others
         self._pylon.SoftwareTriggerConfiguration.ApplyConfiguration(nodes)
         if "PixelFormat" not in settings.features:
-            set_mono(nodes)
+            choose(nodes, "PixelFormat", "Mono8")  # frames of other formats are converted
         set_heartbeat(self.device.GetTLNodeMap(), settings.heartbeat)
         if settings.exposure is not None:
             self.exposure = set_exposure(nodes, settings.exposure, self._refused)

@@ -24,8 +24,8 @@ def set_exposure(nodes: Any, exposure: float, refuse: Refuse) -> float:
     Returns:
         Exposure set by the camera, s.
     """
-    _choose(nodes, "ExposureAuto", "Off")
-    _choose(nodes, "ExposureMode", "Timed")
+    choose(nodes, "ExposureAuto", "Off")
+    choose(nodes, "ExposureMode", "Timed")
     wanted_us = 1e6 * exposure
     for name in ("ExposureTime", "ExposureTimeAbs"):
         node = nodes.GetNode(name)
@@ -53,7 +53,7 @@ def set_gain(nodes: Any, gain: float, refuse: Refuse) -> float:
     Returns:
         Gain set by the camera, dB.
     """
-    _choose(nodes, "GainAuto", "Off")
+    choose(nodes, "GainAuto", "Off")
     for name in ("Gain", "GainAbs"):
         node = nodes.GetNode(name)
         if node.IsWritable():
@@ -102,17 +102,13 @@ def set_features(
             raise refuse(f"features.{name}", value, message_of(error)) from error
 
 
-def set_mono(nodes: Any) -> None:
-    """Set Mono8 if the camera has it; otherwise frames are converted."""
-    _choose(nodes, "PixelFormat", "Mono8")
-
-
 def message_of(error: Exception) -> str:
     """Message of one of the library's errors, without the location in its source."""
     return str(error).rsplit(" : ", 1)[0].strip().rstrip(".")
 
 
-def _choose(nodes: Any, name: str, value: str) -> None:
+def choose(nodes: Any, name: str, value: str) -> None:
+    """Set a feature to a value if the camera has both."""
     node = nodes.GetNode(name)
     if node.IsWritable() and node.CanSetValue(value):
         node.SetValue(value)
