@@ -68,14 +68,12 @@ class FlatCalibration:
         poses: T_camera_target of every view.
         covariance: of the nine intrinsics, (9, 9).
         interval: 95 % of the focal length, px.
-        noise: of a corner's coordinate, without the effects above, px.
     """
 
     camera: Camera
     poses: tuple[Array, ...]
     covariance: Array
     interval: tuple[float, float]
-    noise: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +144,7 @@ class FlatViews:
         state, _ = self._at(mean, best[1])
         covariance, slope = self._others(state, best[1])
         total = covariance + sd**2 * np.outer(slope, slope)
-        return FlatCalibration(state.camera, state.poses, frozen(total), _interval(tried), self._noise)
+        return FlatCalibration(state.camera, state.poses, frozen(total), _interval(tried))
 
     def _tried(self, grid: Array, tilts: Sequence[float]) -> list[tuple[float, float, _State, float]]:
         found = []

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.se3 import Indices
-from calib.chain.fit import Sightings, fit_chains
+from calib.chain.fit import fit_chains
 from calib.chain.model_selection import Choice
 
 FOLDS = 5
@@ -32,7 +31,8 @@ def cross_validate(choice: Choice) -> CrossValidation:
     problem, fit = choice.problem, choice.fit
     squares, count, metres, lost = 0.0, 0, [], False
     for fold in range(FOLDS):
-        parts = [_fold(s) == fold for s in problem.sightings]
+        numbers = [np.unique(s.stances, return_inverse=True)[1] for s in problem.sightings]
+        parts = [number % FOLDS == fold for number in numbers]
         weights = [np.where(part, 0.0, w) for part, w in zip(parts, fit.weights, strict=True)]
         known = fit_chains(problem, weights, fit)
         for s, part, w in zip(problem.sightings, parts, fit.weights, strict=True):
@@ -53,8 +53,3 @@ def cross_validate(choice: Choice) -> CrossValidation:
         return CrossValidation(float("nan"), float("nan"))
     rms = float("inf") if lost else float(np.sqrt(np.mean(np.concatenate(metres) ** 2)))
     return CrossValidation(float(np.sqrt(squares / count)), rms)
-
-
-def _fold(s: Sightings) -> Indices:
-    _, place = np.unique(s.stances, return_inverse=True)
-    return np.asarray(place % FOLDS, dtype=np.intp)

@@ -65,13 +65,6 @@ class NaoRecording:
         ]
 
 
-def _gravity(node: Node) -> Array:
-    gravity = node.read(numbers(3))
-    if not abs(np.linalg.norm(gravity) - GRAVITY) < _GRAVITY_VARIES:
-        raise node.error(f"must have a magnitude of {GRAVITY} +- {_GRAVITY_VARIES} m/s^2")
-    return gravity
-
-
 def read_nao_recording(path: Path) -> NaoRecording:
     """Read a recording.
 
@@ -100,10 +93,13 @@ def read_nao_recording(path: Path) -> NaoRecording:
         [seen_points(image["vertices_px"], len(board), _FEWEST_VERTICES, "vertices") for image in images]
     )
     refuse_repeats(images, np.column_stack([side, leg, head]), pixels)
+    gravity = root["gravity_m_s2"].read(numbers(3))
+    if not abs(np.linalg.norm(gravity) - GRAVITY) < _GRAVITY_VARIES:
+        raise root["gravity_m_s2"].error(f"must have a magnitude of {GRAVITY} +- {_GRAVITY_VARIES} m/s^2")
     return NaoRecording(
         Camera(K, np.zeros(5), (int(size[0]), int(size[1])), np.eye(4)),
         board,
-        _gravity(root["gravity_m_s2"]),
+        gravity,
         frozen(side),
         frozen(np.array([image["stance"].read(integer(0, _MOST_IMAGES)) for image in images])),
         frozen(leg),

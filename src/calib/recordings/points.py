@@ -31,11 +31,15 @@ def target_points(node: Node, fewest: int, called: str) -> Array:
         InputError: too few points, or all on one line, which does not determine a pose.
     """
     points = node.read(numbers((None, 3)))
+    _require_spread(node, points, fewest, called)
+    return points
+
+
+def _require_spread(node: Node, points: Array, fewest: int, called: str, only: str = "") -> None:
     if len(points) < fewest:
-        raise node.error(f"must have at least {fewest} {called}")
+        raise node.error(f"must have at least {fewest} {called}{only}")
     if on_a_line(points, _ON_A_LINE):
         raise node.error(f"must have {called} that do not all lie on one line")
-    return points
 
 
 def on_a_line(points: Array, thinnest: float) -> bool:
@@ -58,11 +62,7 @@ def seen_points(node: Node, count: int, fewest: int, called: str) -> Array:
     """
     pixels = node.read(numbers((count, 2), gaps=True)).copy()
     pixels[np.isnan(pixels).any(axis=1)] = np.nan
-    seen = np.isfinite(pixels[:, 0])
-    if seen.sum() < fewest:
-        raise node.error(f"must have at least {fewest} {called} that are not null")
-    if on_a_line(pixels[seen], _ON_A_LINE):
-        raise node.error(f"must have {called} that do not all lie on one line")
+    _require_spread(node, pixels[np.isfinite(pixels[:, 0])], fewest, called, " that are not null")
     return pixels
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import grp
 import os
 import time
-import warnings
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -90,17 +89,14 @@ def check_cameras() -> CheckResult:
     Raises:
         CameraError: pylon fails.
     """
-    from vision.camera.basler_devices import find_devices
+    from vision.camera.basler_devices import find_devices, load_pylon
 
     videos = _video_devices()
     others = [
         f"{v['name']} video:{v['device']}" + ("" if v["may_open"] else " (no permission)") for v in videos
     ]
     try:
-        with warnings.catch_warnings():
-            # The SWIG types of pylon warn. As errors (python -W error) the warnings would crash the interpreter.
-            warnings.simplefilter("ignore")
-            from pypylon import genicam, pylon
+        genicam, pylon = load_pylon()
     except ImportError as error:
         found = "; ".join([f"pylon cannot be loaded: {error}", *others])
         return CheckResult("cameras", NOTE, found, "make basler, for Basler cameras", {"videos": videos})

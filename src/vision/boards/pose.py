@@ -126,7 +126,9 @@ def assess_board(
     left = None if errors[0] is None else left_over(hypotheses.best, corners.points, camera, errors[0])
     noise = _noise(board, frames, corners, hypotheses.best)
     # one image has no scatter between images: its corners' own noise is the least that residuals may stand for
-    least = floor if len(frames) > 1 or noise is None else float(np.hypot(floor, _rms(noise)))
+    least = (
+        floor if len(frames) > 1 or noise is None else float(np.hypot(floor, np.sqrt(np.diag(noise).mean())))
+    )
     variance = mean_corner_variance(corners, hypotheses.best, least, left)
     fits = [_fitted(fit, corners, camera, variance, e) for fit, e in zip(both, errors, strict=True)]
     poses = [
@@ -201,10 +203,6 @@ def _fitted(
     inverse_information = np.linalg.inv(information)
     gain = inverse_information @ (np.repeat(fit.shares, 2)[:, None] * J.reshape(-1, 6)).T
     return Fitted(fit.T_camera_board, variance * inverse_information, fit.cost / variance, gain)
-
-
-def _rms(covariance: Array) -> float:
-    return float(np.sqrt(np.diag(covariance).mean()))
 
 
 def _noise(board: Board, frames: Sequence[Sequence[Marker]], corners: Corners, fit: Fit) -> Array | None:

@@ -5,14 +5,13 @@ The facts about pylon used here were measured with its camera emulation: parts.m
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Self
 
 from arm.errors import CameraError
-from vision.camera.basler_devices import Selector, find_devices, read_selector
+from vision.camera.basler_devices import Selector, find_devices, load_pylon, read_selector
 from vision.camera.basler_features import (
     Feature,
     choose,
@@ -104,7 +103,14 @@ class BaslerCamera:
         Raises:
             CameraError: pypylon is not installed; the camera is missing, ambiguous or in use, or refuses a setting.
         """
-        self._pylon, self._genicam = _libraries(self.selector)
+        try:
+            self._genicam, self._pylon = load_pylon()
+        except ImportError as error:
+            rule = (
+                f"needs pypylon, which cannot be imported ({error}); install it by `make basler` or pip install "
+                "'a465[basler]'"
+            )
+            raise CameraError(self.selector, "no pypylon", rule) from error
         self._worker, self._last = Worker(f"camera {self.selector}"), FrameOrder()
         try:
             found = self._ask(lambda: find_devices(self._pylon), OPEN_S, "the search for cameras")
@@ -260,18 +266,3 @@ class BaslerCamera:
 
     def _refused(self, key: str, value: Any, rule: str) -> CameraError:
         return CameraError(self.selector, "setting", f"{key} = {value!r}: {rule}", key=key, value=value)
-
-
-def _libraries(camera: object) -> tuple[Any, Any]:
-    try:
-        with warnings.catch_warnings():
-            # its SWIG types warn; as an error (python -W error) that would crash the interpreter
-            warnings.simplefilter("ignore")
-            from pypylon import genicam, pylon
-    except ImportError as error:
-        rule = (
-            f"needs pypylon, which cannot be imported ({error}); install it by `make basler` or pip install "
-            "'a465[basler]'"
-        )
-        raise CameraError(camera, "no pypylon", rule) from error
-    return pylon, genicam

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -76,6 +77,19 @@ class Selector:
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
         there = f"; connected: {', '.join(map(str, found))}" if found else ""
         return CameraError(self, reason, f"{rule}{there}", found=[asdict(device) for device in found])
+
+
+def load_pylon() -> tuple[Any, Any]:
+    """Import pypylon's modules `genicam` and `pylon`.
+
+    Raises:
+        ImportError: it is not installed, or cannot be loaded.
+    """
+    with warnings.catch_warnings():
+        # its SWIG types warn; as an error (python -W error) that would crash the interpreter
+        warnings.simplefilter("ignore")
+        from pypylon import genicam, pylon
+    return genicam, pylon
 
 
 def find_devices(pylon: Any) -> list[tuple[FoundDevice, Any]]:

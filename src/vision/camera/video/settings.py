@@ -14,7 +14,7 @@ Refuse = Callable[[str, Any, str], Exception]
 DEVICE_LATENCY_S = 0.5  # a few frames inside a camera, and its exposure
 STREAM_LATENCY_S = 2.0  # for looks without an arm; with one it must be measured and stated
 EXPOSURE_UNIT_S = 1e-4  # of V4L2_CID_EXPOSURE_ABSOLUTE
-V4L2_MANUAL, V4L2_APERTURE = 1, 3  # of V4L2_CID_EXPOSURE_AUTO
+V4L2_MANUAL = 1  # of V4L2_CID_EXPOSURE_AUTO
 
 
 @dataclass(frozen=True)
