@@ -16,34 +16,29 @@ from vision.boards.pose_fit import Corners, Fit
 from vision.boards.shared_errors import SAME_PRINT
 from vision.camera.model import Camera
 
+RESIDUAL_PX = 1.0  # largest rms residual of the mean corners, per coordinate
+MOVED_PX = 2.0  # largest deviation of a frame's markers from the median of all frames
+# largest deviation of the best-fitting marker size from the stated one, in m (more if the board's tolerance allows it)
+# and in its standard deviations
+SIZE_M, SIZE_SIGMAS = 0.3e-3, 4.0
+LOG_ODDS = 4.6  # natural logarithm of the odds at which the second solution is excluded: 100 to 1
+FLIP = np.radians(1.0)  # rotation between the two solutions below which the second does not matter
+
 
 @dataclass(frozen=True)
 class BoardLimits:
-    """Limits for accepting a board's pose.
+    """Largest standard deviations of a board's pose.
 
-    The last three are standard deviations. Each is a third of what a task tolerates: a cube that is 2 mm off still
-    slides into its pocket, the palm hits a cube that is 8 mm higher than expected (docs/sources.md, "Boards and
-    cubes"), and jaws that are rotated by 3 deg push a cube.
+    Each is a third of what a task tolerates: a cube that is 2 mm off still slides into its pocket, the palm hits a cube
+    that is 8 mm higher than expected (docs/sources.md, "Boards and cubes"), and jaws that are rotated by 3 deg push a
+    cube.
 
     Attributes:
-        residual_px: largest rms residual of the mean corners, px per coordinate.
-        moved_px: largest deviation of a frame's markers from the median of all frames, px.
-        size_m: largest deviation of the best-fitting marker size from the stated one, m; more if the board's tolerance
-            allows it.
-        size_sigmas: the same, in standard deviations of the best-fitting size.
-        log_odds: natural logarithm of the odds at which the second solution is excluded (4.6: 100 to 1).
-        flip_rad: rotation between the two solutions below which the second does not matter, rad.
         sideways_m: of the least certain hole, in the plate's plane, m.
         height_m: of the least certain hole, along the plate's normal, m.
         turn_rad: of the board's rotation about its least certain axis, rad.
     """
 
-    residual_px: float = 1.0
-    moved_px: float = 2.0
-    size_m: float = 0.3e-3
-    size_sigmas: float = 4.0
-    log_odds: float = 4.6
-    flip_rad: float = np.radians(1.0)
     sideways_m: float = 0.6e-3
     height_m: float = 2.0e-3
     turn_rad: float = np.radians(1.0)
@@ -73,7 +68,7 @@ class Spread:
         )
 
 
-def moved(board: Board, corners: Corners, limits: BoardLimits) -> Iterator[ImpossibleError]:
+def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:
     """Doubt that the board stood still: in some frame all corners of a marker are off in the same direction."""
     off = (corners.pixels - corners.median()).reshape(len(corners.pixels), 2, 4, 2)
     detected = np.asarray(np.isfinite(off).all(axis=(2, 3)))
@@ -81,33 +76,27 @@ def moved(board: Board, corners: Corners, limits: BoardLimits) -> Iterator[Impos
     noise = np.linalg.norm(off - shift[:, :, None], axis=-1)[detected]
     distance = np.linalg.norm(shift, axis=-1).max(axis=1)
     worst = int(np.argmax(distance))
-    if distance[worst] > max(limits.moved_px, 3.0 * float(np.median(noise))):
+    if distance[worst] > max(MOVED_PX, 3.0 * float(np.median(noise))):
         yield ImpossibleError(
             f"board {board.name}: image {worst + 1} of {len(off)} shows it {distance[worst]:.1f} px off the "
-            f"others, more than {limits.moved_px:g} px; it moved between images: look again once it is at rest",
+            f"others, more than {MOVED_PX:g} px; it moved between images: look again once it is at rest",
             board=board.name,
             photograph=worst + 1,
             off_px=float(distance[worst]),
-            limit_px=limits.moved_px,
+            limit_px=MOVED_PX,
         )
 
 
 def misfit(
-    board: Board,
-    corners: Corners,
-    fit: Fit,
-    camera: Camera,
-    residual_px: float,
-    floor_px: float,
-    limits: BoardLimits,
+    board: Board, corners: Corners, fit: Fit, camera: Camera, residual_px: float, floor_px: float
 ) -> Iterator[ImpossibleError]:
     """Doubt the marker size, or else the arrangement of the markers."""
     other = fit_marker_size(board, fit, camera, floor_px)
-    allowed = max(limits.size_m, 1.5 * SAME_PRINT * board.tolerance)  # three standard deviations of prints
+    allowed = max(SIZE_M, 1.5 * SAME_PRINT * board.tolerance)  # three standard deviations of prints
     if (
         other is not None
-        and other.rms_px < limits.residual_px
-        and abs(other.size - board.marker_size) > max(limits.size_sigmas * other.sigma, allowed)
+        and other.rms_px < RESIDUAL_PX
+        and abs(other.size - board.marker_size) > max(SIZE_SIGMAS * other.sigma, allowed)
     ):
         yield ImpossibleError(
             f"board {board.name}: marker size = {1e3 * board.marker_size:g} mm does not fit its images "
@@ -118,21 +107,21 @@ def misfit(
             fitting_size=other.size,
             residual_px=residual_px,
         )
-    elif not residual_px <= limits.residual_px:
-        found, why = _why_misfit(board, corners, camera, limits)
+    elif not residual_px <= RESIDUAL_PX:
+        found, why = _why_misfit(board, corners, camera)
         yield ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "
-            f"{limits.residual_px:g}); {why}",
+            f"{RESIDUAL_PX:g}); {why}",
             board=board.name,
             residual_px=residual_px,
-            limit_px=limits.residual_px,
+            limit_px=RESIDUAL_PX,
             arrangement=found,
         )
 
 
-def no_pose(board: Board, corners: Corners, camera: Camera, limits: BoardLimits) -> ImpossibleError:
+def no_pose(board: Board, corners: Corners, camera: Camera) -> ImpossibleError:
     """Return the doubt about a board without a pose in front of the camera that its corners fit."""
-    found, why = _why_misfit(board, corners, camera, limits)
+    found, why = _why_misfit(board, corners, camera)
     outlines = corners.median().reshape(2, 4, 2)
     seen = " and ".join(
         f"marker {name} at {x:.0f}, {y:.0f} px"
@@ -147,23 +136,19 @@ def no_pose(board: Board, corners: Corners, camera: Camera, limits: BoardLimits)
     )
 
 
-def _why_misfit(
-    board: Board, corners: Corners, camera: Camera, limits: BoardLimits
-) -> tuple[str | None, str]:
+def _why_misfit(board: Board, corners: Corners, camera: Camera) -> tuple[str | None, str]:
     """Return the arrangement of the markers that explains the corners, if there is one, and what to tell."""
     low, high = board.marker_ids
-    found = arrangement(board, corners, camera, limits.residual_px)
+    found = arrangement(board, corners, camera, RESIDUAL_PX)
     asked = (
         f"are markers {low} and {high} both on this board, {low} at its origin, and in the same orientation?"
     )
     return found, found or asked
 
 
-def ambiguous(
-    board: Board, angle: float, log_odds: float, ratio: float, limits: BoardLimits
-) -> Iterator[ImpossibleError]:
+def ambiguous(board: Board, angle: float, log_odds: float, ratio: float) -> Iterator[ImpossibleError]:
     """Doubt that the second solution, rotated by `angle` (rad), is excluded."""
-    if angle > limits.flip_rad and log_odds < limits.log_odds:
+    if angle > FLIP and log_odds < LOG_ODDS:
         yield ImpossibleError(
             f"board {board.name}: its tilt cannot be distinguished from one rotated by {np.degrees(angle):.1f} deg "
             f"(odds {np.exp(log_odds):.0f} to 1, errors differ only by a factor of {ratio:.2f}); take more "

@@ -22,7 +22,8 @@ from arm.errors import ImpossibleError
 from arm.former import former_names
 from arm.poses import BoardPose
 from arm.se3 import Array, angle_between, frozen
-from vision.boards.checks import BoardLimits, ambiguous, misfit, moved, no_pose, uncertain
+from vision.boards import checks
+from vision.boards.checks import BoardLimits
 from vision.boards.corner_noise import mean_corner_variance
 from vision.boards.marker_size import DETERMINED
 from vision.boards.pose_fit import (
@@ -117,9 +118,7 @@ def assess_board(
         return BoardAssessment(None, (corners,))
     hypotheses = _Hypotheses.of(corners, camera)
     if not hypotheses.best.valid:
-        return BoardAssessment(
-            None, (*moved(board, corners, limits), no_pose(board, corners, camera, limits))
-        )
+        return BoardAssessment(None, (*checks.moved(board, corners), checks.no_pose(board, corners, camera)))
     floor = max(_common_mode(m) for frame in frames for m in frame if m.id in board.marker_ids)
     both = (hypotheses.best, hypotheses.second)
     errors = [_shared(board, fit, frames, camera) for fit in both]
@@ -139,21 +138,19 @@ def assess_board(
     log_odds = (costs[1] - costs[0]) / 2.0
     tilt_log_odds = 0.0
     angle = _angle(fits, hypotheses)
-    undecided = angle > limits.flip_rad and log_odds < limits.log_odds
+    undecided = angle > checks.FLIP and log_odds < checks.LOG_ODDS
     if tilts and undecided and poses[0] is not None and poses[1] is not None:
         tilt_log_odds = log_odds_of_tilts(poses[0], poses[1], tilts)
     first = angle <= MERGED_RAD or log_odds + tilt_log_odds >= 0.0
     chosen, pose = (hypotheses.best, poses[0]) if first else (hypotheses.second, poses[1])
     residual_px = float(np.sqrt(np.mean(chosen.mean_residual_px[chosen.shares > 0.0] ** 2)))
-    doubts = [
-        *moved(board, corners, limits),
-        *misfit(board, corners, chosen, camera, residual_px, floor, limits),
-    ]
+    doubts = list(checks.moved(board, corners))
+    doubts += checks.misfit(board, corners, chosen, camera, residual_px, floor)
     # A pose that does not fit says nothing of its tilt or its uncertainty.
-    if residual_px <= limits.residual_px:
+    if residual_px <= checks.RESIDUAL_PX:
         odds = abs(log_odds + tilt_log_odds)
-        doubts += ambiguous(board, angle, odds, hypotheses.ratio, limits)
-        doubts += [] if pose is None else uncertain(pose, limits)
+        doubts += checks.ambiguous(board, angle, odds, hypotheses.ratio)
+        doubts += [] if pose is None else checks.uncertain(pose, limits)
     if pose is not None and tilts:
         pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
     return BoardAssessment(pose, tuple(doubts))
