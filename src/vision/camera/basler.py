@@ -21,9 +21,8 @@ from vision.camera.basler_features import (
     set_gain,
     set_heartbeat,
 )
-from vision.camera.basler_grab import FrameTaker, removed
+from vision.camera.basler_grab import FrameOrder, FrameTaker, removed
 from vision.camera.deadline_worker import T, Worker
-from vision.camera.frame_order import FrameOrder
 from vision.camera.frame_source import Image
 
 FAILED_FRAMES = 2  # damaged frames to retake per look: a lost packet must not stop the arm, a bad cable must

@@ -27,19 +27,6 @@ _ROBUST_ROUNDS = 6
 
 
 @dataclass(frozen=True)
-class _Lines:
-    """Lines normal @ x = offset in undistorted pixels: (m, 4, 2), (m, 4).
-
-    `inliers` (m, 4) is a fraction, `sigma` (m, 4) px the standard deviation of a line at its ends.
-    """
-
-    normals: Array
-    offsets: Array
-    inliers: Array
-    sigma: Array
-
-
-@dataclass(frozen=True)
 class BorderCorners:
     """Corners of markers.
 
@@ -70,12 +57,13 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     reach = np.maximum(PROFILE_PART * sides.min(axis=1) / modules, LEAST_HALF_PX)
     corners, good, noise = rough_px, fits, np.zeros(len(rough_px))
     for half in (WIDE_PX, NARROW_PX):
-        lines = _fit_lines(*_edge_points(image, corners, np.minimum(reach, half)), camera)
-        corners_on_plane = _intersections(lines) @ np.linalg.inv(camera.K[:2, :2]).T
+        edges = _edge_points(image, corners, np.minimum(reach, half))
+        normals, offsets, inliers, sigma = _fit_lines(*edges, camera)
+        corners_on_plane = _intersections(normals, offsets) @ np.linalg.inv(camera.K[:2, :2]).T
         crossings = camera.project(np.insert(corners_on_plane, 2, 1.0, axis=-1))
-        good = fits & (lines.inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
+        good = fits & (inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
         corners = np.where(good[:, None, None], crossings, rough_px)
-        noise = np.sqrt((lines.sigma**2).mean(axis=1))
+        noise = np.sqrt((sigma**2).mean(axis=1))
     near = np.abs(corners - rough_px).max(axis=(1, 2)) < MOST_MOVED_PX
     return BorderCorners(corners, good & near, noise)
 
@@ -94,7 +82,13 @@ def _edge_points(image: Grey, corners: Array, half: Array) -> tuple[Array, Array
     return centres + edges.offset[..., None] * outward, edges.good.astype(float)
 
 
-def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> _Lines:
+def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> tuple[Array, Array, Array, Array]:
+    """Fit lines normal @ x = offset in undistorted pixels.
+
+    Returns:
+        Normals (m, 4, 2), offsets (m, 4), fractions of inliers (m, 4), and standard deviations of the lines at their
+        ends (m, 4) px.
+    """
     points = camera.normalised(edges_px) @ camera.K[:2, :2].T  # undistorted px from the centre
     weights = edge_weights
     normals = offsets = distance = sigma = np.empty(0)
@@ -111,7 +105,7 @@ def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> _Lines:
         limit = np.clip(4.0 * spread, 0.1, INLIER_PX)
         weights = edge_weights * np.clip(1.0 - (distance / limit) ** 2, 0.0, None) ** 2  # Tukey's biweight
     agree = (edge_weights > 0.0) & (np.abs(distance) < INLIER_PX)
-    return _Lines(normals, offsets, agree.mean(axis=-1), sigma)
+    return normals, offsets, agree.mean(axis=-1), sigma
 
 
 def _sigma_at_ends(weights: Array, distance: Array) -> Array:
@@ -129,8 +123,8 @@ def _sigma_at_ends(weights: Array, distance: Array) -> Array:
     return np.asarray(np.sqrt(variance * at_ends / total))
 
 
-def _intersections(lines: _Lines) -> Array:
+def _intersections(normals: Array, offsets: Array) -> Array:
     """Corners (m, 4, 2) in undistorted pixels: corner k is the intersection of the lines of sides k - 1 and k."""
-    homogeneous = np.concatenate([lines.normals, -lines.offsets[..., None]], axis=-1)
+    homogeneous = np.concatenate([normals, -offsets[..., None]], axis=-1)
     at = cross(np.roll(homogeneous, 1, axis=1), homogeneous)
     return np.asarray(at[..., :2] / np.where(np.abs(at[..., 2:]) > 1e-3, at[..., 2:], np.nan))
