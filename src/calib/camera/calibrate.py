@@ -71,7 +71,13 @@ def calibrate_camera(
     free = np.array([name not in held for name in NAMES])
     reasons = unusable(photos)
     if (left := reasons.count("")) < FEWEST_VIEWS:
-        raise CalibrationRefused(_too_few(photos, reasons), usable=left, photographs=len(photos))
+        why = "; ".join(f"{p.name}: {reason}" for p, reason in zip(photos, reasons, strict=True) if reason)
+        raise CalibrationRefused(
+            f"{left} of {len(photos)} images are usable, at least {FEWEST_VIEWS} are needed"
+            f"{f': {why}' if why else ''}",
+            usable=left,
+            photographs=len(photos),
+        )
     found = _without_outliers(photos, target, size, free, reasons)
     corner_sigma = found.bundle.corner_sigma
     known_lifts = [(lifts or {}).get(photos[i].name) for i in found.index]
@@ -259,14 +265,3 @@ def _calibration_views(
         residual, distance = photo.view.corners_px - seen.pixels, float(seen.in_camera[:, 2].mean())
         results.append(CalibrationView(photo, True, "", T, frozen(residual), ~found.kept[i], distance))
     return tuple(results)
-
-
-def _too_few(photos: Sequence[TargetPhoto], reasons: Sequence[str]) -> str:
-    usable = sum(not reason for reason in reasons)
-    why = "; ".join(
-        f"{photo.name}: {reason}" for photo, reason in zip(photos, reasons, strict=True) if reason
-    )
-    return (
-        f"{usable} of {len(photos)} images are usable, at least {FEWEST_VIEWS} are needed"
-        f"{f': {why}' if why else ''}"
-    )

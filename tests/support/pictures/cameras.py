@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -39,14 +38,6 @@ def showing(folder: Path, size: tuple[int, int] = (320, 200)) -> dict[str, bool 
         "Width": size[0],
         "Height": size[1],
     }
-
-
-def pypylon() -> tuple[Any, Any]:
-    """The library's two modules; a warning at their import would crash the interpreter where warnings are errors."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        from pypylon import genicam, pylon
-    return genicam, pylon
 
 
 class Wrong:

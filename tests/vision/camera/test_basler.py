@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 
 from arm.errors import CameraError, InputError
-from pictures.cameras import SERIAL, Wrong, photographs, pypylon, refused, settings, showing
+from pictures.cameras import SERIAL, Wrong, photographs, refused, settings, showing
 from vision.camera import basler
 from vision.camera.basler import BaslerCamera, BaslerSettings
+from vision.camera.basler_devices import load_pylon
 from vision.camera.frame_source import FrameSource
 
 pytestmark = pytest.mark.xdist_group("basler")
@@ -126,7 +127,7 @@ def test_a_camera_that_is_not_there_is_told_with_those_that_are(monkeypatch: pyt
     ids=["usb", "gige"],
 )
 def test_a_camera_of_another_program_is_told(monkeypatch: pytest.MonkeyPatch, words: str) -> None:
-    genicam, pylon = pypylon()  # its emulation lets two programs in; the words are those of real cameras
+    genicam, pylon = load_pylon()  # its emulation lets two programs in; the words are those of real cameras
 
     def taken(_: Any) -> None:
         raise genicam.RuntimeException(words)
