@@ -16,8 +16,8 @@ import numpy.typing as npt
 from arm.errors import ImpossibleError
 from arm.se3 import Array
 from calib.model.least_squares import eliminate, inverse_scaled
-from calib.model.optimal_design import OptimalDesign
 from calib.nao.chain import LEG_JOINTS, SIDES, NaoUnknowns, nao_sightings
+from nao_paper_bench.leg_design import LegDesign
 from nao_paper_bench.stance_pool import (
     Stance,
     collision_free_motion,
@@ -206,7 +206,8 @@ def _exchanged(
     kinds = tuple(f"{j}_{kind}" for j in LEG_JOINTS for kind in ("deg", "compliance", "backlash"))
     legs = [i for i, name in enumerate(unknowns.names) if name.startswith(kinds)]
     worth = np.eye(len(prior))[:, legs] if criterion == "A" else None
-    return [pool[i] for i in OptimalDesign(informations, prior, worth, side).best(count, begin=begin).places]
+    best = LegDesign(informations, prior, worth, side).best(count * len(SIDES), begin=begin)
+    return [pool[i] for i in best.places]
 
 
 def _plan(stances: Sequence[Stance], sensing: Sensing, unknowns: NaoUnknowns, x: Array | None) -> Plan:

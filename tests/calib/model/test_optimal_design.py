@@ -56,36 +56,3 @@ def test_greedy_choices_are_better_than_any_drawn_by_lot():
     assert best.variances[-1] == pytest.approx(left(informations, known, np.eye(9), best.places), rel=1e-8)
     lots = [rng.choice(24, 8, replace=False) for _ in range(200)]
     assert best.variances[-1] < min(left(informations, known, np.eye(9), lot) for lot in lots)
-
-
-def test_a_choice_for_the_determinant_is_nearly_the_best_of_all():
-    for seed in range(4):
-        informations, known, _ = some(seed)
-        best = OptimalDesign(informations, known).best(3)
-        every = {
-            c: np.linalg.slogdet(known + informations[list(c)].sum(axis=0))[1]
-            for c in combinations(range(9), 3)
-        }
-        assert every[tuple(sorted(best.places))] > max(every.values()) - 0.05
-        scaled = np.linalg.slogdet(known)[1] - every[tuple(sorted(best.places))]
-        assert best.variances[-1] == pytest.approx(np.exp(scaled / 5), rel=1e-8)
-
-
-def test_each_group_gets_its_share_whatever_the_other_would_add():
-    informations, known, worth = some(7, 12)
-    groups = np.repeat([0, 1], 6)
-    informations[groups == 1] *= 1e-3
-    alone = OptimalDesign(informations, known, worth).best(4)
-    assert (groups[list(alone.places)] == 0).all()
-    shared = OptimalDesign(informations, known, worth, groups)
-    best = shared.best(2)
-    assert sorted(groups[list(best.places)].tolist()) == [0, 0, 1, 1]
-    every = [
-        left(informations, known, worth, (*a, *b))
-        for a in combinations(range(6), 2)
-        for b in combinations(range(6, 12), 2)
-    ]
-    assert best.variances[-1] <= 1.02 * min(every)
-    assert shared.best(2, exchange=False, begin=[5, 11]).places[:2] == (5, 11)
-    again = shared.best(2, begin=[0, 1, 6, 7])
-    assert again.variances[-1] <= left(informations, known, worth, [0, 1, 6, 7])

@@ -15,7 +15,6 @@ from arm.robot.link_errors import LinkErrors, with_link_errors
 from arm.robot.model import Robot
 from arm.se3 import Array, inverse, moved, rot_x, rot_z, rotation_vector, transform
 from calib.model.intrinsics import camera_of, vector_of
-from calib.model.projection import Projection
 from cell.accuracy.error_model import BoardError, ErrorModel
 from cell.accuracy.insertion import PocketFit
 from cell.accuracy.placement import GRIP_PROJECTION, Transfer, placement_budget, placement_error
