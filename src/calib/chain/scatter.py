@@ -62,13 +62,11 @@ class Sizes:
         scatter: standard deviation of each reading's error, (readings,) rad.
         smooth: standard deviation of the coefficients of the smooth errors, rad; 0 if there are none.
         distances: squared Mahalanobis distances of the images, (n,); about 6 each.
-        log_likelihood: with all unknowns integrated out.
     """
 
     scatter: Array
     smooth: float
     distances: Array
-    log_likelihood: float
 
 
 def reduced(
@@ -147,8 +145,7 @@ def estimate_sizes(
         if robust:
             weights = (_HEAVY + 6.0) / (_HEAVY + solved.distances)
     sizes = np.exp(theta)
-    value = -float(solved.value_and_gradient[0])
-    return Sizes(sizes[:-1], float(sizes[-1]) if len(data.smooth) else 0.0, solved.distances, value)
+    return Sizes(sizes[:-1], float(sizes[-1]) if len(data.smooth) else 0.0, solved.distances)
 
 
 def equations_of(data: Reduced, sizes: Sizes) -> NormalEquations:

@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from arm.errors import CalibrationRefused
-from arm.se3 import Array, Bools
+from arm.se3 import Array
 from calib.chain.fit import Problem, Sightings
 from calib.chain.model_selection import Part
+from calib.chain.per_image_poses import PerImagePoses
 from calib.chain.result import ChainLimits, calibrate_chain
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.chain import OFFSETS, arm_chain, smooth_errors, unknown_names
@@ -38,9 +39,7 @@ def hand_eye_problem(
     about: tuple[Array, Array],
     pixel_sigma: Array,
     reading_sigma: Array,
-    wrong: Bools | None = None,
-    noise: Array | None = None,
-    noise_freedom: float = np.inf,
+    alone: PerImagePoses | None = None,
     effects: ImageEffects | None = None,
 ) -> Problem:
     """Return the estimation problem of an arm and a fixed camera; all unknowns but the gauges are free.
@@ -50,16 +49,14 @@ def hand_eye_problem(
         about: T_base_camera and T_gripper_target, 4x4 each, relative to which the unknowns are defined.
         pixel_sigma: standard deviation of a corner's x and y, (2,) px.
         reading_sigma: standard deviation of the readings, (joints,) rad; 0 for exact encoders.
-        wrong: corners to exclude, (n, m).
-        noise: of each image, relative to a typical image, (n,).
-        noise_freedom: see `Problem`.
+        alone: fit of each image alone: corners to exclude, and the images' noise; None: all are used and alike.
         effects: unknowns of the image, all free; None for none.
     """
     dh, n = recording.dh, len(recording.joints)
     waves = smooth_errors(dh)
     image = 0 if effects is None else len(effects.names)
     count = len(unknown_names(dh.joints)) + len(waves) + image
-    pixels = recording.pixels if wrong is None else np.where(wrong[..., None], np.nan, recording.pixels)
+    pixels = recording.pixels if alone is None else np.where(alone.wrong[..., None], np.nan, recording.pixels)
     ids = np.tile(np.arange(n)[:, None], (1, dh.joints))
     chain = arm_chain(dh, *about, smooth=True)
     sightings = Sightings(
@@ -70,7 +67,7 @@ def hand_eye_problem(
         recording.points,
         pixels,
         lambda readings, unknowns: {wave.name: wave.gain(readings) for wave in waves},
-        noise,
+        None if alone is None else alone.noise,
         None if effects is None else effects.columns,
     )
     free = np.ones(count, dtype=bool)
@@ -84,10 +81,9 @@ def hand_eye_problem(
             np.ones(image),
         ]
     )
+    freedom = np.inf if alone is None else alone.freedom
     start = np.zeros(count)
-    return Problem(
-        [sightings], recording.camera, start, prior, pixel_sigma, reading_sigma, free, noise_freedom
-    )
+    return Problem([sightings], recording.camera, start, prior, pixel_sigma, reading_sigma, free, freedom)
 
 
 @plausible_numbers()
@@ -127,9 +123,7 @@ def calibrate_hand_eye(
         about,
         alone.pixel_sigma,
         encoder_sigmas([recording.joints], encoder_step),
-        alone.wrong,
-        alone.noise,
-        alone.freedom,
+        alone,
         effects,
     )
     if not begin.inliers.any():

@@ -75,10 +75,9 @@ def test_wrong_images_do_not_pass_for_scatter() -> None:
 def test_what_scatters_tells_less_and_smooth_errors_stay_within_their_size() -> None:
     data = drawn(5, [RAD, RAD], RAD)
     loose, exact = (
-        equations_of(data, Sizes(np.full(2, size), RAD, np.zeros(0), 0.0)).S.sum(axis=0)
-        for size in (RAD, 1e-9)
+        equations_of(data, Sizes(np.full(2, size), RAD, np.zeros(0))).S.sum(axis=0) for size in (RAD, 1e-9)
     )
     assert (np.diag(loose) < 0.9 * np.diag(exact)).all()
-    prior, _ = equations_of(data, Sizes(np.full(2, RAD), RAD, np.zeros(0), 0.0)).prior
+    prior, _ = equations_of(data, Sizes(np.full(2, RAD), RAD, np.zeros(0))).prior
     assert np.diag(prior) == pytest.approx([0.0, 0.0, RAD**-2])
     assert estimate_sizes(data).smooth == pytest.approx(RAD, rel=1.0)
