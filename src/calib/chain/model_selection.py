@@ -97,10 +97,7 @@ def choose_model(problem: Problem, parts: Sequence[Part], weights: Sequence[Arra
     """
     fit = _without_wrong_images(problem, weights)
     if fit.chi2_dof > _SPOILT:  # wrong images distort a model with many unknowns, but not one with few
-        bare = problem
-        for part in parts:
-            bare = without(bare, part)
-        begun = _without_wrong_images(bare, weights)
+        begun = _without_wrong_images(without(problem, *parts), weights)
         other = _without_wrong_images(problem, begun.weights)
         fit = min(fit, other, key=lambda one: one.chi2_dof)
     return select_parts(problem, parts, fit, problem.noise_freedom)
@@ -133,11 +130,12 @@ def select_parts(problem: Problem, parts: Sequence[Part], fit: ChainFit, freedom
     return Choice(problem, fit, tuple(trials[part.name] for part in parts))
 
 
-def without(problem: Problem, part: Part) -> Problem:
-    """Return the problem without a part."""
+def without(problem: Problem, *parts: Part) -> Problem:
+    """Return the problem without some parts."""
     free, start = problem.free.copy(), problem.start.copy()
-    free[list(part.unknowns)] = False
-    start[list(part.unknowns)] = 0.0  # a dropped part is zero, whatever its prior mean
+    dropped = [i for part in parts for i in part.unknowns]
+    free[dropped] = False
+    start[dropped] = 0.0  # a dropped part is zero, whatever its prior mean
     return replace(problem, free=free, start=start)
 
 

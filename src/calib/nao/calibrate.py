@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.chain.fit import Problem, fit_chains
-from calib.chain.model_selection import Choice, Part, choose_model
+from calib.chain.model_selection import Choice, Part, choose_model, without
 from calib.chain.per_image_poses import fit_per_image_poses
 from calib.chain.result import ChainCalibration, ChainLimits, calibrate_chain
 from calib.chain.score_tests import most_significant_first
@@ -50,23 +50,23 @@ def _shaped(
 
 
 def _with_limbs(
-    without: Choice, full: Problem, parts: Sequence[Part], recording: NaoRecording, sides: Sequence[str]
+    limbless: Choice, full: Problem, parts: Sequence[Part], recording: NaoRecording, sides: Sequence[str]
 ) -> Choice:
     """Put limbs, the last of `parts`, in a model if the images show them; otherwise it stays as it was.
 
     `full` has the unknowns of all parts free.
     """
-    if is_astray(without.fit):
-        return without
-    test = find_limb_errors(without.problem, without.fit, _ALL, sides)
-    trial = limb_trial(without.problem, without.fit, test, LIMBS)
+    if is_astray(limbless.fit):
+        return limbless
+    test = find_limb_errors(limbless.problem, limbless.fit, _ALL, sides)
+    trial = limb_trial(limbless.problem, limbless.fit, test, LIMBS)
     if trial.needed:
-        full = replace(full, reading_sigma=without.problem.reading_sigma)
+        full = replace(full, reading_sigma=limbless.problem.reading_sigma)
         other = _shaped(choose_model(full, parts), full, parts, recording, sides)
         if other.problem.free[parts[-1].unknowns[0]]:
             return other
         trial = next(t for t in other.trials if t.part == LIMBS)
-    return replace(without, trials=(*without.trials, trial))
+    return replace(limbless, trials=(*limbless.trials, trial))
 
 
 def _kept(choice: Choice) -> float:
@@ -113,8 +113,8 @@ def calibrate_nao(
     sides = sorted(seen)
     lengths = limb_unknowns(_ALL, sides)
     sigma[lengths] = LIMB_SIGMA
-    without = shown.copy()
-    without[lengths] = False
+    limbless = shown.copy()
+    limbless[lengths] = False
     parts = {
         HEAD: [name.startswith("Head") for name in names],
         COMPLIANCE: ["compliance" in name for name in names],
@@ -127,7 +127,7 @@ def calibrate_nao(
         sigma,
         alone.pixel_sigma,
         encoder_sigmas([s.readings for s in sightings], encoder_step),
-        without,
+        limbless,
         alone.freedom,
     )
     optional = [Part(name, tuple(np.flatnonzero(of & shown).tolist())) for name, of in parts.items()]
@@ -136,9 +136,7 @@ def calibrate_nao(
     longer = replace(problem, free=shown)
 
     def limbs_explain() -> bool:
-        paper = without.copy()
-        paper[[i for one in optional for i in one.unknowns]] = False
-        plain = replace(problem, free=paper)
+        plain = without(problem, *optional)
         fit = fit_chains(plain)
         return limb_trial(plain, fit, find_limb_errors(plain, fit, _ALL, sides), LIMBS).needed
 
