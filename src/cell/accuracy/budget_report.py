@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from cell.accuracy.insertion import percent
 from cell.accuracy.placement import PlacementBudget
 from cell.console import Console
 
 UNKNOWN = "the cell has no calibration with a covariance, so the errors of the placements are not known"
 HEADER = ("cube", "to", "offset mm", "height mm", "tilt deg", "enters %", "mostly due to")
 _SHOWN = 3  # sources in a row of the table
-_SURE = 0.9999  # what is likelier is told as more than this
 
 
 def print_budgets(budgets: Sequence[PlacementBudget], console: Console) -> None:
@@ -21,13 +21,15 @@ def print_budgets(budgets: Sequence[PlacementBudget], console: Console) -> None:
     if not budgets:
         console.say(UNKNOWN)
         return
-    console.table(HEADER, [(b.cube, b.target, *_millimetres(b), _percent(b), _sources(b)) for b in budgets])
+    console.table(
+        HEADER, [(b.cube, b.target, *_millimetres(b), percent(b.insertion), _sources(b)) for b in budgets]
+    )
 
 
 def budget_rows(budgets: Sequence[PlacementBudget]) -> list[tuple[str, ...]]:
     """Return the same rows as texts, with the columns of `HEADER`."""
     return [
-        (b.cube, b.target, *(f"{value:.2f}" for value in _millimetres(b)), _percent(b), _sources(b))
+        (b.cube, b.target, *(f"{value:.2f}" for value in _millimetres(b)), percent(b.insertion), _sources(b))
         for b in budgets
     ]
 
@@ -42,7 +44,7 @@ def budget_words(budgets: Sequence[PlacementBudget]) -> str:
         return ""
     worst = min(budgets, key=lambda b: (b.insertion, -b.sideways))
     return (
-        f"every cube enters its pocket with a probability of {_percent(worst)} %; the least certain one has an RMS "
+        f"every cube enters its pocket with a probability of {percent(worst.insertion)} %; the least certain one has an RMS "
         f"offset of {1e3 * worst.sideways:.2f} mm ({_sources(worst)})"
     )
 
@@ -63,10 +65,6 @@ def budget_to_json(budget: PlacementBudget) -> dict[str, Any]:
             for name, source in budget.sources.items()
         },
     }
-
-
-def _percent(budget: PlacementBudget) -> str:
-    return f"> {100.0 * _SURE:g}" if budget.insertion > _SURE else f"{100.0 * budget.insertion:.2f}"
 
 
 def _sources(budget: PlacementBudget) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, Board
-from cell.accuracy.insertion import PocketFit
+from cell.accuracy.insertion import PocketFit, percent
 from cell.accuracy.placement import PlacementBudget
 
 MAGNIFIED = 10.0  # offsets and room, relative to the plate
@@ -64,6 +64,6 @@ def _mark(board: Board, budget: PlacementBudget, fit: PocketFit) -> HoleMark:
         long=float(long),
         short=float(short),
         angle=float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))),
-        label=f"{100.0 * budget.insertion:.2f} %",
+        label=f"{percent(budget.insertion)} %",
         title=f"{budget.cube} to {budget.target}: RMS offset {1e3 * budget.sideways:.2f} mm",
     )
