@@ -44,8 +44,8 @@ def budget_words(budgets: Sequence[PlacementBudget]) -> str:
         return ""
     worst = min(budgets, key=lambda b: (b.insertion, -b.sideways))
     return (
-        f"every cube enters its pocket with a probability of {percent(worst.insertion)} %; the least certain one has an RMS "
-        f"offset of {1e3 * worst.sideways:.2f} mm ({_sources(worst)})"
+        f"every cube enters its pocket with a probability of {percent(worst.insertion)} %; the least certain one has "
+        f"an RMS offset of {1e3 * worst.sideways:.2f} mm ({_sources(worst)})"
     )
 
 
