@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from itertools import pairwise, permutations, product
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits
 from arm.se3 import Array
-from plan.cartesian.line import JointPath
 from plan.trajectory.time_estimates import straight_time
-from plan.trajectory.timing import time_line
+from plan.trajectory.timing import time_curve
 from planning_bench.grips import GripLine, grip_lines
 from planning_bench.query import OFFSET, Query
 
@@ -121,7 +121,7 @@ def _offsets(lines: list[GripLine]) -> Array:
 
 
 def _line_time(line: GripLine, limits: Limits) -> float:
-    trajectory = time_line(JointPath(line.q, np.linspace(0.0, OFFSET, len(line.q))), limits)
+    trajectory = time_curve(CubicSpline(np.linspace(0.0, OFFSET, len(line.q)), line.q), limits)
     return float(trajectory.times[-1]) / trajectory.stretch
 
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from scipy.interpolate import CubicSpline
-
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.se3 import Array
@@ -102,7 +100,7 @@ def follow_clear_line(
                 refusal = error
             continue
         wanted = searched_clearance(world, (path.q[0], path.q[-1]), clearance, LINE_MARGIN)
-        check = certify_curve(world, curve_of_path(CubicSpline(path.s, path.q)), wanted)
+        check = certify_curve(world, curve_of_path(path.spline), wanted)
         followed = ClearLine(path, attempt.free_axis, check)
         if check.proved and not world.in_collision(path.q[-1], end_clearance):
             return followed

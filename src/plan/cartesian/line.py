@@ -6,6 +6,7 @@ The spline is compared with the line, and the step is halved until it is within 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +30,7 @@ _MAX_HALVINGS = 5  # of the step
 
 @dataclass(frozen=True)
 class JointPath:
-    """Configurations along a path, connected by a cubic spline (`plan.trajectory.joint_path.smooth_path`).
+    """Configurations along a path, connected by a cubic spline.
 
     Attributes:
         q: (m, n) rad.
@@ -38,6 +39,11 @@ class JointPath:
 
     q: Array
     s: Array
+
+    @cached_property
+    def spline(self) -> CubicSpline:
+        """The cubic spline through q over s."""
+        return CubicSpline(self.s, self.q)
 
 
 def follow_line(
@@ -111,7 +117,7 @@ def _between(
 ) -> tuple[LineDeviation, float]:
     """Return the deviation of the spline from the line between way-points, and how far it leaves joint limits, rad."""
     places = (path.s[:-1, None] + np.diff(path.s)[:, None] * _BETWEEN).ravel()
-    q = CubicSpline(path.s, path.q)(places)
+    q = path.spline(places)
     poses = product_of_exponentials(robot).tool_poses(q)
     on_the_spot = line.length < 0.5 * path.s[-1]
     beyond = float(np.maximum(limits.lower - q, q - limits.upper).max())

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from arm.arguments import finite, rigid
 from arm.controller.unit import Limits
@@ -229,7 +228,7 @@ def _numeric_reach(
                 except ImpossibleError as error:
                     choices.append(_missed(robot, name, yaw, f"{number:02d}", str(error)))
                     continue
-                q_line = CubicSpline(path.s, path.q)(heights)
+                q_line = path.spline(heights)
                 room = np.minimum(q_line - limits.lower, limits.upper - q_line).min(axis=0)
                 joint = int(np.argmin(room))
                 nearest = (

@@ -32,9 +32,9 @@ from plan.options import PlanOptions
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import LineTolerance, MarksTooNear, to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import time_smooth
-from plan.trajectory.joint_path import Stretch, chained, polyline, smooth_path
+from plan.trajectory.joint_path import Stretch, chained, polyline
 from plan.trajectory.rounding import vertex_jump
-from plan.trajectory.timing import time_curve, time_line, time_path
+from plan.trajectory.timing import time_curve, time_path
 from plan.trajectory.virtual_unit import is_virtual
 
 _BLENDS = (1.0, 0.4, 0.15, 0.05)  # factors on the duration of blends, in the order of the attempts
@@ -181,9 +181,9 @@ class MotionBuilder:
         if isinstance(phase.path, LinearPath):
             path, speed = phase.path.path, phase.path.speed
             trajectory = (
-                time_line(path, self.planned, speed, self.options.by_toppra)
+                time_curve(path.spline, self.planned, speed, self.options.by_toppra)
                 if self.jerk is None
-                else time_smooth(smooth_path(path.q, path.s), self.planned, self.jerk, speed)
+                else time_smooth(path.spline, self.planned, self.jerk, speed)
             )
         else:
             q = self.unit.positions(self.unit.counts(phase.path))
@@ -264,7 +264,7 @@ class MotionBuilder:
     def _rounded(self, before: LinearPath, after: LinearPath, join: Join) -> tuple[float, Array] | None:
         """Return what a corner takes of both lines, m, and the move across (2, n) rad; None if it passes too far."""
         corner, length = before.line.T_end[:3, 3], join.cut
-        one, two = (smooth_path(line.path.q, line.path.s) for line in (before, after))
+        one, two = (line.path.spline for line in (before, after))
         for _ in range(_CUTS):
             ends = np.stack([one(before.path.s[-1] - length), two(length)])
             across = ends[0] + np.linspace(0.0, 1.0, 33)[:, None] * (ends[1] - ends[0])
@@ -334,7 +334,7 @@ def _shortened(path: JointPath, first: float, last: float) -> JointPath:
     if first == last == 0.0:
         return path
     s = np.linspace(first, path.s[-1] - last, len(path.s))
-    return JointPath(frozen(smooth_path(path.q, path.s)(s)), frozen(s - first))
+    return JointPath(frozen(path.spline(s)), frozen(s - first))
 
 
 def _move(group: Sequence[MotionPhase], path: CountPath, check: ClearanceCertificate) -> Move:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +18,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from arm.controller.unit import Limits
 from arm.errors import InputError
 from arm.se3 import Array, frozen
-
-if TYPE_CHECKING:
-    from plan.cartesian.line import JointPath  # it imports `smooth_path` from here
+from plan.cartesian.line import JointPath
 
 Path = Any  # scipy.interpolate.PPoly; scipy has no types
 
@@ -49,11 +47,6 @@ class Stretch:
 
     path: JointPath
     tool_speed: float | None = None
-
-
-def smooth_path(q: npt.ArrayLike, s: npt.ArrayLike) -> Path:
-    """Return the cubic spline through dense samples q (m, n) of a smooth curve at s (m,)."""
-    return CubicSpline(np.asarray(s, dtype=float), np.asarray(q, dtype=float), bc_type="not-a-knot")
 
 
 def polyline(q: npt.ArrayLike) -> Path:
@@ -150,7 +143,7 @@ def _line(
         if off > 1e-6:
             why = f"line {name}: ends {off:.3g} rad from the transit's way-point: must meet it to 1e-6 rad"
             raise InputError(why, off_rad=off)
-    path = smooth_path(line.q, line.s - line.s[0])
+    path = CubicSpline(line.s - line.s[0], line.q)
     x = path.x
     places = np.linspace(x[:-1], x[1:], 3).ravel()
     with np.errstate(divide="ignore"):

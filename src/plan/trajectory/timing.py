@@ -19,8 +19,7 @@ import numpy.typing as npt
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
 from arm.se3 import Array, frozen
-from plan.cartesian.line import JointPath
-from plan.trajectory.joint_path import Path, polyline, smooth_path
+from plan.trajectory.joint_path import Path, polyline
 from plan.trajectory.topp_ra import gridpoints, parametrise
 from plan.trajectory.toppra_timing import parametrise_by_toppra
 
@@ -155,20 +154,6 @@ def time_path(q: npt.ArrayLike, limits: Limits) -> Trajectory:
         InputError: fewer than two different way-points.
     """
     return _trapezoids(polyline(q), limits)
-
-
-def time_line(
-    path: JointPath, limits: Limits, tool_speed: float | None = None, by_toppra: bool = False
-) -> Trajectory:
-    """Time a Cartesian line, from rest to rest.
-
-    Args:
-        path: from `plan.cartesian.line.follow_line`.
-        limits: limits of velocity and acceleration.
-        tool_speed: cap on the tool's speed, m/s (rad/s for a pure rotation), or None.
-        by_toppra: see `time_curve`.
-    """
-    return time_curve(smooth_path(path.q, path.s), limits, tool_speed, by_toppra)
 
 
 def time_curve(path: Path, limits: Limits, rate_cap: Caps = None, by_toppra: bool = False) -> Trajectory:

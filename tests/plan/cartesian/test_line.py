@@ -12,7 +12,6 @@ from arm.se3 import rot_x, rot_z, rotation, transform
 from plan.cartesian.line import Barrier, Line, LineOptions, follow_line
 from plan.cartesian.reachability import reach
 from plan.kinematics.product_of_exponentials import product_of_exponentials
-from plan.trajectory.joint_path import smooth_path
 from plans.barred_lines import GRASP, start_at, up
 
 
@@ -40,7 +39,7 @@ def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit:
         at_points = line.deviation(arm.tool_poses(path.q))
         assert at_points.distance.max() < 1e-8
         assert at_points.angle.max() < 1e-7
-        between = line.deviation(arm.tool_poses(smooth_path(path.q, path.s)(np.linspace(0, 0.1, 777))))
+        between = line.deviation(arm.tool_poses(path.spline(np.linspace(0, 0.1, 777))))
         assert between.distance.max() < 1e-5
         assert between.angle.max() < np.radians(0.005)
         np.testing.assert_array_equal(path.q[0], choice.q_hole)
@@ -58,7 +57,7 @@ def test_steps_are_halved_until_the_spline_is_straight(robot: Robot, crs97: Unit
     fine = follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1, tolerance=1e-8))
     assert 5 <= len(coarse.q) < len(fine.q)
     for path, tolerance in ((coarse, 1e-5), (fine, 1e-8)):
-        between = arm.tool_poses(smooth_path(path.q, path.s)(np.linspace(0, 0.1, 777)))
+        between = arm.tool_poses(path.spline(np.linspace(0, 0.1, 777)))
         assert Line(GRASP, top).deviation(between).distance.max() < 1.05 * tolerance
     with pytest.raises(ImpossibleError, match=r"between way-points .* mm apart the tool is") as caught:
         follow_line(robot, q, GRASP, top, crs97.limits(), LineOptions(step=0.1, tolerance=1e-13))

@@ -30,7 +30,7 @@ from plan.trajectory.integer_segments import (
 )
 from plan.trajectory.joint_path import Chained
 from plan.trajectory.rounding import vertex_jump
-from plan.trajectory.timing import time_curve, time_line
+from plan.trajectory.timing import time_curve
 from plans.joined_lines import joined
 
 
@@ -104,7 +104,7 @@ def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, spee
             T = grasps[hole.hole][0]
             line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.1 * T[:3, 2]))
             followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
-            trajectory = time_line(followed, time_limits(limits), tool_speed=0.1 * speed)
+            trajectory = time_curve(followed.spline, time_limits(limits), rate_cap=0.1 * speed)
             path = to_segments(trajectory, unit, limits=limits, line=LineTolerance(robot, line))
             q = unit.positions(path.sample(1e-3))
             away = line.deviation(arm.tool_poses(q))
@@ -123,7 +123,7 @@ def test_long_segments_are_halved_until_the_tool_is_on_its_line(robot: Robot, un
     choice = next(c for hole in reach(robot, limits, {"0": [T]}, 0.25).holes for c in hole.feasible())
     line = Line(T, transform(T[:3, :3], T[:3, 3] - 0.25 * T[:3, 2]))
     followed = follow_line(robot, choice.q_hole, line.T_start, line.T_end, limits)
-    trajectory, found = time_line(followed, time_limits(limits), tool_speed=0.1), {}
+    trajectory, found = time_curve(followed.spline, time_limits(limits), rate_cap=0.1), {}
     for tolerance in (None, LineTolerance(robot, line, 3e-5)):
         path = to_segments(trajectory, unit, 3000, limits=limits, line=tolerance, deviation=0.05)
         found[tolerance is None] = line.deviation(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import ruckig
+from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits, load_unit
 from arm.errors import InputError
@@ -12,8 +13,8 @@ from plan.cartesian.line import JointPath
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import to_marked_segments, to_segments
 from plan.trajectory.jerk_limited import JerkTrajectory, time_smooth
-from plan.trajectory.joint_path import polyline, smooth_path
-from plan.trajectory.timing import time_curve, time_line, time_path
+from plan.trajectory.joint_path import polyline
+from plan.trajectory.timing import time_curve, time_path
 from plans.joined_lines import joined
 
 LIMITS = load_unit("crs97").limits()
@@ -90,7 +91,8 @@ def test_a_joined_motion_keeps_jerk_and_rests_where_blends_begin() -> None:
     pieces = np.clip(np.searchsorted(leg.path.x, timed.s, side="right") - 1, 0, len(leg.caps) - 1)
     assert (timed.rate <= leg.caps[pieces] * (1 + 1e-9)).all()
     stops = (
-        sum(time_line(line, LIMITS, 0.1).duration for line in (before, after)) + time_path(q, LIMITS).duration
+        sum(time_curve(line.spline, LIMITS, 0.1).duration for line in (before, after))
+        + time_path(q, LIMITS).duration
     )
     assert time_curve(leg.path, LIMITS, leg.caps).duration < timed.duration < 1.5 * stops
     # and it can be sent
@@ -106,7 +108,7 @@ def test_curves_keep_jerk_without_stops() -> None:
     rng, s = np.random.default_rng(4), np.linspace(0.0, 1.0, 41)
     for _ in range(10):
         q = 0.5 * np.sin(np.outer(s, rng.uniform(1, 6, 6)) + rng.uniform(0, 6, 6))
-        timed = time_smooth(smooth_path(q, s), LIMITS, JERK)
+        timed = time_smooth(CubicSpline(s, q), LIMITS, JERK)
         _check(timed, LIMITS, JERK)
         assert (timed.rate[1:-1] > 0.0).all()
         half = timed.under(LIMITS.scaled(0.5))

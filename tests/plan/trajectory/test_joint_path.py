@@ -11,7 +11,7 @@ from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import InputError
 from arms.blended_paths import blended
 from plan.cartesian.line import JointPath
-from plan.trajectory.joint_path import Chained, Stretch, chained, polyline, smooth_path
+from plan.trajectory.joint_path import Chained, Stretch, chained, polyline
 from plans.joined_lines import joined
 
 
@@ -49,12 +49,6 @@ def test_collinear_points_need_no_blend() -> None:
     q = np.linspace(0, 1, 5)[:, None] * np.ones(6)
     path = blended(q, 0.01)
     assert np.abs(path(np.linspace(0, path.x[-1], 50), 2)).max() < 1e-9
-
-
-def test_a_spline_passes_its_points() -> None:
-    s = np.linspace(0, 0.1, 30)
-    q = np.sin(np.outer(s, np.arange(1, 7)) * 10)
-    np.testing.assert_allclose(smooth_path(q, s)(s), q, atol=1e-14)
 
 
 def test_a_single_point_is_not_a_path() -> None:
@@ -101,10 +95,10 @@ def test_joined_lines_are_kept_and_corners_are_smooth(blend: float) -> None:
         ], atol=1e-9)  # fmt: skip
         u = np.linspace(0, 1, 200)
         if before is not None:  # the whole line, in proportion
-            line = smooth_path(before.q, before.s)
+            line = before.spline
             np.testing.assert_allclose(path(first * u), line(0.1 * u), atol=1e-9)
         if after is not None:
-            line = smooth_path(after.q, after.s)
+            line = after.spline
             np.testing.assert_allclose(path(last + (path.x[-1] - last) * u), line(0.1 * u), atol=1e-9)
         assert len(result.caps) == len(path.x) - 1
         inside = (path.x[:-1] >= first) & (path.x[1:] <= last)

@@ -12,7 +12,7 @@ from arm.robot.model import Robot
 from plan.cartesian.line import follow_line
 from plan.trajectory.integer_segments import to_segments
 from plan.trajectory.second_opinion import time_again
-from plan.trajectory.timing import time_line, time_path
+from plan.trajectory.timing import time_curve, time_path
 from plans.barred_lines import GRASP, start_at, up
 
 
@@ -23,7 +23,7 @@ def move(name: str, role: str, path: CountPath) -> Move:
 def test_a_line_and_a_way_with_a_corner_and_a_rest(robot: Robot, crs97: Unit) -> None:
     limits, q = crs97.limits(), start_at(robot, crs97)
     line = follow_line(robot, q, robot.T_base_tool(q), up(GRASP, 0.1), limits)
-    out = to_segments(time_line(line, limits, 0.02), crs97)
+    out = to_segments(time_curve(line.spline, limits, 0.02), crs97)
     there = crs97.positions(np.array(out.end))
     way = np.stack([there, there + [0.5, 0.2, 0.0, 0.0, 0.0, 0.3], there + [0.9, -0.2, 0.1, 0.0, 0.0, 0.0]])
     across = to_segments(time_path(way, limits), crs97)

@@ -11,7 +11,7 @@ from arm.controller.unit import Limits, Unit
 from arm.errors import InputError
 from arms.blended_paths import time_blended
 from plan.cartesian.line import JointPath
-from plan.trajectory.timing import Trajectory, time_line, time_path
+from plan.trajectory.timing import Trajectory, time_curve, time_path
 
 
 def _check(trajectory: Trajectory, q_first: np.ndarray, q_last: np.ndarray, limits: Limits) -> None:
@@ -53,7 +53,7 @@ def test_curves_keep_limits_and_use_them(unit: Unit) -> None:
     limits, rng = unit.limits(), np.random.default_rng(2)
     for _ in range(15):
         path = _curve(rng, limits)
-        trajectory = time_line(path, limits)
+        trajectory = time_curve(path.spline, limits)
         assert trajectory.method == "topp"
         _check(trajectory, path.q[0], path.q[-1], limits)
         assert trajectory.stretch < 1.02
@@ -82,32 +82,32 @@ def test_a_tool_speed_cap_holds_and_is_used(unit: Unit) -> None:
     limits, rng = unit.limits(), np.random.default_rng(4)
     for _ in range(8):
         path = _curve(rng, limits)
-        free = time_line(path, limits)
+        free = time_curve(path.spline, limits)
         cap = 0.3 * free.rate.max()
-        capped = time_line(path, limits, tool_speed=cap)
+        capped = time_curve(path.spline, limits, rate_cap=cap)
         assert capped.rate.max() <= cap * (1 + 1e-9)
         assert capped.rate.max() > 0.99 * cap
         _check(capped, path.q[0], path.q[-1], limits)
     with pytest.raises(InputError, match="must be positive"):
-        time_line(path, limits, tool_speed=0.0)
+        time_curve(path.spline, limits, rate_cap=0.0)
 
 
 def test_speed_scales_time_alone(unit: Unit) -> None:
     path = _curve(np.random.default_rng(5), unit.limits())
-    whole, half = time_line(path, unit.limits()), time_line(path, unit.limits().scaled(0.5))
+    whole, half = time_curve(path.spline, unit.limits()), time_curve(path.spline, unit.limits().scaled(0.5))
     assert half.duration == pytest.approx(2 * whole.duration, rel=1e-3)
 
 
 def test_a_solver_that_lies_costs_time_not_limits(crs97: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
     limits, path = crs97.limits(), _curve(np.random.default_rng(6), crs97.limits())
-    best = time_line(path, limits).duration
+    best = time_curve(path.spline, limits).duration
 
     def too_fast(*given, **named):  # type: ignore[no-untyped-def]
         s, rate = plan.trajectory.topp_ra.parametrise(*given, **named)
         return s, 1.3 * rate
 
     monkeypatch.setattr(plan.trajectory.timing, "parametrise", too_fast)
-    trajectory = time_line(path, limits)
+    trajectory = time_curve(path.spline, limits)
     _check(trajectory, path.q[0], path.q[-1], limits)
     assert trajectory.stretch > 1.0
     assert trajectory.duration >= best * (1 - 1e-9)

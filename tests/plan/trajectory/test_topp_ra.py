@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits, load_unit
 from arm.errors import InputError
 from arms.blended_paths import blended
-from plan.trajectory.joint_path import Path, polyline, smooth_path
+from plan.trajectory.joint_path import Path, polyline
 from plan.trajectory.time_estimates import straight_time
 from plan.trajectory.timing import GRID, rate_caps, time_curve, time_path
 from plan.trajectory.topp_ra import gridpoints, parametrise
@@ -28,9 +29,9 @@ def _paths(seed: int, count: int, limits: Limits) -> list[Path]:
         if k % 2:
             paths.append(blended(q, rng.choice([0.003, 0.03, 0.3])))
         else:
-            spline = smooth_path(q, np.arange(len(q)) * rng.uniform(0.1, 10.0))
+            spline = CubicSpline(np.arange(len(q)) * rng.uniform(0.1, 10.0), q)
             x = np.linspace(spline.x[0], spline.x[-1], 40)
-            paths.append(spline if k % 4 else smooth_path(spline(x), x))
+            paths.append(spline if k % 4 else CubicSpline(x, spline(x)))
     return paths
 
 
@@ -142,7 +143,7 @@ def test_straight_lines_take_what_a_trapezoid_takes() -> None:
         assert time_path(q, limits).duration == pytest.approx(exact, rel=1e-9)
         # as a curve that happens to be straight, on a grid
         s = np.linspace(0, 1, 30)[:, None]
-        spline = smooth_path(q[0] + (s + 0.02 * np.sin(3 * s)) * (q[1] - q[0]), s[:, 0])
+        spline = CubicSpline(s[:, 0], q[0] + (s + 0.02 * np.sin(3 * s)) * (q[1] - q[0]))
         curve = float(straight_time(spline(1.0) - spline(0.0), limits))
         assert time_curve(spline, limits).duration == pytest.approx(curve, rel=1e-3)
         assert time_curve(spline, limits).duration >= curve * (1 - 1e-9)
@@ -188,7 +189,7 @@ def test_zero_inertia_and_cusps_are_passed() -> None:
     turning[:, 0], turning[:, 1], turning[:, 5] = s, 0.4 * s**2, s**3
     cusp = np.repeat((s**3)[:, None], 6, axis=1)
     for q in (turning, cusp):
-        timed = time_curve(smooth_path(q, s), limits)
+        timed = time_curve(CubicSpline(s, q), limits)
         state = timed.at(np.linspace(0, timed.duration, 5001))
         assert (np.abs(state.qdd) / limits.acceleration).max() <= 1.0 + 1e-9
         if q is cusp:
@@ -202,4 +203,4 @@ def test_zero_inertia_and_cusps_are_passed() -> None:
 
 def test_a_path_without_length_is_refused() -> None:
     with pytest.raises(InputError, match="no joint moves"):
-        time_curve(smooth_path(np.zeros((5, 6)), np.arange(5)), load_unit("crs97").limits())
+        time_curve(CubicSpline(np.arange(5), np.zeros((5, 6))), load_unit("crs97").limits())

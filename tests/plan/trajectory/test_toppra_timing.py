@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits, Unit, load_unit
 from arm.errors import ImpossibleError
@@ -16,7 +17,7 @@ from plan.program.pose_lists import plan_poses
 from plan.trajectory import toppra_timing
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import to_segments
-from plan.trajectory.joint_path import Path, polyline, smooth_path
+from plan.trajectory.joint_path import Path, polyline
 from plan.trajectory.timing import time_curve
 from tasks.pose_lists import EFFORT, TABLE, check_plan, down
 from tasks.task2 import Q_START, task2
@@ -29,7 +30,7 @@ def paths(limits: Limits, count: int) -> list[Path]:
         q = rng.uniform(limits.lower, limits.upper, (rng.integers(3, 7), 6))
         match k % 3:
             case 0:
-                made.append(smooth_path(q, np.arange(len(q)) * rng.uniform(0.1, 10.0)))
+                made.append(CubicSpline(np.arange(len(q)) * rng.uniform(0.1, 10.0), q))
             case 1:
                 made.append(blended(q, rng.choice([0.003, 0.03, 0.3])))
             case _:

@@ -38,7 +38,6 @@ from plan.program.goals.line_chains import LineChain, SequenceStep, TargetReache
 from plan.program.sequence.layers import Layer, cost_to_go, lower_bound
 from plan.program.sequence.refusals import end_blocked, line_blocked, miss, out_of_hand, straight_blocked
 from plan.program.setting import Setting
-from plan.trajectory.joint_path import smooth_path
 from plan.trajectory.time_estimates import path_time
 from plan.transit.near_ends import NearEnd, leave_near_end
 from plan.transit.optimise import Ends
@@ -349,7 +348,7 @@ class PoseSearch:
                 asked = target.clearance_on_lines(self.options)
                 ends = (item.path.q[0], item.path.q[-1])
                 clearance = searched_clearance(world, ends, asked, LINE_MARGIN)
-                check = certify_curve(world, curve_of_path(smooth_path(item.path.q, item.path.s)), clearance)
+                check = certify_curve(world, curve_of_path(item.path.spline), clearance)
                 self._clear_lines[key] = check.proved
                 if not check.proved:
                     self._refused[number].append(line_blocked(item.role, target.name, check, asked))

@@ -20,8 +20,7 @@ from plan.program.goals.leg_times import (
     passing,
     standing,
 )
-from plan.trajectory.joint_path import smooth_path
-from plan.trajectory.timing import time_curve, time_line
+from plan.trajectory.timing import time_curve
 from plans.joined_lines import joined
 from tasks.task2 import Q_START, Task2, task2
 
@@ -115,9 +114,9 @@ def test_no_motion_along_a_line_is_faster_than_its_bound(speed: str) -> None:
     lines = ends(False, limits, cap)
     for i, (_, path) in enumerate(grips(False)):
         least, estimate = lines.least[i], lines.time[i] + lines.start[i]
-        assert least <= time_line(path, limits, cap).duration * (1.0 + 1e-4)
+        assert least <= time_curve(path.spline, limits, cap).duration * (1.0 + 1e-4)
         assert 0.97 * estimate < least < 1.001 * estimate
-        slope = np.abs(smooth_path(path.q, path.s)(path.s[-1], 1))
+        slope = np.abs(path.spline(path.s[-1], 1))
         speed_there = min((limits.velocity / slope).min(), cap or np.inf)
         assert (np.abs(lines.fastest[i]) >= slope * speed_there).all()
 
