@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,28 +26,24 @@ _WORSE = 1.5  # times the fastest path found: slower ones are skipped
 _LIFTS = (0.05, 0.1, 0.17, 0.27, 0.4)  # m, by which the tool is lifted or moved towards the base
 
 
+@dataclass(frozen=True, eq=False)
 class FewCorners:
     """Draws paths over one or two corners and checks them at samples.
 
-    Args:
+    Attributes:
         robot, limits: the arm.
-        free: returns whether a configuration has the clearance.
+        too_near: returns whether a configuration lacks the clearance (`World.too_near`).
         rng: source of all random choices.
         budget: numbers of corners and of paths.
         ends: velocities at both ends.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        limits: Limits,
-        free: Callable[[Array], bool],
-        rng: np.random.Generator,
-        budget: TransitBudget,
-        ends: Ends,
-    ) -> None:
-        self.robot, self.limits, self.free, self.rng = robot, limits, free, rng
-        self.budget, self.ends = budget, ends
+    robot: Robot
+    limits: Limits
+    too_near: Callable[[Array], bool]
+    rng: np.random.Generator
+    budget: TransitBudget
+    ends: Ends
 
     def paths(self, start: Array, goal: Array, at: float) -> Iterator[Array]:
         """Yield different paths without blocked samples, the fastest first; the straight one is blocked at `at`."""
@@ -61,11 +58,11 @@ class FewCorners:
             time, corners = times[group][i], groups[group][i]
             if tried >= self.budget.corner_edges or time > _WORSE * best:
                 break
-            if alike[group][i] or not all(self.free(q) for q in corners):
+            if alike[group][i] or any(map(self.too_near, corners)):
                 continue
             tried += 1
             path = np.concatenate([start[None], corners, goal[None]])
-            if samples.clear(path, self.free):
+            if samples.clear(path, self.too_near):
                 best = min(best, time)
                 away = np.abs(groups[group] - corners) / self.limits.velocity
                 alike[group] |= away.max(axis=(1, 2)) < _DIFFERENT
@@ -117,11 +114,11 @@ class _Samples:
     def __init__(self) -> None:
         self.places = [(edge, u) for u in FIRST_SAMPLES for edge in range(3)]
 
-    def clear(self, path: Array, free: Callable[[Array], bool]) -> bool:
-        """Return whether all samples are free."""
+    def clear(self, path: Array, too_near: Callable[[Array], bool]) -> bool:
+        """Return whether no sample is too near."""
         steps = path[1:] - path[:-1]
         for index, (edge, u) in enumerate(self.places):
-            if edge < len(steps) and not free(path[edge] + u * steps[edge]):
+            if edge < len(steps) and too_near(path[edge] + u * steps[edge]):
                 self.places.insert(0, self.places.pop(index))
                 return False
         return True

@@ -123,22 +123,22 @@ def find_transit(
     """
     start, goal = _checked_ends(world, q_from, q_to, limits)
     rng = np.random.default_rng(integer("seed", seed, 0))
-    near = []
+    near: dict[str, NearEnd] = {}
+    inner = {"from": start, "to": goal}
     for end, q in (("from", start), ("to", goal)):
         if world.in_collision(q, clearance):
             left = leave_near_end(world, limits, end, q, clearance, rng)
             if left is None:
                 raise _end_blocked(world, end, q, clearance)
-            near.append(left)
-    by_end = {left.end: left for left in near}
-    inner = [by_end[end].waypoint if end in by_end else q for end, q in (("from", start), ("to", goal))]
-    waypoints = _between(world, inner[0], inner[1], limits, clearance, rng, budget, ends)
+            near[end], inner[end] = left, left.waypoint
+    search = TransitPlanner(world, limits, clearance, rng, budget or TransitBudget(), ends)
+    waypoints = search.certified(inner["from"], inner["to"])
     clearances = [clearance] * (len(waypoints) - 1)
-    if "from" in by_end:
-        waypoints, clearances = [start, *waypoints], [by_end["from"].clearance, *clearances]
-    if "to" in by_end:
-        waypoints, clearances = [*waypoints, goal], [*clearances, by_end["to"].clearance]
-    return Transit(frozen(waypoints), tuple(clearances), tuple(near))
+    if "from" in near:
+        waypoints, clearances = [start, *waypoints], [near["from"].clearance, *clearances]
+    if "to" in near:
+        waypoints, clearances = [*waypoints, goal], [*clearances, near["to"].clearance]
+    return Transit(frozen(waypoints), tuple(clearances), tuple(near.values()))
 
 
 def _checked_ends(
@@ -146,39 +146,6 @@ def _checked_ends(
 ) -> tuple[Array, Array]:
     start = check_configuration("q_from", q_from, world.robot, limits)
     return start, check_configuration("q_to", q_to, world.robot, limits)
-
-
-def _between(
-    world: World,
-    start: Array,
-    goal: Array,
-    limits: Limits,
-    clearance: float,
-    rng: np.random.Generator,
-    budget: TransitBudget | None,
-    ends: Ends | None,
-) -> list[Array]:
-    """Return certified way-points between two ends that have the clearance.
-
-    Raises:
-        ImpossibleError: no path was found.
-    """
-    straight = certify_curve(world, curve_of_waypoints([start, goal]), clearance)
-    if straight.proved:
-        return [start, goal]
-    search = TransitPlanner(world, limits, clearance, rng, budget or TransitBudget(), ends)
-    found = search.around(start, goal, straight.time)
-    if found is None:
-        raise ImpossibleError(
-            f"no path around {straight.pair[1]}: {straight.pair[0]} comes within {straight.seen * 1e3:.1f} mm of it on "
-            f"the straight motion (required: {clearance * 1e3:g} mm), and RRT-Connect found no other path with "
-            f"{search.budget.rrt} nodes; a smaller clearance or another place of the body may help",
-            pair=list(straight.pair),
-            distance_m=straight.seen,
-            clearance_m=clearance,
-            end=None,
-        )
-    return list(found)
 
 
 def _end_blocked(world: World, end: str, q: Array, clearance: float) -> ImpossibleError:
@@ -229,11 +196,34 @@ class TransitPlanner:
         self.optimiser = TransitOptimiser(world, limits, clearance, self.ends)
         self.time = self.optimiser.time
 
+    def certified(self, start: Array, goal: Array) -> list[Array]:
+        """Return certified way-points between two ends that have the clearance.
+
+        Raises:
+            ImpossibleError: no path was found.
+        """
+        straight = certify_curve(self.world, curve_of_waypoints([start, goal]), self.clearance)
+        if straight.proved:
+            return [start, goal]
+        found = self.around(start, goal, straight.time)
+        if found is None:
+            near, body = straight.pair
+            raise ImpossibleError(
+                f"no path around {body}: {near} comes within {straight.seen * 1e3:.1f} mm of it on the straight motion "
+                f"(required: {self.clearance * 1e3:g} mm), and RRT-Connect found no other path with "
+                f"{self.budget.rrt} nodes; a smaller clearance or another place of the body may help",
+                pair=[near, body],
+                distance_m=straight.seen,
+                clearance_m=self.clearance,
+                end=None,
+            )
+        return list(found)
+
     def around(self, start: Array, goal: Array, at: float) -> Array | None:
         """Return an optimised path, or None; the straight one is blocked at fraction `at`."""
         straight = self.time(np.stack([start, goal]))
         known = self.over_known_corners(start, goal)
-        corners = FewCorners(self.world.robot, self.limits, self.free, self.rng, self.budget, self.ends)
+        corners = FewCorners(self.world.robot, self.limits, self.too_near, self.rng, self.budget, self.ends)
         paths = corners.paths(start, goal, at)
         first = chain([] if known is None else [known], islice(paths, self.budget.starts))
         best = self.fastest_accepted(first, _ALMOST * straight)
@@ -323,10 +313,6 @@ class TransitPlanner:
     def proved(self, path: Array) -> bool:
         """Return whether every edge is certified."""
         return certify_curve(self.world, curve_of_waypoints(path), self.clearance - self.slack).proved
-
-    def free(self, q: Array) -> bool:
-        """Return whether a configuration has the clearance."""
-        return not self.too_near(q)
 
 
 def _margin(world: World, ends: Iterable[Array], clearance: float) -> float:

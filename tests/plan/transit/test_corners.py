@@ -13,15 +13,8 @@ from plans.transits import LEFT, LIMITS, LOW_WALL, RIGHT, inside, near_limits, w
 
 
 def corners_of(world: World, limits: Limits, seed: int) -> FewCorners:
-    too_near, still = world.too_near(0.011), np.zeros(6)
-    return FewCorners(
-        world.robot,
-        limits,
-        lambda q: not too_near(q),
-        np.random.default_rng(seed),
-        TransitBudget(),
-        Ends(still, still),
-    )
+    rng, still = np.random.default_rng(seed), np.zeros(6)
+    return FewCorners(world.robot, limits, world.too_near(0.011), rng, TransitBudget(), Ends(still, still))
 
 
 def test_corners_are_within_limits_that_are_near() -> None:
