@@ -21,9 +21,10 @@ import pinocchio as pin
 
 from arm.former import renamed_arguments
 from arm.numerics.products import mul
+from arm.robot.model import LinkBody
 from arm.robot.shapes import Convex
 from arm.se3 import Array, Bools, Indices, cross
-from plan.collision.covers import ROUNDING, Part, hull, rounded_box
+from plan.collision.covers import ROUNDING, hull, rounded_box
 from plan.collision.separation import OpenPairs, Separation
 from plan.kinematics.product_of_exponentials import axis_of
 
@@ -39,7 +40,7 @@ class DistanceBounds:
         paddings: (p,) subtracted from the distance of each pair, m.
     """
 
-    def __init__(self, axes: Axes, parts: Sequence[Part], pairs: Indices, paddings: Array) -> None:
+    def __init__(self, axes: Axes, parts: Sequence[LinkBody], pairs: Indices, paddings: Array) -> None:
         self._axes = axes
         moving = [i for i, part in enumerate(parts) if part.joint > 0]
         at_zero = self._axes.poses_at_zero
@@ -238,7 +239,7 @@ class Axes:
 class _Hulls:
     """Hulls of equal balls that contain the moving bodies: balls about their corners or the ends of their axes."""
 
-    def __init__(self, bodies: Sequence[tuple[Part, Array]], revolute: Bools) -> None:
+    def __init__(self, bodies: Sequence[tuple[LinkBody, Array]], revolute: Bools) -> None:
         hulls = [hull(part.shape) for part, _ in bodies]
         self.ball = np.array([radius for _, radius in hulls])
         points = [
@@ -278,7 +279,7 @@ class _Hulls:
 class _Supports:
     """Support functions of the bodies: the largest d . p over the points p of a body."""
 
-    def __init__(self, parts: Sequence[Part], poses: Array) -> None:
+    def __init__(self, parts: Sequence[LinkBody], poses: Array) -> None:
         sizes = [rounded_box(part.shape) for part in parts]
         self.joint = np.array([part.joint for part in parts], dtype=np.intp)
         self.R = poses[:, :3, :3]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,17 +13,6 @@ from plan.collision.enclosing import few_points
 
 ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
 _MOST_BALLS = 4  # balls that cover a long body
-
-
-@dataclass(frozen=True)
-class Part:
-    """A body: the joint that moves it (0 if none does), its pose in the joint's frame, and its padding, m."""
-
-    name: str
-    joint: int
-    shape: Shape
-    T_joint_body: Array
-    padding: float = 0.0
 
 
 @lru_cache(maxsize=1024)

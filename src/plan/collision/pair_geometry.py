@@ -10,10 +10,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from arm.robot.model import LinkBody
 from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.se3 import Array, Indices
 from plan.budget import spend
-from plan.collision.covers import Part
 
 GJK_TOLERANCE = 1e-7
 
@@ -34,7 +34,7 @@ class PairGeometry:
         index: (p,) index of each pair in the geometry model.
     """
 
-    def __init__(self, model: Any, parts: Sequence[Part], pairs: Indices, paddings: Array) -> None:
+    def __init__(self, model: Any, parts: Sequence[LinkBody], pairs: Indices, paddings: Array) -> None:
         # by joints, so that the first body of each pair has the lower number, as Pinocchio's matrix of pairs wants it
         joints = np.array([part.joint for part in parts], dtype=np.intp)
         order = np.argsort(joints, kind="stable")
@@ -45,7 +45,10 @@ class PairGeometry:
         checked[first, second] = True
 
         self._model, self._data = model, model.createData()
-        self._objects = [_geometry_object(parts[i]) for i in order.tolist()]
+        self._objects = [
+            _geometry_object(body.name, body.joint, body.shape, body.T_joint_body.tobytes())
+            for body in (parts[i] for i in order.tolist())
+        ]
         self._geometry = _geometry_model(self._objects)
         self._geometry.setCollisionPairs(checked)
         self.index: Indices = self._geometry.collisionPairMapping[first, second].astype(np.intp)
@@ -122,12 +125,8 @@ class PairGeometry:
         return managers[0], managers[1], (moving, data[1])
 
 
-def _geometry_object(part: Part) -> Any:
-    return _known_object(part.name, part.joint, part.shape, part.T_joint_body.tobytes())
-
-
 @lru_cache(maxsize=1024)
-def _known_object(name: str, joint: int, shape: Shape, pose: bytes) -> Any:
+def _geometry_object(name: str, joint: int, shape: Shape, pose: bytes) -> Any:
     """Return a body as a geometry object; models copy it."""
     T_joint_body = np.frombuffer(pose).reshape(4, 4).copy()
     return pin.GeometryObject(name, joint, pin.SE3(T_joint_body), coal_shape(shape))

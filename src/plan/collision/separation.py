@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.numerics.products import mul
+from arm.robot.model import LinkBody
 from arm.se3 import Array, Bools, Indices
-from plan.collision.covers import ROUNDING, Part, cover, rounded_box
+from plan.collision.covers import ROUNDING, cover, rounded_box
 
 # Up to this many bodies that stand still, comparing all of them at once is faster than choosing among them.
 _FEW_BODIES = 40
@@ -50,7 +51,7 @@ class Separation:
         ball_pairs: indices of the others.
     """
 
-    def __init__(self, parts: Sequence[Part], poses: Array, pairs: Indices, paddings: Array) -> None:
+    def __init__(self, parts: Sequence[LinkBody], poses: Array, pairs: Indices, paddings: Array) -> None:
         joints = np.array([part.joint for part in parts], dtype=np.intp)
         moving, still = np.flatnonzero(joints > 0), np.flatnonzero(joints == 0)
         covers = [cover(parts[i].shape) for i in moving.tolist()]

@@ -19,12 +19,11 @@ import numpy.typing as npt
 from arm import arguments as given
 from arm.errors import InputError
 from arm.numerics.products import mul
-from arm.robot.model import Robot
+from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, Indices, cross, frozen
 from plan.budget import DISTANCE_CHECKS, spend
 from plan.collision.bounds import Axes, DistanceBounds
-from plan.collision.covers import Part
 from plan.collision.pair_geometry import GJK_TOLERANCE, PairGeometry, coal_shape
 
 _FLOAT = np.dtype(float)
@@ -127,12 +126,12 @@ class World:
         given.rigid("robot.T_end_tool", robot.T_end_tool)
         n = int(robot.model.nq)
         self._shape = (n,)
-        parts = [Part(b.name, b.joint, b.shape, b.T_joint_body, b.padding) for b in robot.bodies]
+        parts = list(robot.bodies)
         if held is not None:
             T_joint_tool = mul(robot.T_joint_end, robot.T_end_tool)
             pose = mul(T_joint_tool, given.rigid("T_tool_held", T_tool_held))
-            parts.append(Part(held.name, robot.end_joint, held.shape, frozen(pose), held.padding))
-        parts += [Part(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
+            parts.append(LinkBody(held.name, robot.end_joint, held.shape, frozen(pose), held.padding))
+        parts += [LinkBody(b.name, 0, b.shape, b.T_base_body, b.padding) for b in bodies]
         self.names = tuple(p.name for p in parts)
         if len(set(self.names)) != len(parts):
             raise InputError(f"bodies: names must differ: {', '.join(self.names)}", names=list(self.names))
@@ -294,7 +293,7 @@ def _axes(robot: Robot) -> Axes:
     return Axes(robot.model)
 
 
-def _pairs(parts: Sequence[Part], excluded: frozenset[frozenset[str]]) -> Indices:
+def _pairs(parts: Sequence[LinkBody], excluded: frozenset[frozenset[str]]) -> Indices:
     joint = np.array([part.joint for part in parts], dtype=np.intp)
     first, second = np.triu_indices(len(parts), k=1)
     apart = joint[first] != joint[second]
