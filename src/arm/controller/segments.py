@@ -34,25 +34,20 @@ class Segment:
         """Return the displacement over the whole segment, (6,) counts."""
         return np.asarray(np.array(self.coefficients, dtype=np.int64).sum(axis=0), dtype=np.int64)
 
-    def displacement(self, u: float | Array) -> Array:
-        """Return counts from the segment's start at parameter u (scalar or (m,)); shape (6,) or (m, 6)."""
-        return _polynomial(self.coefficients, np.asarray(u, dtype=float), 0)
-
     def derivative(self, u: float | Array, order: int = 1) -> Array:
-        """Return the time derivative of this order at the planned duration, counts/s^order."""
-        return (
-            _polynomial(self.coefficients, np.asarray(u, dtype=float), order)
-            / (self.duration_ms / 1e3) ** order
-        )
+        """Return the time derivative of this order at the planned duration, counts/s^order.
 
-
-def _polynomial(coefficients: tuple[tuple[int, ...], ...], u: Array, order: int) -> Array:
-    total = np.zeros((*u.shape, len(coefficients[0])))
-    for power, row in enumerate(coefficients, start=1):
-        if power >= order:
-            factor = float(np.prod(np.arange(power - order + 1, power + 1)))
-            total += factor * u[..., None] ** (power - order) * np.array(row, dtype=float)
-    return total
+        Args:
+            u: parameter, scalar or (m,); the result is (6,) or (m, 6).
+            order: 0 for the counts from the segment's start.
+        """
+        u = np.asarray(u, dtype=float)[..., None]
+        total = np.zeros((*u.shape[:-1], len(self.coefficients[0])))
+        for power, row in enumerate(self.coefficients, start=1):
+            if power >= order:
+                factor = float(np.prod(np.arange(power - order + 1, power + 1)))
+                total += factor * u ** (power - order) * np.array(row, dtype=float)
+        return total / (self.duration_ms / 1e3) ** order
 
 
 @dataclass(frozen=True)
@@ -110,25 +105,18 @@ class CountPath:
 
     def at(self, times: Sequence[float] | Array) -> Array:
         """Return counts (m, 6), not rounded, at times (m,) in s from the start, clamped to the motion."""
-        knots = self.knots()
-        ends = np.cumsum([s.duration_ms for s in self.segments]) / 1e3
-        out = np.empty((len(times), knots.shape[1]))
         if not self.segments:
-            out[:] = knots[0]
-            return out
+            return np.tile(np.array(self.start, dtype=float), (len(times), 1))
+        lasts = np.array([s.duration_ms for s in self.segments]) / 1e3
+        ends = self.knot_times()[1:]
         clamped = np.clip(np.asarray(times, dtype=float), 0.0, ends[-1])
-        which = np.minimum(np.searchsorted(ends, clamped, side="right"), len(self.segments) - 1)
-        for index in np.unique(which):
-            rows = which == index
-            segment = self.segments[index]
-            begin = ends[index] - segment.duration_ms / 1e3
-            u = (
-                (clamped[rows] - begin) / (segment.duration_ms / 1e3)
-                if segment.duration_ms
-                else np.ones(rows.sum())
-            )
-            out[rows] = knots[index] + segment.displacement(np.clip(u, 0.0, 1.0))
-        return out
+        i = np.minimum(np.searchsorted(ends, clamped, side="right"), len(ends) - 1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a segment may take no time
+            u = np.where(lasts[i] > 0.0, (clamped - (ends[i] - lasts[i])) / lasts[i], 1.0)
+        u, a = np.clip(u, 0.0, 1.0)[:, None], self.cubics()
+        steps = a.sum(axis=0)
+        starts = np.array(self.start) + np.cumsum(steps, axis=0) - steps
+        return np.asarray(starts[i] + sum(u**power * row[i] for power, row in enumerate(a, start=1)))
 
 
 def cubic_position_range(a: Array) -> Array:

@@ -22,7 +22,7 @@ def test_end_is_the_integer_sum() -> None:
     path = _random_path(1)
     total = np.array(path.start)
     for segment in path.segments:
-        assert segment.displacement(1.0) == pytest.approx(segment.end())
+        assert segment.derivative(1.0, 0) == pytest.approx(segment.end())
         total = total + segment.end()
     assert path.end == tuple(total)
 
@@ -32,7 +32,7 @@ def test_derivatives_match_finite_differences() -> None:
     for segment in _random_path(2).segments:
         u = np.array([0.2, 0.5, 0.9])
         seconds = segment.duration_ms / 1e3
-        velocity = (segment.displacement(u + h) - segment.displacement(u - h)) / (2 * h * seconds)
+        velocity = (segment.derivative(u + h, 0) - segment.derivative(u - h, 0)) / (2 * h * seconds)
         acceleration = (segment.derivative(u + h) - segment.derivative(u - h)) / (2 * h * seconds)
         assert segment.derivative(u) == pytest.approx(velocity, rel=1e-6, abs=1e-3)
         assert segment.derivative(u, 2) == pytest.approx(acceleration, rel=1e-6, abs=1e-2)

@@ -21,7 +21,7 @@ def test_extremes_are_those_of_a_dense_sample(crs97: Unit) -> None:
     path = CountPath((0,) * 6, segments)
     worst, u = segment_extremes(path, crs97), np.linspace(0, 1, 20001)
     for k, segment in enumerate(segments):
-        q = crs97.positions(path.knots()[k] + segment.displacement(u))
+        q = crs97.positions(path.knots()[k] + segment.derivative(u, 0))
         np.testing.assert_allclose(worst.lower[k], q.min(axis=0), atol=1e-7)
         np.testing.assert_allclose(worst.upper[k], q.max(axis=0), atol=1e-7)
         scale = np.abs(crs97.counts_per_rad)
