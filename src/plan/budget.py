@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
@@ -159,25 +159,21 @@ class Meter:
             if time.monotonic() > self._until:
                 raise BudgetSpent("clock", self.effort_s, self.budget.give_up_s or 0.0)
 
-    @contextmanager
-    def lifted(self) -> Iterator[None]:
+    def lifted(self) -> AbstractContextManager[None]:
         """Suspend the limit on effort in the context, so that a complete plan can still be timed and certified."""
-        most, self.most = self.most, float("inf")
-        try:
-            yield
-        finally:
-            self.most = most
+        return self._limited(float("inf"))
+
+    def part(self, share: float) -> AbstractContextManager[None]:
+        """Limit the context to the fraction `share` of the remaining effort."""
+        return self._limited(self.checks + share * (self.most - self.checks))
 
     @contextmanager
-    def part(self, share: float) -> Iterator[None]:
-        """Limit the context to the fraction `share` of the remaining effort."""
-        most = self.most
-        if most < float("inf"):
-            self.most = self.checks + share * (most - self.checks)
+    def _limited(self, most: float) -> Iterator[None]:
+        before, self.most = self.most, most
         try:
             yield
         finally:
-            self.most = most
+            self.most = before
 
 
 _meter: ContextVar[Meter | None] = ContextVar("meter", default=None)

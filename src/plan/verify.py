@@ -83,15 +83,12 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Mo
             case GripperStep(action="close"):
                 T_base_tool = scene.robot_open.T_base_tool(q)
                 held, T_tool_held = _gripped(cubes, T_base_tool, step.name)
-            case GripperStep(action="open") if held is not None and T_tool_held is not None:
-                placed = mul(scene.robot_open.T_base_tool(q), T_tool_held)
-                cubes[held] = cubes[held].at(placed)
-                held = T_tool_held = None
             case Pause(attached=str() as name) if name in cubes:
                 held, T_base_tool = name, scene.robot_open.T_base_tool(q)
                 T_tool_held = frozen(mul(inverse(T_base_tool), cubes[name].T_base_body))
-            case Pause(detached=str()) if held is not None and T_tool_held is not None:
-                cubes[held] = cubes[held].at(mul(scene.robot_open.T_base_tool(q), T_tool_held))
+            case GripperStep(action="open") | Pause(detached=str()):
+                if held is not None and T_tool_held is not None:
+                    cubes[held] = cubes[held].at(mul(scene.robot_open.T_base_tool(q), T_tool_held))
                 held = T_tool_held = None
             case Move():
                 if step.held != held:

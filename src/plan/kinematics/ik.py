@@ -120,20 +120,18 @@ def explain_pose(
     lower, upper = joints("lower", lower, robot.joint_names), joints("upper", upper, robot.joint_names)
     q = nearest_turns(raw.q[0], (lower + upper) / 2)
     excess = np.maximum(lower - q, q - upper)
-    reports = []
-    for index, name in enumerate(BRANCH_NAMES):
-        worst = int(np.argmax(excess[index]))
-        reports.append(
-            BranchReport(
-                branch=name,
-                q=frozen(q[index]),
-                inside=bool(raw.reached[0, index] and excess[index, worst] <= 0.0),
-                joint=robot.joint_names[worst],
-                excess=float(excess[index, worst]),
-                outside=float(raw.outside[0, index]),
-            )
+    worst = np.argmax(excess, axis=1).tolist()
+    return tuple(
+        BranchReport(
+            branch=name,
+            q=frozen(q[index]),
+            inside=bool(raw.reached[0, index] and excess[index, joint] <= 0.0),
+            joint=robot.joint_names[joint],
+            excess=float(excess[index, joint]),
+            outside=float(raw.outside[0, index]),
         )
-    return tuple(reports)
+        for index, (name, joint) in enumerate(zip(BRANCH_NAMES, worst, strict=True))
+    )
 
 
 def nearest_turns(q: Array, reference: Array) -> Array:

@@ -227,27 +227,21 @@ def _times(s: Array, rate: Array) -> Array:
 def _trapezoids(path: Path, limits: Limits) -> Trajectory:
     """Time each straight piece by a trapezoid, with stops between them."""
     times, s, rate = [0.0], [float(path.x[0])], [0.0]
-    for begin, end, slope in zip(path.x[:-1], path.x[1:], np.abs(path.c[0]), strict=True):
+    for begin, end, slope in zip(path.x[:-1].tolist(), path.x[1:].tolist(), np.abs(path.c[0]), strict=True):
         with np.errstate(divide="ignore"):
             top, push = float((limits.velocity / slope).min()), float((limits.acceleration / slope).min())
-        _append_trapezoid(times, s, rate, float(begin), float(end), top, push)
+        length = end - begin
+        top = min(top, float(np.sqrt(push * length)))
+        ramp = top**2 / (2 * push)
+        flat = length - 2 * ramp
+        steps = [(ramp, top / push, top)]
+        if flat > 1e-12 * length:
+            steps.append((flat, flat / top, top))
+        for distance, duration, reached in steps:
+            times.append(times[-1] + duration)
+            s.append(s[-1] + distance)
+            rate.append(reached)
+        times.append(times[-1] + top / push)
+        s.append(end)
+        rate.append(0.0)
     return Trajectory(path, frozen(times), frozen(s), frozen(rate), limits, "trapezoid")
-
-
-def _append_trapezoid(
-    times: list[float], s: list[float], rate: list[float], begin: float, end: float, top: float, push: float
-) -> None:
-    length = end - begin
-    top = min(top, float(np.sqrt(push * length)))
-    ramp = top**2 / (2 * push)
-    flat = length - 2 * ramp
-    steps = [(ramp, top / push, top)]
-    if flat > 1e-12 * length:
-        steps.append((flat, flat / top, top))
-    for distance, duration, reached in steps:
-        times.append(times[-1] + duration)
-        s.append(s[-1] + distance)
-        rate.append(reached)
-    times.append(times[-1] + top / push)
-    s.append(end)
-    rate.append(0.0)
