@@ -91,20 +91,19 @@ def execute(
             try:
                 pause_between_steps(mars, control)
                 phases.enter(index)
+                jaws: GripperResult | None = None
                 match step:
                     case Move():
                         results += phases.results(stream(mars, paths[index], phases.take, options, control))
+                        continue
                     case GripperStep():
                         jaws = mars.gripper(step.fraction_closed)
                         with mars.guarded("gripper"):
                             mars.link.wait(step.settle_s)
-                        results.append(StepResult(step, None, jaws, phases.entered[0], mars.clock.now()))
                     case Pause():
                         with mars.guarded("pause"):
                             mars.link.wait(step.dwell_s)
-                        results.append(StepResult(step, None, None, phases.entered[0], mars.clock.now()))
-                    case LookStep():
-                        results.append(StepResult(step, None, None, phases.entered[0], mars.clock.now()))
+                results.append(StepResult(step, None, jaws, phases.entered[0], mars.clock.now()))
             except A465Error as error:
                 if index == 0 and not isinstance(error, ExecutionStopped):
                     error.data.update(step=step.name, index=index, steps_done=0)

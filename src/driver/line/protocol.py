@@ -207,54 +207,41 @@ def parse_reply(line: str) -> Reply:
     return Failed() if line == "FAIL!" else Other(line)
 
 
+# Bits of the status word: docs/sources.md, "Status word and recovery".
+AXIS_ERROR, BUSY, NO_ROOM, ARM_POWER_OFF, MOTION_STOP = 0x8, 0x10, 0x80, 0x10000, 0x20000
+FAULTS = {
+    AXIS_ERROR: "an axis is in error",
+    ARM_POWER_OFF: "arm power is off",
+    MOTION_STOP: "motion stop is pressed",
+}
+"""States that forbid motion."""
+
+
 @dataclass(frozen=True)
 class Status:
-    """The status word. Bits are tested one by one, as unknown ones may be set.
-
-    Source: docs/sources.md, "Status word and recovery".
-    """
+    """The status word. Bits are tested one by one, as unknown ones may be set."""
 
     word: int
 
     @property
-    def axis_error(self) -> bool:
-        """An axis is in error."""
-        return bool(self.word & 0x8)
-
-    @property
     def busy(self) -> bool:
-        """An axis still generates motion."""
-        return bool(self.word & 0x10)
-
-    @property
-    def arm_power_off(self) -> bool:
-        """Arm power is off."""
-        return bool(self.word & 0x10000)
-
-    @property
-    def motion_stop(self) -> bool:
-        """Motion stop is pressed."""
-        return bool(self.word & 0x20000)
+        """Whether an axis still generates motion."""
+        return bool(self.word & BUSY)
 
     @property
     def fault(self) -> bool:
-        """Any of the states that forbid motion."""
-        return self.axis_error or self.arm_power_off or self.motion_stop
+        """Whether any of the states that forbid motion is present."""
+        return bool(self.faults())
 
     def faults(self) -> tuple[str, ...]:
         """Name the faults; empty if there is none."""
-        named = (
-            (self.axis_error, "an axis is in error"),
-            (self.arm_power_off, "arm power is off"),
-            (self.motion_stop, "motion stop is pressed"),
-        )
-        return tuple(text for on, text in named if on)
+        return tuple(text for bit, text in FAULTS.items() if self.word & bit)
 
     def remedy(self) -> str:
         """Say how to clear the faults (docs/sources.md, "Status word and recovery")."""
         return (
             "find what stopped the axis and make sure that nothing touches it; press Motion Stop, then Arm Power"
-            if self.axis_error
+            if self.word & AXIS_ERROR
             else "unlock the emergency stop, close the cage, press Motion Stop, then Arm Power"
         )
 

@@ -24,9 +24,10 @@ from driver.emulator.unit.path_generator import PathGenerator
 from driver.emulator.unit.plant import Plant
 from driver.emulator.unit.record import Recorder, Violation
 from driver.emulator.unit.segment import QueuedSegment
+from driver.line.protocol import ARM_POWER_OFF, AXIS_ERROR, BUSY, MOTION_STOP, NO_ROOM
 
 _GRIPPER_ACCELERATION = 51  # counts/256 per ms^2, until REGACC is set
-_ROOM_BIT = 50  # ST bit 7 is 0 only if the queue has room for more segments than this
+_LEAST_ROOM = 50  # NO_ROOM is not set only if the queue has room for more segments than this
 
 
 @dataclass(frozen=True)
@@ -143,11 +144,11 @@ class Machine:
         """Return the status word."""
         free = self.queue_limit - len(self.path.queue) - len(self._held)
         bits = (
-            (bool(self.axis_errors), 0x8),
-            (self.busy, 0x10),
-            (free <= _ROOM_BIT, 0x80),
-            (not self.power, 0x10000),
-            (self.motion_stop, 0x20000),
+            (bool(self.axis_errors), AXIS_ERROR),
+            (self.busy, BUSY),
+            (free <= _LEAST_ROOM, NO_ROOM),
+            (not self.power, ARM_POWER_OFF),
+            (self.motion_stop, MOTION_STOP),
         )
         return sum(mask for on, mask in bits if on)
 

@@ -141,15 +141,8 @@ def _vertex(before: QueuedSegment, after: QueuedSegment, steps: float) -> tuple[
         return before.rate, after.rate
     best, chosen = -1.0, (0.0, 0.0)
     for pair in _ratios(before, after, a, b):
-        scale = min(
-            1.0,
-            *(
-                n / jump
-                for n, x, y in zip(allowed, a, b, strict=True)
-                if (jump := abs(x * pair[0] - y * pair[1])) > 0.0
-            ),
-            1.0,
-        )
+        jumps = [abs(x * pair[0] - y * pair[1]) for x, y in zip(a, b, strict=True)]
+        scale = min([1.0, *(n / jump for n, jump in zip(allowed, jumps, strict=True) if jump > 0.0)])
         worth = scale * min(pair[0] / before.rate, pair[1] / after.rate)
         if worth > best:
             best, chosen = worth, (scale * pair[0], scale * pair[1])
