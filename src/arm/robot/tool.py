@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import numpy.typing as npt
@@ -98,13 +98,12 @@ def with_disabled_collisions(
     more = set(bodies_of(named, links))
     if neighbours:
         bearing = sorted({b.joint for b in robot.bodies})
-        for inner, outer in pairwise(bearing):
-            more |= {
-                frozenset((a.name, b.name))
-                for a in robot.bodies
-                for b in robot.bodies
-                if a.joint == inner and b.joint == outer
-            }
+        joints = set(pairwise(bearing))
+        more |= {
+            frozenset((a.name, b.name))
+            for a, b in product(robot.bodies, repeat=2)
+            if (a.joint, b.joint) in joints
+        }
     touching = robot.disabled_collisions | more
     listed = sorted(sorted(pair) for pair in touching)
     return replace(

@@ -65,10 +65,9 @@ class Request:
             ImpossibleError, InputError: as `plan.program.tasks.plan_task`.
         """
         if self.goals:
-            program = Program(
-                self.scene, self.goals, self.q_start, self.unit, self.limits, self.options, task=task or {}
-            )
-            return plan_program(replace(program, provenance=provenance or {})).plan()
+            given = self.q_start, self.unit, self.limits, self.options
+            program = Program(self.scene, self.goals, *given, provenance=provenance or {}, task=task or {})
+            return plan_program(program).plan()
         if not self.transfers:
             return None
         given = self.q_start, self.unit, self.limits, self.options

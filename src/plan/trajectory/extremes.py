@@ -49,28 +49,24 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
             )
     a = path.cubics()
     duration = np.array([s.duration_ms for s in path.segments], dtype=float)[:, None] / 1e3
-    scale = np.abs(unit.counts_per_rad)
     ends = (path.knots()[:-1] + cubic_position_range(a) - unit.counts_at_zero) / unit.counts_per_rad
-    first, last = a[0], a[0] + 2 * a[1] + 3 * a[2]
-    joins = np.abs(last[:-1] / duration[:-1] - first[1:] / duration[1:])
-    return SegmentExtremes(
-        lower=ends.min(axis=0),
-        upper=ends.max(axis=0),
-        velocity=cubic_speed(a) / duration / scale,
-        acceleration=cubic_acceleration(a) / duration**2 / scale,
-        jumps=joins / scale,
-    )
+    return SegmentExtremes(ends.min(axis=0), ends.max(axis=0), *cubic_peaks(a, duration, unit))
 
 
-def cubic_speed(a: Array) -> Array:
-    """Return the largest |a1 + 2 a2 u + 3 a3 u^2| over u in [0, 1], (...), for a (3, ...)."""
+def cubic_peaks(a: Array, duration: Array, unit: Unit) -> tuple[Array, Array, Array]:
+    """Return `SegmentExtremes.velocity`, `acceleration` and `jumps` of cubics.
+
+    Args:
+        a: coefficients a1, a2, a3, (3, k, n) counts.
+        duration: (k, 1) s.
+        unit: whose counts.
+    """
+    scale = np.abs(unit.counts_per_rad)
+    last = a[0] + 2 * a[1] + 3 * a[2]  # a1 + 2 a2 u + 3 a3 u^2 at u = 1
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = -a[1] / (3 * a[2])
     turn = np.where(np.isfinite(turn), np.clip(turn, 0.0, 1.0), 0.0)
-    every = np.stack([a[0], a[0] + 2 * a[1] + 3 * a[2], a[0] + turn * (2 * a[1] + turn * 3 * a[2])])
-    return np.asarray(np.abs(every).max(axis=0))
-
-
-def cubic_acceleration(a: Array) -> Array:
-    """Return the largest |2 a2 + 6 a3 u| over u in [0, 1], (...), for a (3, ...)."""
-    return np.asarray(np.maximum(np.abs(2 * a[1]), np.abs(2 * a[1] + 6 * a[2])))
+    speed = np.abs(np.stack([a[0], last, a[0] + turn * (2 * a[1] + turn * 3 * a[2])])).max(axis=0)
+    push = np.maximum(np.abs(2 * a[1]), np.abs(2 * a[1] + 6 * a[2]))
+    jumps = np.abs(last[:-1] / duration[:-1] - a[0, 1:] / duration[1:])
+    return speed / duration / scale, push / duration**2 / scale, jumps / scale

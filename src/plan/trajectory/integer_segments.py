@@ -24,7 +24,7 @@ from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import Line
 from plan.kinematics.product_of_exponentials import product_of_exponentials
-from plan.trajectory.extremes import cubic_acceleration, cubic_speed
+from plan.trajectory.extremes import cubic_peaks
 from plan.trajectory.rounding import round_chain, vertex_jump
 from plan.trajectory.timing import Trajectory
 
@@ -305,20 +305,15 @@ class _Fitter:
         steps = a.sum(axis=0)
         starts = unit.counts(ends.q[0]) + np.cumsum(steps, axis=0) - steps
 
-        scale = np.abs(unit.counts_per_rad)
-        velocity = cubic_speed(a.astype(float)) / duration / scale / self.limits.velocity
-        acceleration = cubic_acceleration(a.astype(float)) / duration**2 / scale / self.limits.acceleration
-
-        left = (a[0] + 2 * a[1] + 3 * a[2])[:-1] / duration[:-1]
-        jump = np.abs(left - a[0, 1:] / duration[1:]) / scale / self.jump
-
+        velocity, acceleration, jump = cubic_peaks(a.astype(float), duration, unit)
         u = _SAMPLES[:, None, None]
         executed = starts + u * (a[0] + u * (a[1] + u * a[2]))
         times = knots[:-1] / 1e3 + _SAMPLES[:, None] * duration[:, 0]
         planned = (
             unit.counts_at_zero + timed.at(times.ravel()).q.reshape(executed.shape) * unit.counts_per_rad
         )
-        off = (np.abs(executed - planned) / (1.0 + self.deviation * scale)).max(axis=(0, 2))
+        tolerance = 1.0 + self.deviation * np.abs(unit.counts_per_rad)
+        off = (np.abs(executed - planned) / tolerance).max(axis=(0, 2))
         first = tuple(int(np.searchsorted(knots, ms)) for ms in fixed)
         parts = (slice(0, first[0] if first else len(off)), slice(first[-1] if first else 0, len(off)))
         for line, part in zip(self.lines, parts, strict=True):
@@ -329,7 +324,16 @@ class _Fitter:
                 away = line.line.deviation(poses)
                 worst = np.maximum(away.distance / line.distance, away.angle / line.angle)
                 off[part] = np.maximum(off[part], worst.reshape(len(_SAMPLES), -1).max(axis=0))
-        return _Fit(knots, a, velocity, acceleration, jump, off, first)
+        limits = self.limits
+        return _Fit(
+            knots,
+            a,
+            velocity / limits.velocity,
+            acceleration / limits.acceleration,
+            jump / self.jump,
+            off,
+            first,
+        )
 
 
 def _first_knots(timed: Trajectory, fixed: Sequence[int], segment_ms: int, apart_ms: float) -> Counts:
