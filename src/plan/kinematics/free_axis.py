@@ -127,8 +127,7 @@ def feasible_intervals(
         np.asarray(lower, dtype=float),
         np.asarray(upper, dtype=float),
     )
-    pieces = circle.run([s for branch in range(len(BRANCH_NAMES)) for s in circle.pieces(branch)])
-    found = [circle.interval(branch, piece) for branch, piece in pieces]
+    found = circle.run([s for branch in range(len(BRANCH_NAMES)) for s in circle.intervals(branch)])
     return tuple(i for name in BRANCH_NAMES for i in _joined([i for i in found if i.branch == name]))
 
 
@@ -163,15 +162,6 @@ def sample_free(
 Result = TypeVar("Result")
 _Search = Generator[Array, RawBranches, Result]
 """A generator that yields angles, receives the branches there, and returns its result."""
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Samples of one curve within limits, and what ends it on both sides (see `FreeInterval.stops`)."""
-
-    angles: Array
-    q: Array
-    stops: tuple[str, str]
 
 
 class _Circle:
@@ -251,29 +241,35 @@ class _Circle:
                 wanted = {}
         return [results[k] for k in range(len(searches))]
 
-    def pieces(self, branch: int) -> Iterator[_Search[tuple[int, _Piece]]]:
+    def intervals(self, branch: int) -> Iterator[_Search[FreeInterval]]:
         """Yield searches for the parts of a branch within limits."""
         for run, curve in self.curves(branch):
             inside = self.margin(curve) >= 0.0
             for start, stop in _runs(inside, inside[1:] & inside[:-1]):
-                yield self.piece(branch, run.start + start, curve[start:stop])
+                yield self.interval(branch, run.start + start, curve[start:stop])
 
-    def piece(self, branch: int, start: int, q: Array) -> _Search[tuple[int, _Piece]]:
+    def interval(self, branch: int, start: int, q: Array) -> _Search[FreeInterval]:
         """Narrow down both ends of the samples q from index `start` on."""
-        stop = start + len(q)
         first = yield from self.end(branch, start, q[0], -1)
-        last = yield from self.end(branch, stop - 1, q[-1], +1)
-        return branch, _Piece(
-            np.concatenate([first[0], self.angles[start:stop], last[0]]),
-            np.concatenate([first[1], q, last[1]]),
-            (first[2], last[2]),
+        last = yield from self.end(branch, start + len(q) - 1, q[-1], +1)
+        angles = np.concatenate([first[0], self.angles[start : start + len(q)], last[0]])
+        inside = (self.angles >= angles[0]) & (self.angles <= angles[-1])
+        stops = first[2], last[2]
+        ends = zip(angles[[0, -1]].tolist(), stops, strict=True)
+        return FreeInterval(
+            BRANCH_NAMES[branch],
+            frozen(angles),
+            frozen(np.clip(np.concatenate([first[1], q, last[1]]), self.lower, self.upper)),
+            stops,
+            tuple(angle for angle, stop in ends if stop in ("reach", "singular")),
+            float(self.raw.sine[inside, branch].min()),
         )
 
     def end(self, branch: int, sample: int, q: Array, side: int) -> _Search[tuple[Array, Array, str]]:
         """Search beyond the last feasible sample: return the furthest feasible angle and q, if any, and the stop."""
-        beyond = sample + side
+        beyond, none = sample + side, (np.zeros(0), np.zeros((0, len(q))))
         if not 0 <= beyond < len(self.angles):
-            return np.zeros(0), np.zeros((0, len(q))), ""
+            return *none, ""
         inner, outer, moved, stop = self.angles[sample], self.angles[beyond], False, "singular"
         for _ in range(_NARROWINGS):
             angles = inner + (outer - inner) * np.arange(1, _PARTS + 1) / _PARTS
@@ -288,10 +284,7 @@ class _Circle:
                 inner, q, moved = angle, solution, True
             else:
                 break
-        stop = stop or "singular"
-        if not moved:
-            return np.zeros(0), np.zeros((0, len(q))), stop
-        return np.array([inner]), q[None], stop
+        return *((np.array([inner]), q[None]) if moved else none), stop or "singular"
 
     def stop(self, q: Array, before: Array, reached: bool) -> str:
         """Return why q does not continue `before` within limits, or ""."""
@@ -305,19 +298,6 @@ class _Circle:
             return ""
         side = "lower" if q[joint] < self.lower[joint] else "upper"
         return f"{self.robot.joint_names[joint]} {side} limit"
-
-    def interval(self, branch: int, piece: _Piece) -> FreeInterval:
-        """Convert a piece to an interval with its singular angles."""
-        inside = (self.angles >= piece.angles[0]) & (self.angles <= piece.angles[-1])
-        ends = zip(piece.angles[[0, -1]].tolist(), piece.stops, strict=True)
-        return FreeInterval(
-            BRANCH_NAMES[branch],
-            frozen(piece.angles),
-            frozen(np.clip(piece.q, self.lower, self.upper)),
-            piece.stops,
-            tuple(angle for angle, stop in ends if stop in ("reach", "singular")),
-            float(self.raw.sine[inside, branch].min()),
-        )
 
 
 def _runs(on: Bools, linked: Bools) -> Iterator[tuple[int, int]]:

@@ -97,26 +97,18 @@ def chained(parts: Sequence[Stretch | npt.ArrayLike], limits: Limits, blend: flo
     if any(a == b for a, b in pairwise(straight)) or not parts:
         raise InputError("a chain must alternate between lines and transits", parts=len(parts))
     transits = [None if isinstance(part, Stretch) else _distinct(part) for part in parts]
-    made: list[_Part | None] = [None] * len(parts)
-    for i, part in enumerate(parts):
-        if isinstance(part, Stretch):
-            if not (part.tool_speed is None or part.tool_speed > 0.0):
-                why = f"speed cap = {part.tool_speed:g}: must be positive"
-                raise InputError(why, value=float(part.tool_speed))
-            ends = (transits[i - 1] if i else None), (transits[i + 1] if i + 1 < len(parts) else None)
-            meets = (None if ends[0] is None else ends[0][-1], None if ends[1] is None else ends[1][0])
-            made[i] = _line(part.path, meets, limits, part.tool_speed)
-    for i, points in enumerate(transits):
+    # what is before and after part i has the indices i and i + 2 between two that are not there
+    beside = [None, *transits, None]
+    lines = [
+        _line(part, beside[i], beside[i + 2], limits) if isinstance(part, Stretch) else None
+        for i, part in enumerate(parts)
+    ]
+    around, found = [None, *lines, None], list[_Part]()
+    for i, (points, line) in enumerate(zip(transits, lines, strict=True)):
         if points is not None:
-            before, after = made[i - 1] if i else None, made[i + 1] if i + 1 < len(parts) else None
-            made[i] = _transit(
-                points,
-                None if before is None else before.path(before.path.x[-1], 1),
-                None if after is None else after.path(after.path.x[0], 1),
-                limits,
-                blend,
-            )
-    found = [part for part in made if part is not None]
+            found.append(_transit(points, around[i], around[i + 2], limits, blend))
+        elif line is not None:
+            found.append(line)
     starts = np.concatenate([[0.0], np.cumsum([float(part.path.x[-1]) for part in found])])
     x = np.concatenate([[0.0], *(b + part.path.x[1:] for b, part in zip(starts, found, strict=False))])
     path = PPoly(np.concatenate([_cubic(part.path.c) for part in found], axis=1), x)
@@ -134,12 +126,13 @@ def _cubic(c: Array) -> Array:
     return np.concatenate([np.zeros((4 - len(c), *c.shape[1:])), c])
 
 
-def _line(
-    line: JointPath, meets: tuple[Array | None, Array | None], limits: Limits, tool_speed: float | None
-) -> _Part:
-    """Return a line over its nominal time; it must meet the way-points `meets` of the transits around it."""
-    for name, end, point in (("after", 0, meets[0]), ("before", -1, meets[1])):
-        off = 0.0 if point is None else float(np.abs(line.q[end] - point).max())
+def _line(stretch: Stretch, before: Array | None, after: Array | None, limits: Limits) -> _Part:
+    """Return a line over its nominal time; it must meet the way-points (m, n) of the transits before and after it."""
+    line, tool_speed = stretch.path, stretch.tool_speed
+    if not (tool_speed is None or tool_speed > 0.0):
+        raise InputError(f"speed cap = {tool_speed:g}: must be positive", value=float(tool_speed))
+    for name, points, met, end in (("after", before, -1, 0), ("before", after, 0, -1)):
+        off = 0.0 if points is None else float(np.abs(line.q[end] - points[met]).max())
         if off > 1e-6:
             why = f"line {name}: ends {off:.3g} rad from the transit's way-point: must meet it to 1e-6 rad"
             raise InputError(why, off_rad=off)
@@ -154,8 +147,10 @@ def _line(
     return _Part(PPoly(path.c * scale[:, None, None], x / factor), cap)
 
 
-def _transit(points: Array, enter: Array | None, leave: Array | None, limits: Limits, blend: float) -> _Part:
-    """Return straight pieces and blends through points, from velocity `enter` to `leave` (None: along the piece)."""
+def _transit(points: Array, before: _Part | None, after: _Part | None, limits: Limits, blend: float) -> _Part:
+    """Return straight pieces and blends through points, between lines or from and to rest."""
+    enter = None if before is None else before.path(before.path.x[-1], 1)
+    leave = None if after is None else after.path(after.path.x[0], 1)
     time = np.zeros(len(points))  # of the blend at each point, s; those at the ends join the lines
     for turn in range(_ROUNDS):
         lines = _lines(points, enter, leave, limits, time)
