@@ -22,8 +22,7 @@ class _Round:
 
     def __post_init__(self) -> None:
         for key, value in list(vars(self).items()):
-            if type(value) is not float or not _LEAST <= value <= _MOST:
-                object.__setattr__(self, key, _size(f"{type(self).__name__}.{key}", value))
+            object.__setattr__(self, key, _size(f"{type(self).__name__}.{key}", value))
 
 
 def _size(name: str, value: Any) -> float:
@@ -41,16 +40,6 @@ class Box:
 
     def __post_init__(self) -> None:
         size = self.size
-        if type(size) is tuple and len(size) == 3:
-            x, y, z = size
-            # fast check of the usual case; NaN fails the comparisons
-            if (
-                type(x) is type(y) is type(z) is float
-                and _LEAST <= x <= _MOST
-                and _LEAST <= y <= _MOST
-                and _LEAST <= z <= _MOST
-            ):
-                return
         if isinstance(size, str) or not hasattr(size, "__len__") or len(size) != 3:
             why = f"Box.size = {shown(size)}: must be three full edge lengths x, y, z in m"
             raise InputError(why, name="size")

@@ -194,17 +194,13 @@ class _Trial:
         trials = [i for i in family.anchors if i >= first] or [len(family.changes) - 1]
         left = most
         while left > 0 and plans - fails > 1:
-            if best is None:
-                index = next((i for i in trials if fails < i < plans), None)
-                if index is None:
-                    return None
-            else:
-                index = (fails + plans) // 2
-            if not self.looks_good(family.changes[index]):
-                fails = index
-                continue
-            left -= 1
-            advice = self.plan(family.changes[index])
+            index = (fails + plans) // 2 if best else next((i for i in trials if fails < i < plans), None)
+            if index is None:
+                return None
+            advice: Advice | None = None
+            if self.looks_good(family.changes[index]):
+                left -= 1
+                advice = self.plan(family.changes[index])
             if advice is None:
                 fails = index
             else:

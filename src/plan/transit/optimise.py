@@ -321,12 +321,9 @@ def _constant_rows(edges: int, n: int, size: int) -> tuple[Array, Array, Array]:
         and the entries of sigma in the rows of the velocity jumps, ((edges + 1) n, size).
     """
     moves = (edges - 1) * n
-    difference = np.zeros((edges, n, edges + 1, n))
-    joint, every = np.arange(n), np.arange(edges)
-    for i in range(edges):
-        difference[i, joint, i + 1, joint] = 1.0
-        difference[i, joint, i, joint] = -1.0
-    D = difference[:, :, 1:-1].reshape(edges, n, moves)
+    every = np.arange(edges)
+    difference = np.kron(np.diff(np.eye(edges + 1), axis=0), np.eye(n)) + 0.0  # + 0.0 makes -0.0 into 0.0
+    D = difference[:, n:-n].reshape(edges, n, moves)
     travel = np.zeros((2, edges, n, size))
     travel[0, ..., :moves], travel[1, ..., :moves] = D, -D
     travel[:, every, :, moves + every] = -1.0
