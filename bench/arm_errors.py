@@ -90,15 +90,15 @@ def motions_of(arms: int, seed: int) -> Motions | str:
     rng = np.random.default_rng(seed)
     root = np.linalg.cholesky(errors.covariance)
     off, taken, cpu = [], [], np.zeros(2)
-    for move, setting in move_scenes(plan, scene, task.cell.unit):
+    for move, world, _ in move_scenes(plan, scene, task.cell.unit):
         certificates = []
         for which, of in enumerate((None, errors)):
             begin = time.process_time()
-            certificates.append(certify_move(setting.world, move.path, task.cell.unit, 0.0, errors=of))
+            certificates.append(certify_move(world, move.path, task.cell.unit, 0.0, errors=of))
             cpu[which] += time.process_time() - begin
         taken.append(certificates[0].clearance - certificates[1].clearance)
         for _ in range(arms):
-            least = _least(task.cell, setting.world, move, root @ rng.standard_normal(6))
+            least = _least(task.cell, world, move, root @ rng.standard_normal(6))
             off.append([c.clearance - least for c in certificates])
     nearer = np.array(off)
     exact, erring = (nearer > EXACT).sum(axis=0).tolist()

@@ -56,16 +56,8 @@ class ReplayedMove:
     erring: ClearanceCertificate | None = None
 
 
-@dataclass(frozen=True)
-class MoveScene:
-    """The scene during one move: its world, and the cubes that are not held."""
-
-    world: World
-    resting: tuple[Body, ...]
-
-
-def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, MoveScene]]:
-    """Yield every move with its world, in which the cubes are where the previous steps have put them.
+def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, World, tuple[Body, ...]]]:
+    """Yield every move, its world, and the cubes that are not held, which are where the steps before have put them.
 
     If the jaws close on no cube of the task, their opening is unknown from then on (`after_closing`).
 
@@ -97,7 +89,9 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Mo
                         f"{held or 'nothing'} in the jaws; plan again"
                     )
                     raise ImpossibleError(why, step=step.name, held=held)
-                yield step, _setting(scene, cubes, held, T_tool_held, step)
+                resting = tuple(cube for name, cube in cubes.items() if name != held)
+                hold = None if held is None else (cubes[held], T_tool_held)
+                yield step, _world(scene, resting, hold, step), resting
                 q = unit.positions(step.path.end)
 
 
@@ -108,8 +102,8 @@ def placed_cubes(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
         ImpossibleError: as `move_scenes`.
     """
     found = {cube.name: cube.T_base_body for cube in scene.cubes}
-    for _, setting in move_scenes(plan, scene, unit):
-        found.update((cube.name, cube.T_base_body) for cube in setting.resting)
+    for _, _, resting in move_scenes(plan, scene, unit):
+        found.update((cube.name, cube.T_base_body) for cube in resting)
     return found
 
 
@@ -152,14 +146,14 @@ def replay(
     for motion in plan.motions:
         _require_meetings(motion, unit, jump, joints)
     replayed = []
-    for (move, setting), peak in zip(move_scenes(plan, scene, unit), peaks, strict=True):
+    for (move, world, _), peak in zip(move_scenes(plan, scene, unit), peaks, strict=True):
         if asked is not None:
             _require_clearances(move, asked)
             _require_line(move, scene, unit, asked.offset)
         erring = None
         if errors is not None:
-            erring = certify_move(setting.world, move.path, unit, 0.0, errors=errors)
-        replayed.append(ReplayedMove(move, _proved(move, setting.world, unit), *peak, erring))
+            erring = certify_move(world, move.path, unit, 0.0, errors=errors)
+        replayed.append(ReplayedMove(move, _proved(move, world, unit), *peak, erring))
     return tuple(replayed)
 
 
@@ -232,24 +226,19 @@ def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str
     return name, frozen(in_tool[name])
 
 
-def _setting(
-    scene: Scene,
-    cubes: dict[str, Body],
-    held: str | None,
-    T_tool_held: Array | None,
-    move: Move,
-) -> MoveScene:
-    resting = tuple(c for name, c in cubes.items() if name != held)
-    bodies = (*scene.bodies, *resting)
+def _world(
+    scene: Scene, resting: tuple[Body, ...], held: tuple[Body, Array | None] | None, move: Move
+) -> World:
+    """Return the world of a move; `held` is the cube in the jaws and its pose in the tool frame."""
     touching = touching_pairs(move)
     if touching and (move.role not in (*ON_LINES, "line") or not scene.allowed.issuperset(touching)):
         pairs = sorted(" and ".join(sorted(pair)) for pair in touching)
         why = f"{move.name!r} lets touch {', '.join(pairs)}, which the scene does not allow there; plan again"
         raise ImpossibleError(why, step=move.name, touching=pairs)
+    bodies = (*scene.bodies, *resting)
     if held is None:
-        return MoveScene(World(scene.robot_open, bodies, allowed=touching), resting)
-    world = World(scene.robot_holding, bodies, cubes[held], T_tool_held, touching)
-    return MoveScene(world, resting)
+        return World(scene.robot_open, bodies, allowed=touching)
+    return World(scene.robot_holding, bodies, *held, touching)
 
 
 def _require_meetings(motion: Motion, unit: Unit, jump: Array, joints: tuple[str, ...]) -> None:

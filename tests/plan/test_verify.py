@@ -218,11 +218,11 @@ def test_a_motion_is_at_rest_at_both_ends(plan: Plan, scene: Scene) -> None:
 
 def _with_clearances(plan: Plan, scene: Scene) -> Plan:
     """The first transit with a proved bound for every segment."""
-    move, setting = next((m, s) for m, s in move_scenes(plan, scene, UNIT) if m.role == "transit")
+    move, world, _ = next(found for found in move_scenes(plan, scene, UNIT) if found[0].role == "transit")
     bounds = []
     for start, segment in zip(move.path.knots(), move.path.segments, strict=False):
         part = CountPath(tuple(int(c) for c in start), (segment,))
-        bounds.append(certify_move(setting.world, part, UNIT, 0.0).clearance)
+        bounds.append(certify_move(world, part, UNIT, 0.0).clearance)
     stated = replace(move, clearances=tuple(bounds), clearance=min(bounds))
     return _changed(plan, "transit", lambda _: stated)
 
@@ -315,7 +315,7 @@ def test_jaws_that_close_on_nothing_are_found(plan: Plan, scene: Scene, case: Ta
         )
         moved = move_scenes(plan, replace(scene, cubes=cubes), UNIT)
         if closes:
-            assert any(move.held is not None for move, _ in moved)
+            assert any(move.held is not None for move, *_ in moved)
             continue
         with pytest.raises(ImpossibleError, match="closes the jaws where no cube stands"):
             list(moved)
@@ -346,8 +346,8 @@ def test_a_line_with_rotation_about_its_axis_is_refused(plan: Plan, scene: Scene
 
 def test_a_cube_that_was_set_down_stands_there_from_then_on(plan: Plan, scene: Scene, case: Task2) -> None:
     transfer = case.transfers[0]
-    *_, (_, last) = move_scenes(plan, scene, UNIT)
-    (cube,) = (c for c in last.resting if c.name == transfer.cube)
+    *_, (_, _, resting) = move_scenes(plan, scene, UNIT)
+    (cube,) = (c for c in resting if c.name == transfer.cube)
     place = next(
         s for s in (t.place for t in case.transfers) if s.name == plan.task["cubes"][0]["to"]
     ).T_base_tool[0]

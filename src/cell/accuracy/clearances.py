@@ -38,7 +38,7 @@ def erring_clearances(cell: Cell, plan: Plan) -> tuple[float, ...]:
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
     scenes = move_scenes(plan, scene, cell.unit)
     return tuple(
-        _clearance(move, setting.world, cell.unit, errors, cell.erring_clearance) for move, setting in scenes
+        _clearance(move, world, cell.unit, errors, cell.erring_clearance) for move, world, _ in scenes
     )
 
 

@@ -10,7 +10,6 @@ import contextlib
 import queue
 import re
 from collections import deque
-from dataclasses import dataclass
 
 from arm.errors import A465Error, ExecutionStopped
 from driver.line.clock import Clock
@@ -65,14 +64,6 @@ class Aborted(ExecutionStopped):
     """An abort was requested (`driver.execution.control.Control`)."""
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A received line without its end, and its time of arrival, since it may be read later."""
-
-    received: Received
-    at_s: float
-
-
 class PortLink:
     """An open port to a controller.
 
@@ -114,7 +105,8 @@ class PortLink:
         self._port = port
         self.url = port.url
         self._splitter = LineSplitter(LONGEST_LINE)
-        self._inbox: queue.SimpleQueue[_Line | LinkLost | None] = queue.SimpleQueue()
+        # received lines with their time of arrival, since they may be read later
+        self._inbox: queue.SimpleQueue[tuple[Received, float] | LinkLost | None] = queue.SimpleQueue()
         self._lost: LinkLost | None = None
         self._interrupted = False
         self._line_free_at = clock.now()
@@ -280,7 +272,8 @@ class PortLink:
         if isinstance(item, LinkLost):
             self._lost = item
             raise item
-        rest = self.echo.take(item.received.text, item.at_s, item.received.torn)
+        received, at_s = item
+        rest = self.echo.take(received.text, at_s, received.torn)
         if (mismatch := self.echo.mismatch) is not None:
             raise line_damaged(mismatch.describe(), mismatch)
         if self.echo.mixed and self.echoes and not self.takes_turns:
@@ -288,7 +281,7 @@ class PortLink:
             if self.log is not None:
                 self.log.note("takes_turns")
         if rest is None:
-            return Echoed(item.received.text)
+            return Echoed(received.text)
         reply = parse_reply(rest)
         if isinstance(reply, Ready | Failed):
             self.events.append(reply)
@@ -300,7 +293,7 @@ class PortLink:
             self.log.received(data)
         for line in self._splitter.take(data):
             if self._inbox.qsize() < UNREAD_LINES or not isinstance(parse_reply(line.text), Other):
-                self._inbox.put(_Line(line, self.clock.now()))
+                self._inbox.put((line, self.clock.now()))
         if self._inbox.qsize() > UNREAD_ANSWERS:
             raise OSError(f"flooded by more than {UNREAD_ANSWERS} unexpected lines")
 

@@ -203,25 +203,20 @@ def solutions_near(
     return found, met & inside
 
 
-@dataclass(frozen=True, eq=False)
-class _Pool:
-    """Configurations (N, n) to start from, and the tool there as columns (3, 4, N)."""
-
-    q: Array
-    columns: Array
-
-
 @lru_cache(maxsize=16)
 def _pool(
     arm: ProductOfExponentials, lower: tuple[float, ...], upper: tuple[float, ...], starts: int, seed: int
-) -> _Pool:
-    """Return a Halton sequence of `_CHOICE` configurations for every start; cached, since all poses share it."""
+) -> tuple[Array, Array]:
+    """Return a Halton sequence of `_CHOICE` configurations for every start, and the tools there as columns (3, 4, N).
+
+    Cached, since all poses share it.
+    """
     from scipy.stats import qmc  # slow to import
 
     low, high = np.array(lower), np.array(upper)
     sequence = qmc.Halton(len(low), scramble=True, rng=np.random.default_rng(seed))
     q = low + (high - low) * sequence.random(_CHOICE * starts)
-    return _Pool(frozen(q), frozen(arm.tool_columns(q)))
+    return frozen(q), frozen(arm.tool_columns(q))
 
 
 def _free_names(free: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -260,11 +255,12 @@ class _Task:
         """Flags (n,) of the revolute joints."""
         return np.array([not axis.slides for axis in self.arm.axes])
 
-    def nearest(self, pool: _Pool, T: Array, count: int) -> Array:
-        """Return the `count` configurations of a pool with the smallest error from one pose (4, 4)."""
-        error, _ = self.deviation(pool.columns, np.broadcast_to(T, (len(pool.q), 4, 4)))
+    def nearest(self, pool: tuple[Array, Array], T: Array, count: int) -> Array:
+        """Return the `count` configurations of a `_pool` with the smallest error from one pose (4, 4)."""
+        q, columns = pool
+        error, _ = self.deviation(columns, np.broadcast_to(T, (len(q), 4, 4)))
         order = np.argsort(np.round((error * error).sum(axis=1), 9), kind="stable")
-        return pool.q[order[:count]]
+        return q[order[:count]]
 
     def error(self, q: Array, T: Array) -> tuple[Array, Array, Array]:
         """Return `deviation` at configurations (N, n), and the tips (N, 3)."""

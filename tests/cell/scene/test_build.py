@@ -53,13 +53,13 @@ def test_wherever_boards_are_within_the_tolerance_the_certificate_holds(
         by_name = {b.name: b for b in (*truth.bodies, *truth.cubes)}
         stated = build_scene(cell, seen)
         stated = replace(stated, allowed=frozenset(frozenset(pair) for pair in plan.scene["allowed"]))
-        for move, setting in move_scenes(plan, stated, cell.unit):
-            if move.held is not None or any(c.name not in by_name for c in setting.resting):
+        for move, _, resting in move_scenes(plan, stated, cell.unit):
+            if move.held is not None or any(c.name not in by_name for c in resting):
                 continue
             where = {c.name: c.T_base_body for c in stated.cubes}
             standing = [
                 by_name[c.name] if np.array_equal(c.T_base_body, where[c.name]) else replace(c, padding=0.0)
-                for c in setting.resting
+                for c in resting
             ]
             world = World(truth.robot_open, [*truth.bodies, *standing])
             found = certify_move(world, move.path, cell.unit, move.clearance - 1e-6, tight=False)

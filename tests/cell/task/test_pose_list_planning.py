@@ -152,7 +152,7 @@ def test_after_jaws_closed_for_no_cube_a_plan_is_judged_with_jaws_anywhere(tmp_p
     plan = planned(written(tmp_path, [{"q_deg": CTU_DEG[0], "jaws": "close"}, {"q_deg": CTU_DEG[1]}]))
     cell = read_cell(CELL)
     scene = Scene(cell.robot(), cell.robot(0.04), cell.fixed, ())
-    before, after = (setting.world.robot for _, setting in move_scenes(plan, scene, cell.unit))
+    before, after = (world.robot for _, world, _ in move_scenes(plan, scene, cell.unit))
     assert before.digest == cell.robot().digest
     assert after.digest == with_any_jaws(cell.robot()).digest
     require_grammar(plan)

@@ -10,7 +10,6 @@ import math
 import operator
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,15 +27,6 @@ from driver.line.protocol import ARM_POWER_OFF, AXIS_ERROR, BUSY, MOTION_STOP, N
 
 _GRIPPER_ACCELERATION = 51  # counts/256 per ms^2, until REGACC is set
 _LEAST_ROOM = 50  # NO_ROOM is not set only if the queue has room for more segments than this
-
-
-@dataclass(frozen=True)
-class _Held:
-    """A segment that waits until the arm is at rest, as its start is not known before."""
-
-    least_ms: float
-    rows: Sequence[Sequence[int]]
-    absolute: bool
 
 
 class Machine:
@@ -71,7 +61,8 @@ class Machine:
         self.path = PathGenerator((0,) * len(true))
         self.moves: dict[int, AxisMove] = {}
         self._homing: set[int] = set()
-        self._held: deque[_Held] = deque()
+        # arguments of `append` that wait until the arm is at rest, as the start of their segment is not known before
+        self._held: deque[tuple[float, Sequence[Sequence[int]], bool]] = deque()
         self.jaws = GripperJaws(unit.gripper.open_adc, unit.gripper.closed_adc)
         self.registers = self._power_up_registers()
         self.group: tuple[str, ...] = ()
@@ -181,25 +172,25 @@ class Machine:
         if self.defects.drop_segments:
             self.defects.drop_segments -= 1
             return True
-        self._held.append(_Held(least_ms, rows, absolute))
+        self._held.append((least_ms, rows, absolute))
         self._admit()
         return True
 
     def _admit(self) -> None:
         """Queue the held segments, unless the arm still brakes or single axes move."""
         while self._held and not self.path.stopping and not self.moves:
-            self._queue(self._held.popleft())
+            self._queue(*self._held.popleft())
 
-    def _queue(self, held: _Held) -> None:
+    def _queue(self, least_ms: float, given: Sequence[Sequence[int]], absolute: bool) -> None:
         start = self.path.end
         rows: list[Sequence[int]] = [(0,)] * len(start)
-        for axis, row in zip(self.group, held.rows, strict=True):
+        for axis, row in zip(self.group, given, strict=True):
             index = self.unit.axes.index(axis)
-            rows[index] = (row[0] - start[index],) if held.absolute else row
+            rows[index] = (row[0] - start[index],) if absolute else row
         self._numbers = self._numbers % 0x7FFF + 1
         speed = [self.registers[f"REGMS{a}"] / 256.0 for a in self.unit.axes]
         acceleration = [self.registers[f"REGACC{a}"] / 256.0 for a in self.unit.axes]
-        segment = QueuedSegment(start, rows, held.least_ms, speed, acceleration, self._numbers)
+        segment = QueuedSegment(start, rows, least_ms, speed, acceleration, self._numbers)
         self.path.append(segment, self.registers["COORDDISCONT"])
 
     def move_axis(self, axis: str, target: float) -> None:
