@@ -70,25 +70,6 @@ class FreeInterval:
         return self.end - self.start
 
 
-@dataclass(frozen=True)
-class FreeSamples:
-    """k poses from free intervals.
-
-    Attributes:
-        T_base_tool: (k, 4, 4).
-        q: (k, 6) rad, the configurations.
-        angle: (k,) rad.
-        interval: (k,) index of the interval.
-        singular: (k,) whether the configuration is singular.
-    """
-
-    T_base_tool: Array
-    q: Array
-    angle: Array
-    interval: Indices
-    singular: Bools
-
-
 def turned_poses(T_base_tool: npt.ArrayLike, axis: str, angles: npt.ArrayLike) -> Array:
     """Rotate a pose (4, 4) about its own `axis` by angles (k,) rad; return (k, 4, 4).
 
@@ -133,10 +114,13 @@ def feasible_intervals(
 
 def sample_free(
     robot: Robot, T_base_tool: npt.ArrayLike, intervals: Sequence[FreeInterval], count: int, axis: str = "z"
-) -> FreeSamples:
+) -> tuple[Array, Indices, Bools]:
     """Sample about `count` poses from `feasible_intervals` in proportion to their lengths.
 
     Each interval has at least one sample, and no sample is at an end.
+
+    Returns:
+        Configurations (k, 6) rad, the index (k,) of the interval of each, and whether it is singular (k,).
 
     Raises:
         InputError: as `feasible_intervals`.
@@ -151,12 +135,11 @@ def sample_free(
         guess.append(np.stack([np.interp(at, interval.angles, q) for q in interval.q.T], axis=1))
         which.append(np.full(share, index))
     angle, near, interval_of = np.concatenate(angles), np.concatenate(guess), np.concatenate(which)
-    T = turned_poses(T_base_tool, axis, angle)
-    raw = all_branches(robot, T)
+    raw = all_branches(robot, turned_poses(T_base_tool, axis, angle))
     branch = np.array([BRANCH_NAMES.index(intervals[i].branch) for i in interval_of], dtype=np.intp)
     rows = np.arange(len(angle))
     q = nearest_turns(raw.q[rows, branch], near)
-    return FreeSamples(frozen(T), frozen(q), frozen(angle), interval_of, raw.singular[rows, branch])
+    return frozen(q), interval_of, raw.singular[rows, branch]
 
 
 Result = TypeVar("Result")

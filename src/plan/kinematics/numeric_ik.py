@@ -132,9 +132,9 @@ def solve_ik(
     parts = []
     for pose, one in enumerate(T):
         intervals = feasible_intervals(robot, one, lower, upper, axis)
-        some = sample_free(robot, one, intervals, options.samples, axis)
-        branch = tuple(intervals[i].branch for i in some.interval)
-        parts.append(Solutions(some.q, np.full(len(some.q), pose, dtype=np.intp), branch, some.singular))
+        q, interval, singular = sample_free(robot, one, intervals, options.samples, axis)
+        branch = tuple(intervals[i].branch for i in interval)
+        parts.append(Solutions(q, np.full(len(q), pose, dtype=np.intp), branch, singular))
     return _together(parts)
 
 

@@ -52,7 +52,8 @@ class FewCorners:
         groups = single, double
         times = [self._times(start, corners, goal) for corners in groups]
         alike = [np.zeros(len(corners), dtype=bool) for corners in groups]
-        best, tried, samples = np.inf, 0, _Samples()
+        best, tried = np.inf, 0
+        places = [(edge, u) for u in FIRST_SAMPLES for edge in range(3)]
         for index in np.argsort(np.concatenate(times), kind="stable").tolist():
             group, i = (0, index) if index < len(single) else (1, index - len(single))
             time, corners = times[group][i], groups[group][i]
@@ -62,7 +63,7 @@ class FewCorners:
                 continue
             tried += 1
             path = np.concatenate([start[None], corners, goal[None]])
-            if samples.clear(path, self.too_near):
+            if _clear(path, self.too_near, places):
                 best = min(best, time)
                 away = np.abs(groups[group] - corners) / self.limits.velocity
                 alike[group] |= away.max(axis=(1, 2)) < _DIFFERENT
@@ -108,20 +109,14 @@ class FewCorners:
         return np.clip(start + along * (goal - start) + offset, self.limits.lower, self.limits.upper)
 
 
-class _Samples:
-    """Samples of paths; the place where the last path was blocked is checked first."""
-
-    def __init__(self) -> None:
-        self.places = [(edge, u) for u in FIRST_SAMPLES for edge in range(3)]
-
-    def clear(self, path: Array, too_near: Callable[[Array], bool]) -> bool:
-        """Return whether no sample is too near."""
-        steps = path[1:] - path[:-1]
-        for index, (edge, u) in enumerate(self.places):
-            if edge < len(steps) and too_near(path[edge] + u * steps[edge]):
-                self.places.insert(0, self.places.pop(index))
-                return False
-        return True
+def _clear(path: Array, too_near: Callable[[Array], bool], places: list[tuple[int, float]]) -> bool:
+    """Return whether no sample is too near at `places` (edge, fraction); one that is becomes the first of them."""
+    steps = path[1:] - path[:-1]
+    for index, (edge, u) in enumerate(places):
+        if edge < len(steps) and too_near(path[edge] + u * steps[edge]):
+            places.insert(0, places.pop(index))
+            return False
+    return True
 
 
 def _lifts(T_base_tool: Array) -> Array:
