@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from arm.errors import ImpossibleError
 from arm.former import renamed_arguments
@@ -121,11 +119,8 @@ def failure_in(error: ImpossibleError) -> Failure | None:
 
 def of_choice(choice: GraspCandidate) -> Rejected:
     """Return the rejection of a grasp that does not reach."""
-    near = Rejected(f"line at {choice.hole}", choice.reason(), choice.yaw, choice.branch)
-    if choice.miss:
-        return near
-    if choice.outside > 0.0:
-        return replace(near, outside_mm=choice.outside * 1e3)
-    if choice.margin < 0.0:
-        return replace(near, joint=choice.joint, excess_deg=float(np.degrees(-choice.margin)))
-    return replace(near, joint=choice.racing or None)
+    measures = choice.shortfall()
+    measures.pop("miss", None)  # the reason says it
+    if (racing := measures.pop("racing", "")) != "":
+        measures["joint"] = racing
+    return Rejected(f"line at {choice.hole}", choice.reason(), choice.yaw, choice.branch, **measures)

@@ -22,17 +22,14 @@ def read_mesh_points(path: Path) -> Array:
         FileInputError: the file cannot be read, is too large, is not a mesh, or has a number that is not finite.
     """
     data = read_bytes(path, "mesh")
-    points = _binary(data) if _is_binary(data) else _text(path, data)
+    count = int.from_bytes(data[_HEADER - 4 : _HEADER], "little")
+    is_binary = len(data) >= _HEADER and len(data) == _HEADER + _TRIANGLE * count
+    points = _binary(data) if is_binary else _text(path, data)
     if not len(points):
         raise FileInputError(path, "", None, "has no vertices; it must be an STL or OBJ file with faces")
     if not np.isfinite(points).all():
         raise FileInputError(path, "", None, "has a vertex that is not three finite numbers")
     return frozen(np.unique(points, axis=0))
-
-
-def _is_binary(data: bytes) -> bool:
-    count = int.from_bytes(data[80:_HEADER], "little")
-    return len(data) >= _HEADER and len(data) == _HEADER + _TRIANGLE * count
 
 
 def _binary(data: bytes) -> Array:

@@ -131,8 +131,5 @@ class FaultInjector:
             OSError, A465Error: a port cannot be restored.
         """
         for restore in self._port_work:
-            if restore:
-                self._ports.restore()
-            else:
-                self._ports.lose()
+            (self._ports.restore if restore else self._ports.lose)()
         self._port_work.clear()

@@ -34,7 +34,7 @@ from driver.mars.refusals import (
 )
 from driver.mars.registers import Registers
 from driver.mars.running import ParameterScale
-from driver.mars.stopping import STILL_COUNTS, RestState, bring_to_rest, farthest, read_position, read_status
+from driver.mars.stopping import RestState, bring_to_rest, farthest, read_position, read_status
 
 ENGAGE_S = 5.0  # time limit for closing the shoulder's loop
 MOVE_FACTOR, MOVE_S = 1.5, 5.0  # time limit of a move: this factor on its shortest time, plus this
@@ -185,13 +185,13 @@ class Mars:
         """Read the encoder counts, (6,)."""
         return self.position().counts
 
-    def settled_counts(self, tolerance: int = STILL_COUNTS) -> tuple[int, ...]:
-        """Wait until two samples 0.1 s apart differ by at most `tolerance` counts on every axis. Return the counts.
+    def settled_counts(self) -> tuple[int, ...]:
+        """Wait until two samples 0.1 s apart differ by at most `STILL_COUNTS` on every axis. Return the counts.
 
         Raises:
             NoAnswer: still moving after `driver.mars.ready.SETTLE_S`.
         """
-        return wait_settled(self.link, self.counts, tolerance)
+        return wait_settled(self.link, self.counts)
 
     # -- moving
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from arm.errors import ExecutionStopped
 from driver.line.link import Link, NoAnswer
 from driver.line.protocol import Failed, Ready, Status, encode
-from driver.mars.stopping import SAMPLE_S, farthest, read_status, refuse_restarted
+from driver.mars.stopping import SAMPLE_S, STILL_COUNTS, farthest, read_status, refuse_restarted
 
 POLL_S = 0.25  # between two status polls
 SETTLE_S = 3.0  # time limit for the arm to settle
@@ -56,8 +56,8 @@ def wait_ready(
             raise NoAnswer(f"{what}: not finished within {timeout:.1f} s", timeout=timeout, reason="deadline")
 
 
-def wait_settled(link: Link, read: Callable[[], tuple[int, ...]], tolerance: int) -> tuple[int, ...]:
-    """Wait until two samples SAMPLE_S apart differ by at most `tolerance` counts on every axis. Return the counts.
+def wait_settled(link: Link, read: Callable[[], tuple[int, ...]]) -> tuple[int, ...]:
+    """Wait until two samples SAMPLE_S apart differ by at most STILL_COUNTS on every axis. Return the counts.
 
     Args:
         read: returns the present counts.
@@ -70,7 +70,7 @@ def wait_settled(link: Link, read: Callable[[], tuple[int, ...]], tolerance: int
     while link.clock.now() < deadline:
         link.wait(SAMPLE_S)
         now = read()
-        if farthest(last, now) <= tolerance:
+        if farthest(last, now) <= STILL_COUNTS:
             return now
         last = now
     raise NoAnswer(f"the arm does not settle within {SETTLE_S:g} s", counts=list(last), reason="settle")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +85,16 @@ class GraspCandidate:
             return f"joint {self.racing} cannot move fast enough near a singular configuration"
         return f"joint {self.joint} stays {np.degrees(self.margin):.1f} deg from its limit"
 
+    def shortfall(self) -> dict[str, Any]:
+        """Return what the candidate misses: outside_mm; or joint and excess_deg; or racing; or miss."""
+        if self.miss:
+            return {"miss": self.miss}
+        if self.outside > 0.0:
+            return {"outside_mm": self.outside * 1e3}
+        if self.margin < 0.0:
+            return {"joint": self.joint, "excess_deg": float(np.degrees(-self.margin))}
+        return {"racing": self.racing}
+
 
 @dataclass(frozen=True)
 class HoleReach:
@@ -135,20 +146,8 @@ class ReachTable:
         failing = [hole.best for hole in self.holes if not hole.ok]
         if failing:
             reasons = "; ".join(f"hole {c.hole}: best branch {c.branch}, {c.reason()}" for c in failing)
-            raise ImpossibleError(f"out of reach: {reasons}", holes=[_failure(c) for c in failing])
-
-
-def _failure(choice: GraspCandidate) -> dict[str, object]:
-    entry: dict[str, object] = {"hole": choice.hole, "branch": choice.branch, "yaw": choice.yaw}
-    if choice.miss:
-        entry["miss"] = choice.miss
-    elif choice.outside > 0.0:
-        entry["outside_mm"] = choice.outside * 1e3
-    elif choice.margin < 0.0:
-        entry.update(joint=choice.joint, excess_deg=float(np.degrees(-choice.margin)))
-    else:
-        entry["racing"] = choice.racing
-    return entry
+            holes = [{"hole": c.hole, "branch": c.branch, "yaw": c.yaw, **c.shortfall()} for c in failing]
+            raise ImpossibleError(f"out of reach: {reasons}", holes=holes)
 
 
 def reach(

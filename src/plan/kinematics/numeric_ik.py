@@ -170,14 +170,8 @@ def numeric_ik(
             apart = task.apart(q[met & (pose == index)])
             distinct, of = task.turned(apart)
             singular = task.singular(apart, some[index])[of]
-            parts.append(
-                Solutions(
-                    frozen(distinct),
-                    np.full(len(distinct), first + index, dtype=np.intp),
-                    ("",) * len(distinct),
-                    singular,
-                )
-            )
+            of_pose = np.full(len(distinct), first + index, dtype=np.intp)
+            parts.append(Solutions(frozen(distinct), of_pose, ("",) * len(distinct), singular))
     return _together(parts)
 
 
