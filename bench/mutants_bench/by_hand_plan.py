@@ -71,8 +71,8 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     (
         "replay-placed-cube",
         "plan/verify.py",
-        "                cubes[held] = cubes[held].at(placed)\n",
-        "",
+        "                    cubes[held] = cubes[held].at(mul(scene.robot_open.T_base_tool(q), T_tool_held))\n",
+        "                    pass\n",
         "a cube that was set down stands where it stood before",
         _REPLAY,
     ),
