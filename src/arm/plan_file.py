@@ -134,25 +134,22 @@ def read_plan(path: Path) -> Plan:
     return _plan(Node(path, "", value, "plan again"))
 
 
+_KINDS = {GripperStep: "gripper", LookStep: "look", Pause: "pause"}  # of steps besides moves
+
+
 def _step_to_json(step: Step) -> dict[str, Any]:
-    match step:
-        case Move(path=path, allowed_collisions=allowed):
-            left_out = ("path", "allowed_collisions", "allowed_pairs")
-            kept = {k: v for k, v in vars(step).items() if k not in left_out}
-            if step.allowed_pairs:
-                kept["pairs"] = step.allowed_pairs
-            return kept | {
-                "step": "move",
-                "start_counts": path.start,
-                "segments": [[s.duration_ms, *s.coefficients] for s in path.segments],
-                "touching": allowed,
-            }
-        case GripperStep():
-            return {"step": "gripper", **vars(step)}
-        case LookStep():
-            return {"step": "look", **vars(step)}
-        case Pause():
-            return {"step": "pause", **vars(step)}
+    if not isinstance(step, Move):
+        return {"step": _KINDS[type(step)], **vars(step)}
+    left_out = ("path", "allowed_collisions", "allowed_pairs")
+    kept = {k: v for k, v in vars(step).items() if k not in left_out}
+    if step.allowed_pairs:
+        kept["pairs"] = step.allowed_pairs
+    return kept | {
+        "step": "move",
+        "start_counts": step.path.start,
+        "segments": [[s.duration_ms, *s.coefficients] for s in step.path.segments],
+        "touching": step.allowed_collisions,
+    }
 
 
 @cache

@@ -51,14 +51,7 @@ def robot_to_json(robot: Robot) -> dict[str, Any]:
         "T_joint_end": _rows(robot.T_joint_end),
         "T_end_tool": _rows(robot.T_end_tool),
         "bodies": [
-            {
-                "name": body.name,
-                "link": body.link,
-                "joint": body.joint,
-                "shape": shape_to_json(body.shape),
-                "T_joint_body": _rows(body.T_joint_body),
-                "padding": body.padding,
-            }
+            {**vars(body), "shape": shape_to_json(body.shape), "T_joint_body": _rows(body.T_joint_body)}
             for body in robot.bodies
         ],
         "disabled_collisions": sorted(sorted(pair) for pair in robot.disabled_collisions),
@@ -145,9 +138,7 @@ def robot_from_json(node: Node) -> Robot:
         model=model,
         end_frame=keys.end_frame,
         T_end_tool=keys.T_end_tool,
-        bodies=tuple(
-            LinkBody(b.name, b.joint, b.shape, b.T_joint_body, b.padding, b.link) for b in keys.bodies
-        ),
+        bodies=tuple(LinkBody(**vars(body)) for body in keys.bodies),
         disabled_collisions=keys.disabled,
         digest=keys.digest,
         urdf=keys.urdf,

@@ -187,7 +187,7 @@ def _bytes(record: dict[str, Any]) -> bytes | None:
 
 @dataclass
 class _Reader:
-    """Collects the content of a `Session`."""
+    """Collects the content of a `Session`; a list has the name of the session's tuple."""
 
     path: Path
     time_scale: float = 1.0
@@ -219,21 +219,17 @@ class _Reader:
         if not self.records:
             raise FileInputError(self.path, "", None, "line 1: is empty, so this is not a wire log")
         samples = self.samples.finish()
+        collected = {name: tuple(items) for name, items in vars(self).items() if isinstance(items, list)}
         return Session(
             file=self.path,
             time_scale=self.time_scale,
-            sent=tuple(self.sent),
             motions=self.motions.finish(samples),
             samples=samples,
-            statuses=tuple(self.statuses),
-            jaws=tuple(self.jaws),
-            notes=tuple(self.notes),
-            ready=tuple(self.ready),
-            failures=tuple(self.failures),
             version=self.version,
             records=self.records,
             damaged=self.damaged + self.samples.damaged + self.motions.damaged,
             noise=self.noise,
+            **collected,
         )
 
     def _open(self, record: dict[str, Any] | None) -> None:

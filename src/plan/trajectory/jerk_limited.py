@@ -122,8 +122,7 @@ def time_smooth(path: Path, limits: Limits, jerk: npt.ArrayLike, rate_cap: Caps 
     if not (jerks > 0.0).all():
         raise InputError(f"jerk limit = {jerks.min():g}: must be positive", value=float(jerks.min()))
     caps = rate_caps(path, rate_cap)
-    knots = [np.zeros((4, 1))]  # times, s, rate, drive
-    knots[0][1] = path.x[0]
+    knots = [np.array([[0.0], [path.x[0]], [0.0], [0.0]])]  # times, s, rate, drive
     for begin, end in pairwise(_rests(path)):
         cap = float(caps[(path.x[:-1] < end) & (path.x[1:] > begin)].min())
         knots.append(
