@@ -78,9 +78,8 @@ def execute(
             the state.
     """
     control = control or Control()
-    found = motions(steps)
-    paths = {motion.first: motion.path for motion in found}  # raises InputError before anything moves
-    runs = {motion.first: motion for motion in found}
+    runs = {motion.first: motion for motion in motions(steps)}
+    paths = {first: motion.path for first, motion in runs.items()}  # raises InputError before anything moves
     results: list[StepResult] = []
     with control.attached(mars.link):
         require_start(mars, steps)

@@ -230,10 +230,8 @@ def _numeric_reach(
                 q_line = path.spline(heights)
                 room = np.minimum(q_line - limits.lower, limits.upper - q_line).min(axis=0)
                 joint = int(np.argmin(room))
-                nearest = (
-                    float(max(room[joint], 0.0)),
-                    robot.joint_names[joint],
-                )  # the line was followed within limits
+                # the line was followed within limits
+                nearest = float(max(room[joint], 0.0)), robot.joint_names[joint]
                 choices.append(GraspCandidate(name, yaw, f"{number:02d}", frozen(q_line), *nearest, 0.0, ""))
         if not choices:
             choices.append(_missed(robot, name, 0, "none", "no solution of the pose was found"))

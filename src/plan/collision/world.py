@@ -159,7 +159,7 @@ class World:
 
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
         """Return signed distances (k,) m, less paddings, of the pairs `pairs` (k,) at configuration q (n,)."""
-        self._place(q)
+        self._geometry.place(self._configuration(q))
         distance = self._geometry.distance
         values = [distance(i).min_distance for i in self._geometry.index[pairs].tolist()]
         spend(DISTANCE_CHECKS * len(values))
@@ -183,7 +183,7 @@ class World:
             zip(rows.tolist(), self._geometry.index[pairs].tolist(), strict=True)
         ):
             if row != placed:
-                self._place(q[row])
+                self._geometry.place(self._configuration(q[row]))
                 placed = row
             result = distance(pair)
             # copied, because the next call for this pair overwrites the result
@@ -267,9 +267,6 @@ class World:
             test = self._geometry.too_near(clearance) if len(self.pairs) else lambda q: False
             self._too_near[clearance] = test
         return test
-
-    def _place(self, q: npt.ArrayLike) -> None:
-        self._geometry.place(self._configuration(q))
 
     def _configuration(self, q: npt.ArrayLike) -> Array:
         """Return q (n,) after a check, which takes 0.5 us in the usual case; a search calls this a million times."""

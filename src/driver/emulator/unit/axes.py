@@ -77,8 +77,7 @@ class GripperJaws:
 
     def go(self, target: float, stop_adc: int, speed: float, acceleration: float) -> None:
         """Start a move to a target. The jaws stop at `stop_adc`."""
-        low, high = sorted((self.adc, stop_adc))
-        self._free = (low, high)
+        self._free = (min(self.adc, stop_adc), max(self.adc, stop_adc))
         self.move = AxisMove(self._at, target, speed, acceleration)
 
     def release(self) -> None:
