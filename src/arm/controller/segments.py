@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -68,9 +69,15 @@ class CountPath:
         return sum(s.duration_ms for s in self.segments) / 1e3
 
     def knots(self) -> Counts:
-        """Return the counts at the start of every segment and at the end, (n + 1, 6)."""
+        """Return the counts at the start of every segment and at the end, (n + 1, 6), read-only."""
+        return self._knots
+
+    @cached_property
+    def _knots(self) -> Counts:
         steps = [np.array(self.start, dtype=np.int64), *(s.end() for s in self.segments)]
-        return np.cumsum(np.stack(steps), axis=0)
+        knots = np.cumsum(np.stack(steps), axis=0)
+        knots.flags.writeable = False
+        return knots
 
     def knot_times(self) -> Array:
         """Return the planned time of every knot, (n + 1,) s from the start."""

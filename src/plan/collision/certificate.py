@@ -73,7 +73,7 @@ from plan.collision.world import DISTANCE_ERROR, World
 TIGHT_ABSOLUTE = 5e-4
 TIGHT_RELATIVE = 0.05
 RESOLUTION = 2e-5  # m; a piece with less motion than this is not cut any further
-_ERROR_PIECES = 12  # of a curve, for each of which the arm's levers are bounded at once
+_ERROR_PIECES = 8  # of a curve, for each of which the arm's levers are bounded at once
 BUDGET = 20_000  # pieces; then the search stops with the bounds that it has
 
 

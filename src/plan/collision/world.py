@@ -143,9 +143,12 @@ class World:
         joint = np.arange(1, n + 1)
         inner, outer = self._joint[self.pairs].T[..., None]
         self._between = (joint > inner) & (joint <= outer)
-        self._geometry = PairGeometry(robot.model, parts, self.pairs, self.paddings)
         self._parts = parts
         self._too_near: dict[float, Callable[[Array], bool]] = {}
+
+    @cached_property
+    def _geometry(self) -> PairGeometry:
+        return PairGeometry(self.robot.model, self._parts, self.pairs, self.paddings)
 
     @cached_property
     def volumes(self) -> DistanceBounds:
