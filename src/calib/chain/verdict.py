@@ -1,4 +1,8 @@
-"""Verdict on a chain calibration: whether it is good enough, and if not, why."""
+"""Verdict on a chain calibration: whether it is good enough, and if not, why.
+
+The reprojection errors are judged by their chi-square per degree of freedom and by cross-validation; for hand-eye
+calibration `calib.hand_eye.verdict` adds what the errors are worth at the tool.
+"""
 
 from __future__ import annotations
 
