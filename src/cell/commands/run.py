@@ -277,9 +277,9 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
         words += ["--preload"] if where.preload else []
         words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
     with suppress(OutputLost):  # must not replace the error, which is printed on standard error
-        told = {"kind": type(error).__name__, "word": error.word, "message": str(error)}
+        failed = {"kind": type(error).__name__, "word": error.word, "message": str(error)}
         known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
-        run.write_report({"error": {**told, "exit_code": error.exit_code, **known}})
+        run.write_report({"error": {**failed, "exit_code": error.exit_code, **known}})
         if isinstance(error, ExecutionStopped):
             if "cubes" not in error.data:  # else the table was printed
                 run.tell_rows()

@@ -1,4 +1,4 @@
-"""``a465 export``: convert a log, plan, scene, cell, task or arm file, told by its content, to another format."""
+"""``a465 export``: convert a log, plan, scene, cell, task or arm file, recognised by its content, to another format."""
 
 from __future__ import annotations
 

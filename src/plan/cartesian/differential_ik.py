@@ -273,5 +273,5 @@ def _solve(
         P, G = scipy.sparse.csc_matrix(P), None if G is None else scipy.sparse.csc_matrix(G)
     problem = qpsolvers.Problem(P, mul(-J.T, e), G=G, h=h, lb=lower, ub=upper)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what osqp could not solve is told by `found`
+        warnings.simplefilter("ignore")  # `found` says what osqp could not solve
         return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS[solver])

@@ -152,8 +152,8 @@ def _actions(target: Target, state: AttachmentState) -> Iterator[Step]:
         text = "close on it" if target.attach is not None else "let go" if target.detach else at
         yield GripperStep(f"{target.prefix}{text}", verb, target.cube, target.jaws, target.settle_s)
     # the jaws of a step that moves a cube state what is held; other steps need a pause for it
-    told = target.jaws is not None and target.cube is not None
-    if target.dwell_s > 0.0 or (not told and (target.attach is not None or target.detach)):
+    has_jaws = target.jaws is not None and target.cube is not None
+    if target.dwell_s > 0.0 or (not has_jaws and (target.attach is not None or target.detach)):
         yield Pause(target.name, target.dwell_s, target.attach, let_go)
     if target.look:
         yield LookStep(f"look after {target.subject}" if target.subject else f"look at {target.name}")

@@ -94,6 +94,6 @@ def _library() -> ModuleType:
         import toppra
         import toppra.algorithm
         import toppra.constraint
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)  # its failures are told by their result
+    logging.getLogger("toppra").setLevel(logging.CRITICAL)  # its failures show in the result
     module: ModuleType = toppra
     return module

@@ -177,7 +177,7 @@ def solve_hand_eye(
         options: checked ones.
         console: output.
         pool: readings (n, joints), rad, from which further poses are proposed; None: any near the recorded ones.
-        cell: of the arm and the camera: what changes of it is told, and it has the verdict's limits; None: unknown.
+        cell: of the arm and the camera: its changes are printed, and it has the verdict's limits; None: unknown.
 
     Raises:
         InputError: a file cannot be written.
