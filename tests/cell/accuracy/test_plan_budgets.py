@@ -10,9 +10,10 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Plan
+from arm.se3 import inverse
 from cell.accuracy.budget_report import budget_to_json, budget_words, print_budgets
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.plan_budgets import plan_budgets, pocket_fit, require_placements
+from cell.accuracy.plan_budgets import _gripper_positions, plan_budgets, pocket_fit, require_placements
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task, read_task
@@ -66,19 +67,18 @@ def test_cubes_that_are_not_moved_from_hole_to_hole_have_none(
     assert [b.cube for b in budgets] == [c["cube"] for n, c in enumerate(plan.task["cubes"]) if n != 1]
 
 
-def test_the_configurations_are_those_at_which_the_jaws_move(
+def test_the_jaws_move_over_the_holes_in_the_calibrated_arms_configurations(
     task: Task, seen: Observation, plan: Plan
 ) -> None:
-    """Where the jaws close, the tool is over the cube's hole; the error that only scatters there is found so."""
-    cell = _less_exact(task.cell, 0.05)
-    model = ErrorModel.of(cell)
-    for budget in plan_budgets(cell, seen, plan):
-        lever = budget.sources["following"].sideways / np.radians(0.05)
-        board = seen.board(budget.target.rpartition("/")[0])
-        assert board is not None
-        reach = np.linalg.norm(board.pose.holes[int(budget.target[-1]) - 1].T_base_hole[:3, 3])
-        assert 0.8 * reach < lever < 3.0 * reach  # six joints, at two places, with levers up to the reach
-    assert model.cell is cell
+    """With the encoders' own zeros, 0.3 deg off, the tool would be millimetres beside."""
+    model = ErrorModel.of(task.cell)
+    at = _gripper_positions(task.cell, plan)
+    holes = {hole.name: hole.T_base_hole for pose in seen.poses for hole in pose.holes}
+    for number, cube in enumerate(plan.task["cubes"]):
+        for action, place in (("close", cube["from"]), ("open", cube["to"])):
+            T_hole_tool = inverse(holes[place]) @ model.T_base_tool(at[number, action])
+            assert np.abs(T_hole_tool[:2, 3]).max() < 1e-4
+            assert T_hole_tool[2, 2] == pytest.approx(-1.0, abs=1e-5)
 
 
 def test_a_cube_that_may_miss_its_pocket_is_refused_with_its_largest_source(
