@@ -71,7 +71,7 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
                 own * np.array(axis) * np.ones_like(centred) for axis in ((sd, 0.0, 0.0), (0.0, sd, 0.0))
             ]
             in_plane += [own * sd / reach * turned, own * OWN_EDGE * sd / board.marker_size * centred]
-        columns += [np.einsum("nij,nj->ni", seen.by_point, moved.reshape(8, 3)).ravel() for moved in in_plane]
+        columns += [np.einsum("nij,nj->ni", seen.by_point, shift.reshape(8, 3)).ravel() for shift in in_plane]
     if (sides_px > 0.0).any():
         quads = seen.pixels.reshape(2, 4, 2)
         bias = np.where((sides_px > 0.0).any(axis=1, keepdims=True), np.full((2, 4), BORDER_BIAS_PX), 0.0)
@@ -80,9 +80,9 @@ def shared_errors(board: Board, T_camera_board: Array, camera: Camera, sides_px:
         )
         for marker, corner in enumerate(quads):
             for side in np.flatnonzero(sides_px[marker]):
-                moved = np.zeros((2, 4, 2))
-                moved[marker] = moved_outwards(corner, sides_px[marker] * (np.arange(4) == side)) - corner
-                columns.append(moved.ravel())
+                shift = np.zeros((2, 4, 2))
+                shift[marker] = moved_outwards(corner, sides_px[marker] * (np.arange(4) == side)) - corner
+                columns.append(shift.ravel())
     return np.stack(columns, axis=-1) if columns else np.zeros((16, 0))
 
 
