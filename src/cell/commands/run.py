@@ -10,6 +10,7 @@ from typing import Any
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import Plan, read_plan
+from cell.accuracy.clearances import erring_clearances
 from cell.console import Console, OutputLost
 from cell.files.cube_widths import read_widths
 from cell.files.task import Task, read_task
@@ -107,6 +108,7 @@ def execute_plan(
     cell, control = task.cell, Control(ceiling=override_of(plan, where.speed))
     with console.doing("checking the plan"):
         moves = replayed(task, plan)
+        erring_clearances(cell, plan)
     require_start_at(task, plan)
     speed = f"speed {plan.speed * control.ceiling:g}"
     speed += f", lowered from the plan's {plan.speed:g}" if control.ceiling < 1.0 else ""

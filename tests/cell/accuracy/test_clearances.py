@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import Plan
+from arm.plan_file import Plan, write_plan
 from cell.accuracy.clearances import erring_clearances
 from cell.files.task import Task, read_task
 from cell.task.plan_matches import check_plan
 from cell.task.planning import Rest, plan_rest
 from tasks.true_look import true_look
+from typed.command_line import ended
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +63,18 @@ def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: P
 def test_unknown_errors_are_not_checked(task: Task, plan: Plan) -> None:
     assert erring_clearances(replace(task.cell, sigmas=0.0), plan) == ()
     assert erring_clearances(replace(task.cell, calibration=None), plan) == ()
+
+
+def test_a_plan_is_not_executed_by_an_arm_that_errs_too_much(tmp_path: Path) -> None:
+    """The search does not use the errors, so a plan of Python's may keep too little with them."""
+    scenes = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "realistic"
+    with (scenes / "cell.toml").open("a") as file:
+        file.write("\n[accuracy]\nfollowing_deg = 0.1\n")
+    task = read_task(scenes / "task2.toml")
+    made = plan_rest(Rest(task, true_look(task), task.cell.q_start, 0.5))
+    assert made is not None
+    write_plan(tmp_path / "plan.json", made)
+    code, said = ended("execute", tmp_path / "plan.json", task.file, cwd=tmp_path)
+    assert code == 3
+    assert "for all errors of the arm within 3 standard deviations" in said
+    assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("wire.jsonl"))
