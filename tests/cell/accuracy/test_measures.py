@@ -88,6 +88,13 @@ def test_the_fewest_images_that_suffice_are_asked_for(task: Task, table: ReachTa
     assert best_measure(many, _noisy(task, 0.9), budgets, 0.997) is None  # the key allows 100
 
 
+def test_of_several_measures_that_suffice_the_best_is_named(task: Task, table: ReachTable) -> None:
+    """With noise of the look, more images help more than more poses or exact sizes, which suffice here too."""
+    measure = best_measure(task.cell, _noisy(task, 0.6), partial(_budgets, task, table), 0.9)
+    assert measure is not None
+    assert measure.words.startswith("look with 10 images")
+
+
 def test_a_weak_calibration_is_cured_by_more_poses(task: Task, table: ReachTable) -> None:
     made = task.cell.calibration
     assert made is not None

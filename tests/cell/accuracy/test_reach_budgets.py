@@ -56,6 +56,11 @@ def test_every_free_hole_has_the_budget_of_its_least_certain_cube(
 def test_a_taken_or_unreached_hole_has_none(task: Task, seen: Observation, table: ReachTable) -> None:
     taken = seen.with_states({"03-04/2": "cube"})
     assert [b.target for b in _budgets(task, taken, table)] == ["03-04/1", "03-04/3", "03-04/4"]
+    failing = tuple(
+        replace(hole, choices=tuple(c for c in hole.choices if not c.ok)) if hole.hole == "03-04/3" else hole
+        for hole in table.holes
+    )
+    assert [b.target for b in _budgets(task, seen, ReachTable(failing))] == ["03-04/1", "03-04/2", "03-04/4"]
     near = tuple(hole for hole in table.holes if hole.hole != "03-04/4")
     assert [b.target for b in _budgets(task, seen, ReachTable(near))] == ["03-04/1", "03-04/2", "03-04/3"]
 

@@ -336,3 +336,21 @@ def test_bounds_with_errors_are_below_the_certificate_with_errors_and_not_far(se
     still = bounds_with_errors(world, _still(curve.control[0, 0]), np.array([1.0]), errors)
     largest = world.volumes.placed(curve.control[:, 0]).radii[0]
     assert 1.0 - still[0] == pytest.approx(errors.motion(largest).max())
+    one = bounds_with_errors(world, curve, np.array([1.0]), errors)
+    radii = world.volumes.placed(at(curve, np.linspace(0.0, 1.0, 50))).radii  # of every body, along the curve
+    assert one[0] <= 1.0 - errors.motion(radii.reshape(-1, 6)).max() + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_shift_of_the_bodies_is_as_a_larger_clearance_for_every_segment(seed: int) -> None:
+    """Also where balls and boxes decide, far from everything."""
+    rng = np.random.default_rng(seed)
+    world = crowded_world(rng)
+    near = _cubic(world, rng)
+    far = Curve(np.concatenate([near.control, near.control + 0.3]), np.array([1.0, 2.0]))
+    shift = 0.004
+    shifted = certify_curve(world, far, 0.001, errors=ArmErrors(np.zeros((6, 6)), SIGMAS, shift))
+    plain = certify_curve(world, far, 0.001 + shift)
+    assert shifted.proved == plain.proved
+    if plain.proved:
+        assert np.array(shifted.bounds) == pytest.approx(np.array(plain.bounds) - shift, abs=1e-9)
