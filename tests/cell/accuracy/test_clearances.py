@@ -20,18 +20,6 @@ from tasks.true_look import true_look
 from typed.command_line import ended
 
 
-@pytest.fixture(scope="module")
-def task() -> Task:
-    return read_task(data_file("scenes/realistic/task2.toml"))
-
-
-@pytest.fixture(scope="module")
-def plan(task: Task) -> Plan:
-    made = plan_rest(Rest(task, true_look(task), task.cell.q_start, 0.5))
-    assert made is not None
-    return made
-
-
 def test_every_move_has_a_clearance_with_errors(task: Task, plan: Plan) -> None:
     found = erring_clearances(task.cell, plan)
     moves = list(plan.moves)

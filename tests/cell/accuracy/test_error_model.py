@@ -8,21 +8,14 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError
-from arm.io.storage import data_file
 from arm.numerics.products import mul
 from arm.poses import BoardPose, adjoint
 from arm.se3 import inverse, transform
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.linear_error import LinearError
 from cell.config.cell import Cell
-from cell.config.cell_file import read_cell
 
 ROOT = np.diag([5e-5, 6e-5, 4e-4, 3e-3, 3e-3, 4e-4])
-
-
-@pytest.fixture(scope="module")
-def cell() -> Cell:
-    return read_cell(data_file("scenes/realistic/cell.toml"))
 
 
 def _pose(cell: Cell, share: float | None) -> BoardPose:

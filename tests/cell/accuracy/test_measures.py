@@ -9,27 +9,15 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError
-from arm.io.storage import data_file
 from arm.poses import BoardPose
 from cell.accuracy.measures import best_measure, least_insertion, require_insertion
 from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
-from cell.files.task import Task, read_task
-from cell.task.planning import reach_of
+from cell.files.task import Task
 from plan.cartesian.reachability import ReachTable
 from tasks.true_look import true_look
 from vision.observation import Observation
-
-
-@pytest.fixture(scope="module")
-def task() -> Task:
-    return read_task(data_file("scenes/realistic/task2.toml"))
-
-
-@pytest.fixture(scope="module")
-def table(task: Task) -> ReachTable:
-    return reach_of(task, true_look(task))
 
 
 def _look(task: Task) -> Observation:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from arm.io.storage import data_file
 from arm.numerics.products import mul
 from arm.poses import BoardPose, adjoint
 from arm.robot.dh import A465
@@ -19,7 +18,6 @@ from cell.accuracy.error_model import BoardError, ErrorModel
 from cell.accuracy.insertion import PocketFit
 from cell.accuracy.placement import GRIP_PROJECTION, Transfer, placement_budget, placement_error
 from cell.config.cell import Cell
-from cell.config.cell_file import read_cell
 from plan.kinematics.ik import inverse_kinematics
 from vision.camera.projection import Projection
 
@@ -33,11 +31,6 @@ SHARED = {
     "links": slice(12, 30),
     "lens": slice(30, 39),
 }
-
-
-@pytest.fixture(scope="module")
-def cell() -> Cell:
-    return read_cell(data_file("scenes/realistic/cell.toml"))
 
 
 def _board(cell: Cell, name: str, x: float, y: float, tilt: float, yaw: float) -> BoardPose:

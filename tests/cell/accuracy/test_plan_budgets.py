@@ -17,26 +17,7 @@ from cell.accuracy.plan_budgets import _gripper_positions, plan_budgets, pocket_
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task, read_task
-from cell.task.planning import Rest, plan_rest
-from tasks.true_look import true_look
 from vision.observation import Observation
-
-
-@pytest.fixture(scope="module")
-def task() -> Task:
-    return read_task(data_file("scenes/realistic/task2.toml"))
-
-
-@pytest.fixture(scope="module")
-def seen(task: Task) -> Observation:
-    return true_look(task)
-
-
-@pytest.fixture(scope="module")
-def plan(task: Task, seen: Observation) -> Plan:
-    made = plan_rest(Rest(task, seen, task.cell.q_start, 0.5))
-    assert made is not None
-    return made
 
 
 def _less_exact(cell: Cell, following_deg: float) -> Cell:

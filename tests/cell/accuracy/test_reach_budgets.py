@@ -7,31 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arm.io.storage import data_file
 from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.plan_budgets import plan_budgets
 from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
-from cell.files.task import Task, read_task
-from cell.task.planning import Rest, plan_rest, reach_of
+from cell.files.task import Task
+from cell.task.planning import Rest, plan_rest
 from plan.cartesian.reachability import ReachTable
-from tasks.true_look import true_look
 from vision.observation import Observation
-
-
-@pytest.fixture(scope="module")
-def task() -> Task:
-    return read_task(data_file("scenes/realistic/task2.toml"))
-
-
-@pytest.fixture(scope="module")
-def seen(task: Task) -> Observation:
-    return true_look(task)
-
-
-@pytest.fixture(scope="module")
-def table(task: Task, seen: Observation) -> ReachTable:
-    return reach_of(task, seen)
 
 
 def _budgets(
