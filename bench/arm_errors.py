@@ -12,15 +12,11 @@ clearances. A motion that comes nearer by more than 20 um, the error of computed
 from __future__ import annotations
 
 import argparse
-import os
-import platform
-import subprocess
 import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from datetime import date
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 from draws import draw_world
+from run_conditions import run_conditions
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
@@ -130,13 +127,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     print(__doc__)
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
-    print(
-        f"{date.today()}, commit {commit}, numpy {np.__version__}, Python {platform.python_version()}, "
-        f"{os.cpu_count()} cores; seeds from {options.first_seed}\n"
-    )
+    print(f"{run_conditions()}; seeds from {options.first_seed}\n")
     done: list[Motions] = []
     seeds = range(options.first_seed, options.first_seed + options.plans)
     with ProcessPoolExecutor(options.jobs) as pool:

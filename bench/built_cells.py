@@ -16,8 +16,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import re
 import shutil
 import subprocess
@@ -26,12 +24,11 @@ import tempfile
 import tomllib
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from datetime import date
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
+from run_conditions import run_conditions
 
 from arm.io.storage import data_file
 
@@ -149,14 +146,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     print(__doc__)
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
-    print(
-        f"{date.today()}, commit {commit}, numpy {np.__version__}, OpenCV {cv2.__version__}, Python "
-        f"{platform.python_version()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; "
-        f"{options.photographs} photographs of a pose\n"
-    )
+    print(f"{run_conditions()}; {options.photographs} photographs of a pose\n")
     print(
         "| cell | errors, mm, a session in brackets | stated, mm | of it calibration | mean square over stated |"
     )

@@ -18,15 +18,11 @@ Cubes that were pushed or missed at the source count as not entered.
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 import shutil
-import subprocess
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from datetime import date
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -35,6 +31,8 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+
+from run_conditions import run_conditions
 
 from arm.calibration_file import read_arm_calibration, write_arm_calibration
 from arm.errors import ImpossibleError
@@ -223,13 +221,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     print(__doc__)
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    ).stdout.strip()
-    print(
-        f"{date.today()}, commit {commit}, numpy {np.__version__}, OpenCV {cv2.__version__}, Python "
-        f"{platform.python_version()}, {os.cpu_count()} cores; {options.cells} cells from seed {options.first_seed}\n"
-    )
+    print(f"{run_conditions()}; {options.cells} cells from seed {options.first_seed}\n")
     placements: list[Placement] = []
     seeds = range(options.first_seed, options.first_seed + options.cells)
     with ProcessPoolExecutor(options.jobs) as pool:
