@@ -45,7 +45,7 @@ from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.plan_budgets import plan_budgets
 from cell.config.cell import Cell
 from cell.files.task import Task, read_task
-from cell.files.world import World, read_world
+from cell.files.world import TrueBoard, World, read_world
 from cell.session.camera_watch import look_in, take_background, watch_with
 from cell.sim.arm import Arrival
 from cell.sim.camera import SimulatedCamera
@@ -79,19 +79,19 @@ def cell_of(seed: int) -> list[Placement] | str:
     cv2.setNumThreads(1)
     scale = SCALES[seed % len(SCALES)]
     with tempfile.TemporaryDirectory() as folder:
-        task, world = _stated(Path(folder), scale)
-        world, camera = _drawn(task.cell, world, scale, np.random.default_rng(seed), seed)
+        task, world = stated(Path(folder), scale)
+        world, camera = drawn_world(task.cell, world, scale, np.random.default_rng(seed), seed)
         try:
-            seen = _seen(task, world, camera)
+            seen = look_at(task, world, camera)
             plan = plan_rest(Rest(task, seen, task.cell.q_start, 0.5))
         except ImpossibleError as error:
             return f"{seed}: {error}"
     if plan is None:
         return f"{seed}: nothing to do"
-    return _released(task.cell, world, plan, {b.cube: b for b in plan_budgets(task.cell, seen, plan)}, scale)
+    return released(task.cell, world, plan, {b.cube: b for b in plan_budgets(task.cell, seen, plan)}, scale)
 
 
-def _stated(folder: Path, scale: float) -> tuple[Task, World]:
+def stated(folder: Path, scale: float) -> tuple[Task, World]:
     """The files of scenes/realistic with all standard deviations multiplied."""
     scenes = Path(shutil.copytree(data_file("scenes"), folder / "scenes")) / "realistic"
     made = read_arm_calibration(scenes / "calibration.toml")
@@ -114,7 +114,7 @@ def _stated(folder: Path, scale: float) -> tuple[Task, World]:
     return read_task(scenes / "task2.toml"), read_world(scenes / "task2.world.toml", 0.036)
 
 
-def _drawn(
+def drawn_world(
     cell: Cell, world: World, scale: float, rng: np.random.Generator, seed: int
 ) -> tuple[World, Camera]:
     """A world, and the pose and lens of its camera, drawn from what the files state."""
@@ -131,19 +131,14 @@ def _drawn(
     arm = replace(
         world.arm, scatter=made.scatter, eccentricity=still, sag=still[:2], backlash=still, warm_up=still
     )
-    boards = []
-    for b in world.boards:
-        shift, turn = rng.uniform(-AROUND_M, AROUND_M, 2), float(rng.uniform(-AROUND, AROUND))
-        T = b.T_base_board
-        about = transform(t=(*T[:2, 3], 0.0)) @ transform(rot_z(turn)) @ transform(t=(*-T[:2, 3], 0.0))
-        boards.append(replace(b, T_base_board=transform(t=(*shift, 0.0)) @ about @ T))
+    boards = drawn_boards(world, rng)
     prints = replace(
         world.prints, glued=scale * world.prints.glued, glued_turn=scale * world.prints.glued_turn
     )
     hole, pocket, cube = (scale * of for of in (world.made.hole, world.made.pocket, world.made.cube))
     true = replace(
         world,
-        boards=tuple(boards),
+        boards=boards,
         camera=camera,
         joint_offsets=made.joint_offsets + offsets,
         links=LinkErrors(made.links.d + d, made.links.a + a, made.links.alpha + alpha),
@@ -156,7 +151,20 @@ def _drawn(
     return true, camera
 
 
-def _seen(task: Task, world: World, camera: Camera) -> Observation:
+def drawn_boards(
+    world: World, rng: np.random.Generator, around_m: float = AROUND_M, around: float = AROUND
+) -> tuple[TrueBoard, ...]:
+    """The boards of a world, moved and turned on the table."""
+    boards = []
+    for b in world.boards:
+        shift, turn = rng.uniform(-around_m, around_m, 2), float(rng.uniform(-around, around))
+        T = b.T_base_board
+        about = transform(t=(*T[:2, 3], 0.0)) @ transform(rot_z(turn)) @ transform(t=(*-T[:2, 3], 0.0))
+        boards.append(replace(b, T_base_board=transform(t=(*shift, 0.0)) @ about @ T))
+    return tuple(boards)
+
+
+def look_at(task: Task, world: World, camera: Camera) -> Observation:
     """The look of a run, with a background that the same camera took while it stood where it was calibrated."""
     cell = task.cell
     counts = cell.unit.counts(cell.q_start)
@@ -171,7 +179,7 @@ def _seen(task: Task, world: World, camera: Camera) -> Observation:
     return look_in(cell, images(world), watch=watch_with(background, cell))
 
 
-def _released(
+def released(
     cell: Cell, world: World, plan: Plan, budgets: dict[str, PlacementBudget], scale: float
 ) -> list[Placement]:
     """Grip and release the true cubes where the plan moves the jaws."""

@@ -21,7 +21,7 @@ LARGEST_TILT = np.radians(4.0)
 """A cube that leans further does not slide into its pocket (assumed; `cell.sim` uses the same limit)."""
 _X, _Y, _TURN_X, _TURN_Y, _YAW = 0, 1, 3, 4, 5  # of a twist in the hole's frame
 _CERTAIN = 6.0  # standard deviations: if the cube enters with all errors at once as large, 1 in 10^8 does not
-_SURE = 0.9999  # what is more probable is stated as more than this
+SURE = 0.9999  # what is more probable is stated as more than this
 _DIMENSIONS = 6  # these, and the difference of the sizes
 
 
@@ -68,7 +68,7 @@ def _fits(errors: Array, fit: PocketFit, wider: Array | float) -> Bools:
 
 def percent(probability: float) -> str:
     """Return a probability in %, with no more digits than are known."""
-    return f"> {100.0 * _SURE:g}" if probability > _SURE else f"{100.0 * probability:.2f}"
+    return f"> {100.0 * SURE:g}" if probability > SURE else f"{100.0 * probability:.2f}"
 
 
 @lru_cache(maxsize=1)

@@ -4,20 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 from typing import Any
+
+import numpy as np
 
 from arm.errors import ImpossibleError
 from arm.se3 import frozen
+from cell.accuracy.board_moves import nearer_looks
+from cell.accuracy.insertion import SURE
 from cell.accuracy.placement import PlacementBudget
 from cell.config.cell import Cell
 from vision.observation import Observation, ObservedBoard
 
-Budgets = Callable[[Cell, Observation], Sequence[PlacementBudget]]
-"""Budgets of the same placements, of a cell and an observation that a measure has changed."""
-
-_TIMES = (2, 4, 8)  # as many photographs or poses
+Holes = frozenset[str]
+Again = Callable[[Observation, Holes], Sequence[PlacementBudget]]
+_MORE_POSES, _MORE_PHOTOGRAPHS = (2, 4, 8), (2, 4, 8, 16)
 _MOST_PHOTOGRAPHS = 100
 _MEASURED = 5e-5  # m, tolerance of a length that was measured with care
+
+
+@dataclass(frozen=True, eq=False)
+class Budgets:
+    """The budgets of a task's placements, for whatever a measure changes.
+
+    Attributes:
+        of: of the same grasps, for another cell file or another look at the same boards.
+        again: of grasps that are chosen anew, for boards that stand elsewhere and without some holes of the target
+            board; it raises `ImpossibleError` if there are none. None: the placements are given.
+    """
+
+    of: Callable[[Cell, Observation], Sequence[PlacementBudget]]
+    again: Again | None = None
 
 
 @dataclass(frozen=True)
@@ -36,31 +54,32 @@ class Measure:
 def best_measure(cell: Cell, seen: Observation, budgets: Budgets, least: float) -> Measure | None:
     """Return the measure after which every cube enters its pocket most certainly; None if none reaches `least`.
 
-    Of the same kind (twice, four times as many photographs) the smallest that reaches `least` counts.
+    Of the same kind (twice, four times as many photographs) the smallest that reaches `least` counts. What needs other
+    grasps is tried last, and only if no other measure makes the placements as certain as can be stated.
     """
-    tried = []
-    for kind in _kinds(cell, seen):
-        for words, changed_cell, changed_seen in kind:
-            insertion = least_insertion(budgets(changed_cell, changed_seen))
-            if insertion >= least:
-                tried.append(Measure(words, insertion))
-                break
-    return max(tried, key=lambda measure: measure.insertion, default=None)
+    best: Measure | None = None
+    for kind in chain(_same_grasps(cell, seen, budgets), _other_grasps(cell, seen, budgets, least)):
+        if best is not None and best.insertion > SURE:
+            break
+        measure = next((one for one in kind if one.insertion >= least), None)
+        if measure is not None and (best is None or measure.insertion > best.insertion):
+            best = measure
+    return best
 
 
-def require_insertion(cell: Cell, seen: Observation, budgets_of: Budgets) -> tuple[PlacementBudget, ...]:
+def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tuple[PlacementBudget, ...]:
     """Return the budgets, and require that every cube enters its pocket as certainly as the cell file asks.
 
     Raises:
         ImpossibleError: names the least likely placement, its error, the largest source, and the measure that would
             help most; data: cube, hole, insertion, sideways_mm, sources_mm, measure, insertion_then.
     """
-    budgets, least = tuple(budgets_of(cell, seen)), cell.least_insertion
+    budgets, least = tuple(placements.of(cell, seen)), cell.least_insertion
     worst = min(budgets, key=lambda b: b.insertion, default=None)
     if worst is None or worst.insertion >= least:
         return budgets
     source, largest = next(iter(worst.sources.items()))
-    measure = best_measure(cell, seen, budgets_of, least)
+    measure = best_measure(cell, seen, placements, least)
     cure = (
         f"no single measure reaches that: {source} has to become smaller"
         if measure is None
@@ -87,27 +106,36 @@ def least_insertion(budgets: Sequence[PlacementBudget]) -> float:
     return min((budget.insertion for budget in budgets), default=1.0)
 
 
-_Tried = tuple[str, Cell, Observation]
+_Kind = Iterator[Measure]
 
 
-def _kinds(cell: Cell, seen: Observation) -> Iterator[Iterator[_Tried]]:
-    yield _more_photographs(cell, seen)
-    yield _more_poses(cell, seen)
+def _same_grasps(cell: Cell, seen: Observation, budgets: Budgets) -> Iterator[_Kind]:
+    def tried(changes: Iterator[tuple[str, Cell, Observation]]) -> _Kind:
+        return (Measure(words, least_insertion(budgets.of(other, look))) for words, other, look in changes)
+
+    yield tried(_more_photographs(cell, seen))
     if cell.tool_tolerance > _MEASURED:
         where = f"measure where the finger tips are, to {1e3 * _MEASURED:g} mm (accuracy.tool_within_mm)"
-        yield iter([(where, replace(cell, tool_tolerance=_MEASURED), seen)])
+        yield tried(iter([(where, replace(cell, tool_tolerance=_MEASURED), seen)]))
     if max(cell.cube_tolerance, cell.pocket_tolerance) > _MEASURED:
         keys = "cube.size_tolerance_mm, accuracy.pocket_within_mm"
         sizes = f"measure cubes and pockets, to {1e3 * _MEASURED:g} mm ({keys})"
-        yield iter([(sizes, replace(cell, cube_tolerance=_MEASURED, pocket_tolerance=_MEASURED), seen)])
+        measured = replace(cell, cube_tolerance=_MEASURED, pocket_tolerance=_MEASURED)
+        yield tried(iter([(sizes, measured, seen)]))
+    yield tried(_more_poses(cell, seen))
 
 
-def _more_photographs(cell: Cell, seen: Observation) -> Iterator[_Tried]:
-    """The noise of corners and of the camera's sway is drawn anew in every image."""
-    for times in _TIMES:
+def _more_photographs(cell: Cell, seen: Observation) -> Iterator[tuple[str, Cell, Observation]]:
+    """The noise of corners and of the camera's sway is drawn anew in every image.
+
+    Its variance is itself estimated from the images, so more of them have to suffice for one that is larger by a
+    standard deviation of this estimate (sqrt(2 / (n - 1)) of it, if all corners of an image are off together).
+    """
+    noisier = 1.0 + float(np.sqrt(2.0 / max(cell.photographs - 1, 1)))
+    for times in _MORE_PHOTOGRAPHS:
         count = times * cell.photographs
         if count <= _MOST_PHOTOGRAPHS:
-            boards = tuple(_averaged(board, 1.0 / times) for board in seen.boards)
+            boards = tuple(_averaged(board, noisier / times) for board in seen.boards)
             words = f"look with {count} images (look.photographs = {count}) instead of {cell.photographs}"
             yield words, cell, replace(seen, boards=boards)
 
@@ -121,13 +149,55 @@ def _averaged(board: ObservedBoard, share: float) -> ObservedBoard:
     return replace(board, pose=replace(pose, covariance=frozen(covariance), repeatability=frozen(noise)))
 
 
-def _more_poses(cell: Cell, seen: Observation) -> Iterator[_Tried]:
+def _more_poses(cell: Cell, seen: Observation) -> Iterator[tuple[str, Cell, Observation]]:
     """The calibration's covariance falls with the number of poses; the arm's scatter stays."""
     made = cell.calibration
     poses = None if made is None else made.made.get("poses")
     if made is None or made.covariance is None or not isinstance(poses, int):
         return
-    for times in _TIMES:
+    for times in _MORE_POSES:
         calibration = replace(made, covariance=frozen(made.covariance / times))
         words = f"calibrate camera and arm with {times * poses} poses instead of {poses}"
         yield words, replace(cell, calibration=calibration), seen
+
+
+def _other_grasps(cell: Cell, seen: Observation, budgets: Budgets, least: float) -> Iterator[_Kind]:
+    if budgets.again is None:
+        return
+    now, again = budgets.of(cell, seen), budgets.again
+    yield _other_holes(now, seen, again, least)
+
+    def tried(looks: Iterator[tuple[str, Observation]]) -> _Kind:
+        for words, look in looks:
+            if found := _tried(again, look, frozenset()):
+                yield Measure(words, least_insertion(found))
+
+    names = {_board(name) for budget in now for name in (budget.source, budget.target)}
+    yield from map(tried, nearer_looks(cell, seen, names))
+
+
+def _other_holes(now: Sequence[PlacementBudget], seen: Observation, again: Again, least: float) -> _Kind:
+    """Leave out the holes that a cube enters too uncertainly; else choose any others, as many as now."""
+    board = seen.board(_board(now[0].target)) if now else None
+    if board is None:
+        return
+    free, used = {hole.name for hole in board.holes("empty")}, {budget.target for budget in now}
+    doubtful = {budget.target for budget in now if budget.insertion < least}
+    choices = [free - doubtful, *map(set, combinations(sorted(free), len(now)))]
+    for chosen in choices:
+        if chosen != used and (found := _tried(again, seen, frozenset(free - chosen))):
+            left = sorted(int(budget.target.rpartition("/")[2]) for budget in found)
+            words = f"put the cubes into other holes of board {board.name} (to_holes = {left})"
+            yield Measure(words, least_insertion(found))
+
+
+def _tried(again: Again, seen: Observation, without: Holes) -> Sequence[PlacementBudget]:
+    """Budgets with other grasps; none if there are no such grasps."""
+    try:
+        return again(seen, without)
+    except ImpossibleError:
+        return ()
+
+
+def _board(hole: str) -> str:
+    return hole.rpartition("/")[0]

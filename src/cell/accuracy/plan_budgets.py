@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array
 from cell.accuracy.error_model import BoardError, ErrorModel
 from cell.accuracy.insertion import PocketFit
-from cell.accuracy.measures import require_insertion
+from cell.accuracy.measures import Budgets, Holes, require_insertion
 from cell.accuracy.placement import PlacementBudget, Transfer, placement_budget
 from cell.config.cell import Cell
 from vision.observation import Observation
@@ -35,15 +36,28 @@ def plan_budgets(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBu
     )
 
 
-def require_placements(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBudget, ...]:
+def require_placements(
+    cell: Cell, seen: Observation, plan: Plan, again: Callable[[Observation, Holes], Plan] | None = None
+) -> tuple[PlacementBudget, ...]:
     """Return the budgets of a plan's placements; empty if the cell is not calibrated, so that no error is known.
+
+    Args:
+        cell, seen, plan: see `plan_budgets`.
+        again: plans the same task for boards that stand elsewhere, or without some holes of the target board, to try
+            whether that would help; it raises `ImpossibleError` if there is no plan.
 
     Raises:
         ImpossibleError: a cube is too likely to miss its pocket; see `cell.accuracy.measures`.
     """
     if not ErrorModel.available(cell):
         return ()
-    return require_insertion(cell, seen, lambda changed, look: plan_budgets(changed, look, plan))
+
+    def anew(look: Observation, without: Holes) -> tuple[PlacementBudget, ...]:
+        other = plan if again is None else again(look, without)
+        return plan_budgets(cell, look, other) if len(other.task["cubes"]) == len(plan.task["cubes"]) else ()
+
+    same = partial(plan_budgets, plan=plan)
+    return require_insertion(cell, seen, Budgets(same, None if again is None else anew))
 
 
 def pocket_fit(cell: Cell) -> PocketFit:

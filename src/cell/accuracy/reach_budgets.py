@@ -20,7 +20,7 @@ def reach_budgets(
         cell: the cell; without a calibration there are no budgets.
         seen: observation of both boards.
         from_board, to_board: of the task; without a target board there are no pockets and no budgets.
-        table: reach of their holes. A plan may choose other grasps, of which the budget depends little.
+        table: reach of the holes that the task uses. A plan may choose other grasps; the budget depends little on them.
     """
     source = seen.board(from_board.name)
     target = None if to_board is None else seen.board(to_board.name)

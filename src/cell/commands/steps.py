@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +18,7 @@ from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.budget_report import budget_to_json, print_budgets
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.measures import require_insertion
+from cell.accuracy.measures import Budgets, require_insertion
 from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.plan_budgets import require_placements
 from cell.accuracy.reach_budgets import reach_budgets
@@ -26,7 +28,15 @@ from cell.files.observation import observation_to_json, read_observation, requir
 from cell.files.task import Task, read_task
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
-from cell.task.planning import Rest, plan_rest, reach_of, require_above_table
+from cell.task.planning import (
+    Rest,
+    plan_otherwise,
+    plan_rest,
+    reach_of,
+    request_of,
+    require_above_table,
+    without_holes,
+)
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.cartesian.reachability import ReachTable
 from plan.options import clearance_words
@@ -102,14 +112,19 @@ def _foreseen(task: Task, seen: Observation, console: Console, table: ReachTable
     """
     if not ErrorModel.available(task.cell):
         return []
-    boards, found = (task.from_board, task.to_board), table or reach_of(task, seen)
+    found = table or reach_of(task, seen)
 
-    def budgets_of(cell: Cell, seen: Observation) -> tuple[PlacementBudget, ...]:
-        return reach_budgets(cell, seen, *boards, found)
+    def of(cell: Cell, look: Observation) -> tuple[PlacementBudget, ...]:
+        return reach_budgets(cell, look, task.from_board, task.to_board, found)
 
-    if budgets := budgets_of(task.cell, seen):
+    def again(look: Observation, without: Set[str]) -> tuple[PlacementBudget, ...]:
+        other = without_holes(task, without)
+        request_of(Rest(other, look, task.cell.q_start, task.cell.speed))  # are there places enough?
+        return reach_budgets(task.cell, look, task.from_board, task.to_board, reach_of(other, look))
+
+    if budgets := of(task.cell, seen):
         print_budgets(budgets, console)
-    return [budget_to_json(budget) for budget in require_insertion(task.cell, seen, budgets_of)]
+    return [budget_to_json(budget) for budget in require_insertion(task.cell, seen, Budgets(of, again))]
 
 
 def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:
@@ -173,7 +188,8 @@ def plan_step(
         stopped, plan = stop, stop.plan
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
-    budgets, erring = require_placements(task.cell, seen, plan), erring_clearances(task.cell, plan)
+    budgets = require_placements(task.cell, seen, plan, partial(plan_otherwise, rest))
+    erring = erring_clearances(task.cell, plan)
     write_plan(output, plan)
     _print_plan(plan, task.cell, console, erring)
     print_budgets(budgets, console)

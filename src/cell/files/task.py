@@ -26,6 +26,12 @@ KINDS = ("clear-board", "board-to-board")
 KIND = text(*KINDS)
 POSES = "poses"  # kind of a task that was read from a cell file
 _IDS = integers(2, 0, 999)
+HOLES = (1, 2, 3, 4)  # of a board
+_HOLES = rule_of(
+    "different whole numbers from 1 to 4",
+    lambda v: isinstance(v, list) and bool(v) and all(is_whole(n, 1, 4) for n in v) and len(set(v)) == len(v),
+    tuple,
+)
 _LOOK_AFTER = f"one of {', '.join(LOOKS)}, or a number of cubes, 1 or more"
 
 
@@ -70,6 +76,7 @@ class Task(TaskValues):
         cell: cell of the task.
         from_board: board that holds the cubes.
         to_board: board that receives them (Task 2), or None.
+        to_holes: holes of that board that may receive one, 1 to 4.
         places: places on the table (Task 1), or None.
         board_height: height of the plate's top above the table (Task 1), m, or None.
         inputs: values of the file by key; see `cell.config.inputs`.
@@ -81,6 +88,7 @@ class Task(TaskValues):
     cell: Cell
     from_board: Board
     to_board: Board | None = None
+    to_holes: tuple[int, ...] = HOLES
     places: TablePlaces | None = None
     board_height: float | None = None
     inputs: Inputs
@@ -119,6 +127,7 @@ class Task2Keys(TaskKeys):
     """Keys of Task 2."""
 
     to_board: tuple[int, ...] = key("to_board", _IDS)
+    to_holes: tuple[int, ...] = key("to_holes", _HOLES, list(HOLES))
 
 
 def task_or_cell(path: Path) -> Node:
@@ -161,10 +170,11 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
     cell = read_cell(keys.cell, on_uncalibrated)
     to_board = places = height = None
+    to_holes: tuple[int, ...] = HOLES
     if isinstance(keys, Task1Keys):
         places, height = _places(keys, root, cell), keys.board_height
     else:
-        to_board = _board(keys.to_board, root, cell, "to_board")
+        to_board, to_holes = _board(keys.to_board, root, cell, "to_board"), keys.to_holes
         if set(keys.to_board) == set(keys.from_board):
             raise root.error_at("to_board", "must be another board than from_board")
     inputs = config_inputs(root.value, left_out=("cell",))
@@ -174,6 +184,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         cell=cell,
         from_board=_board(keys.from_board, root, cell, "from_board"),
         to_board=to_board,
+        to_holes=to_holes,
         places=places,
         board_height=height,
         **keys.values_of(TaskValues),

@@ -13,7 +13,7 @@ from arm.io.storage import sha256
 from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array
-from cell.files.task import Task
+from cell.files.task import HOLES, Task
 from cell.scene.build import (
     RELEASE_GAP,
     build_scene,
@@ -114,14 +114,22 @@ def require_above_table(task: Task, observation: Observation) -> None:
 
 
 def hole_stations(task: Task, observation: Observation) -> tuple[Station, ...]:
-    """All holes of the task's boards as stations; at the target, cubes are released slightly above the hole."""
+    """Holes that the task uses as stations; at the target, cubes are released slightly above the hole."""
     gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
+    unused = _unused(task)
     return tuple(
         hole_station(task.cell, hole, gaps[board.name])
         for board in observation.boards
         if board.name in gaps
         for hole in board.pose.holes
+        if hole.name not in unused
     )
+
+
+def _unused(task: Task) -> Set[str]:
+    """Holes of the target board that no cube may be put into."""
+    left_out = set(HOLES) - set(task.to_holes)
+    return set() if task.to_board is None else {f"{task.to_board.name}/{number}" for number in left_out}
 
 
 def reach_of(task: Task, observation: Observation, speed: float | None = None) -> ReachTable:
@@ -201,13 +209,14 @@ def request_of(rest: Rest) -> Request:
     if task.to_board is None:
         goals = [s for s in reachable_places(task, observation, rest.speed) if s.name not in filled]
     elif target is not None:
-        goals = [stations[h.name] for h in target.holes("empty") if h.name not in filled]
+        kept_out = filled | _unused(task)
+        goals = [stations[h.name] for h in target.holes("empty") if h.name not in kept_out]
     else:
         name = task.to_board.name
         raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
     if len(goals) < len(picks):
         if not task.skip or not goals:
-            raise _too_few(len(picks), goals, target, filled)
+            raise _too_few(len(picks), goals, target, filled, _unused(task))
         if task.assignment == "given":
             reason = f"only {len(goals)} places are free and in reach"
             left_out = [(cube_name(hole.name), hole.name) for hole in picks[len(goals) :]]
@@ -227,15 +236,18 @@ def request_of(rest: Rest) -> Request:
 
 
 def _too_few(
-    cubes: int, goals: Sequence[Station], target: ObservedBoard | None, filled: Set[str]
+    cubes: int, goals: Sequence[Station], target: ObservedBoard | None, filled: Set[str], unused: Set[str]
 ) -> ImpossibleError:
-    """The error for more cubes than free places; `filled`: places to which cubes were moved."""
+    """The error for more cubes than free places; `filled`: with cubes that were moved; `unused`: by the task file."""
     notes, cure = "", "clear the target board, or give the task file more places"
     if target is not None:
         free = {goal.name for goal in goals}
         holes = zip(target.pose.holes, target.occupancy, strict=True)
-        notes = f" ({'; '.join(_taken(hole, now) for hole, now in holes if hole.name not in free)})"
-        if any(hole.name not in filled for hole in target.holes("unsure")):
+        taken = [_taken(hole, now) for hole, now in holes if hole.name not in free | unused]
+        notes = (
+            f" ({'; '.join([*taken, *(f'hole {name} is not one of to_holes' for name in sorted(unused))])})"
+        )
+        if any(hole.name not in filled | unused for hole in target.holes("unsure")):
             cure = "let the camera see the unsure holes, or clear the target board"
     return ImpossibleError(
         f"{cubes} cubes to move but only {len(goals)} free and reachable places{notes}; {cure}",
@@ -284,6 +296,26 @@ def plan_rest(rest: Rest) -> Plan | None:
     """
     require_above_table(rest.task, rest.observation)
     return request_of(rest).plan(plan_fingerprint(rest.task), _named(rest.task))
+
+
+def plan_otherwise(rest: Rest, observation: Observation, without: Set[str]) -> Plan:
+    """Plan the rest of a task for another look, without some holes of the target board.
+
+    Raises:
+        ImpossibleError: there is no plan.
+    """
+    task = without_holes(rest.task, without)
+    plan = plan_rest(replace(rest, task=task, observation=observation))
+    if plan is None:
+        raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
+    return plan
+
+
+def without_holes(task: Task, names: Set[str]) -> Task:
+    """The task without some holes of its target board, such as ``03-04/1``."""
+    if task.to_board is None:
+        return task
+    return replace(task, to_holes=tuple(n for n in task.to_holes if f"{task.to_board.name}/{n}" not in names))
 
 
 def skipped_cubes(plan: Plan | None) -> list[str]:

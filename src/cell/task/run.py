@@ -25,7 +25,15 @@ from cell.task.confirm_placed import NOT_CONFIRMED, unseen_places, width_at
 from cell.task.cube_cycles import CubeCycle, cube_cycles
 from cell.task.explain import explain_failure
 from cell.task.open_run import TO_START, OpenRun
-from cell.task.planning import Rest, options_of, plan_rest, plan_to_start, reach_of, skipped_cubes
+from cell.task.planning import (
+    Rest,
+    options_of,
+    plan_otherwise,
+    plan_rest,
+    plan_to_start,
+    reach_of,
+    skipped_cubes,
+)
 from driver.execution.progress import StreamOptions
 from plan.program.recovery import plan_retreat
 from vision.observation import Observation
@@ -122,7 +130,8 @@ class TaskRun(OpenRun):
             ImpossibleError: a cube is too likely to miss its pocket, or the arm may come too near to something.
         """
         erring_clearances(self.task.cell, plan)
-        budgets = require_placements(self.task.cell, observation, plan)
+        rest = self._rest(observation, self.task.cell.unit.positions(plan.start))
+        budgets = require_placements(self.task.cell, observation, plan, partial(plan_otherwise, rest))
         self.budgets |= {budget.cube: budget for budget in budgets}
         if budgets:
             self.console.step(budget_words(budgets))

@@ -163,6 +163,14 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
             r"from_board = \[1, 3\]: must be the two marker ids",
         ),
         ("task2.toml", "to_board = [3, 4]", "to_board = [1, 2]", "another board"),
+        (
+            "task2.toml",
+            "to_board = [3, 4]",
+            "to_board = [3, 4]\nto_holes = [1, 2, 1]",
+            r"to_holes = \[1, 2, 1\]: must be different whole numbers from 1 to 4",
+        ),
+        ("task2.toml", "to_board = [3, 4]", "to_board = [3, 4]\nto_holes = [0]", "different whole numbers"),
+        ("task2.toml", "to_board = [3, 4]", "to_board = [3, 4]\nto_holes = []", "different whole numbers"),
         ("task2.toml", "board-to-board", "board2board", "must be one of clear-board, board-to-board"),
         ("task2.toml", "cell.toml", "cel.toml", "does not exist"),
         (

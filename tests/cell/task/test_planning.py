@@ -15,6 +15,7 @@ from cell.files.task import TablePlaces, Task, read_task
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
     Rest,
+    plan_otherwise,
     plan_rest,
     reach_of,
     reachable_places,
@@ -111,6 +112,29 @@ def test_only_free_holes_are_filled(task2: Task) -> None:
     assert set(goes.values()) == {"03-04/1", "03-04/4"}
     one = seen.with_states({"01-02/1": "cube", "01-02/2": "empty", "01-02/4": "empty"})
     assert [s.name for s in _request(task2, one).places] == ["03-04/4"]
+
+
+def test_only_the_holes_that_the_task_file_names_are_filled(task2: Task) -> None:
+    seen = true_look(task2).with_states({"01-02/1": "empty", "01-02/3": "empty"})
+    chosen = replace(task2, to_holes=(2, 4))
+    request = _request(chosen, seen)
+    assert {t.place.name for t in request.transfers} == {"03-04/2", "03-04/4"}
+    assert not request.places
+    assert {h.hole for h in reach_of(chosen, seen).holes if h.hole.startswith("03")} == {"03-04/2", "03-04/4"}
+    with pytest.raises(
+        ImpossibleError, match=r"\(hole 03-04/1 is not one of to_holes; hole 03-04/2 is not one"
+    ):
+        _request(replace(task2, to_holes=(3,)), seen)
+    other = plan_otherwise(
+        Rest(chosen, seen, task2.cell.q_start, 0.5), seen.with_states({"01-02/4": "empty"}), {"03-04/2"}
+    )
+    assert [(c["cube"], c["to"]) for c in other.task["cubes"]] == [("cube 01-02/2", "03-04/4")]
+    with pytest.raises(ImpossibleError, match="no cube: there is nothing to plan"):
+        plan_otherwise(
+            Rest(chosen, seen, task2.cell.q_start, 0.5, done={"cube 01-02/2": "", "cube 01-02/4": ""}),
+            seen,
+            set(),
+        )
 
 
 def test_a_hole_that_is_unsure_is_no_place_and_says_why(task2: Task) -> None:
