@@ -18,6 +18,7 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, touching_pairs
 from arm.robot.jaws import after_closing
+from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, angle_between, frozen, inverse
 from plan.collision.certificate import ArmErrors, ClearanceCertificate, certify_move
@@ -56,8 +57,52 @@ class ReplayedMove:
     erring: ClearanceCertificate | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class MoveScene:
+    """A move and what it moves through.
+
+    Attributes:
+        move: the move.
+        scene: with the arm's jaws as the steps before have left them.
+        resting: the cubes that are not held, where the steps before have put them.
+        held: the cube in the jaws and its pose in the tool frame, or None.
+    """
+
+    move: Move
+    scene: Scene
+    resting: tuple[Body, ...]
+    held: tuple[Body, Array] | None
+
+    @property
+    def robot(self) -> Robot:
+        """The arm, with its jaws open or around a cube."""
+        return self.scene.robot_open if self.held is None else self.scene.robot_holding
+
+    def world(self) -> World:
+        """Return the world of the move.
+
+        Raises:
+            ImpossibleError: the move states that bodies may touch which must not in this scene.
+        """
+        touching = touching_pairs(self.move)
+        if touching and (
+            self.move.role not in (*ON_LINES, "line") or not self.scene.allowed.issuperset(touching)
+        ):
+            pairs = sorted(" and ".join(sorted(pair)) for pair in touching)
+            why = f"{self.move.name!r} lets touch {', '.join(pairs)}, which the scene does not allow there; plan again"
+            raise ImpossibleError(why, step=self.move.name, touching=pairs)
+        bodies = (*self.scene.bodies, *self.resting)
+        held, T_tool_held = self.held or (None, None)
+        return World(self.robot, bodies, held, T_tool_held, touching)
+
+
 def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, World, tuple[Body, ...]]]:
-    """Yield every move, its world, and the cubes that are not held, which are where the steps before have put them.
+    """Yield every move, its world and the cubes that are not held; as `scenes_of_moves`, and raises as `world`."""
+    return ((of.move, of.world(), of.resting) for of in scenes_of_moves(plan, scene, unit))
+
+
+def scenes_of_moves(plan: Plan, scene: Scene, unit: Unit) -> Iterator[MoveScene]:
+    """Yield every move with its scene.
 
     If the jaws close on no cube of the task, their opening is unknown from then on (`after_closing`).
 
@@ -66,7 +111,7 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Wo
     """
     cubes = {cube.name: cube for cube in scene.cubes}
     held: str | None = None
-    T_tool_held: Array | None = None
+    T_tool_held = np.eye(4)
     q = unit.positions(plan.start)
     for step in plan.steps:
         match step:
@@ -79,9 +124,9 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Wo
                 held, T_base_tool = name, scene.robot_open.T_base_tool(q)
                 T_tool_held = frozen(mul(inverse(T_base_tool), cubes[name].T_base_body))
             case GripperStep(action="open") | Pause(detached=str()):
-                if held is not None and T_tool_held is not None:
+                if held is not None:
                     cubes[held] = cubes[held].at(mul(scene.robot_open.T_base_tool(q), T_tool_held))
-                held = T_tool_held = None
+                held = None
             case Move():
                 if step.held != held:
                     why = (
@@ -91,7 +136,7 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Wo
                     raise ImpossibleError(why, step=step.name, held=held)
                 resting = tuple(cube for name, cube in cubes.items() if name != held)
                 hold = None if held is None else (cubes[held], T_tool_held)
-                yield step, _world(scene, resting, hold, step), resting
+                yield MoveScene(step, scene, resting, hold)
                 q = unit.positions(step.path.end)
 
 
@@ -99,11 +144,11 @@ def placed_cubes(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
     """Return T_base_cube of every cube at the end of the plan, by name.
 
     Raises:
-        ImpossibleError: as `move_scenes`.
+        ImpossibleError: as `scenes_of_moves`.
     """
     found = {cube.name: cube.T_base_body for cube in scene.cubes}
-    for _, _, resting in move_scenes(plan, scene, unit):
-        found.update((cube.name, cube.T_base_body) for cube in resting)
+    for of in scenes_of_moves(plan, scene, unit):
+        found.update((cube.name, cube.T_base_body) for cube in of.resting)
     return found
 
 
@@ -224,21 +269,6 @@ def _gripped(cubes: dict[str, Body], T_base_tool: Array, step: str) -> tuple[str
     if away > GRASP_REACH:
         raise ImpossibleError(f"{step!r} closes the jaws where no cube stands; plan again", step=step)
     return name, frozen(in_tool[name])
-
-
-def _world(
-    scene: Scene, resting: tuple[Body, ...], held: tuple[Body, Array | None] | None, move: Move
-) -> World:
-    """Return the world of a move; `held` is the cube in the jaws and its pose in the tool frame."""
-    touching = touching_pairs(move)
-    if touching and (move.role not in (*ON_LINES, "line") or not scene.allowed.issuperset(touching)):
-        pairs = sorted(" and ".join(sorted(pair)) for pair in touching)
-        why = f"{move.name!r} lets touch {', '.join(pairs)}, which the scene does not allow there; plan again"
-        raise ImpossibleError(why, step=move.name, touching=pairs)
-    bodies = (*scene.bodies, *resting)
-    if held is None:
-        return World(scene.robot_open, bodies, allowed=touching)
-    return World(scene.robot_holding, bodies, *held, touching)
 
 
 def _require_meetings(motion: Motion, unit: Unit, jump: Array, joints: tuple[str, ...]) -> None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
-from arm.plan_file import Move, Plan
+from arm.plan_file import Plan
 from cell.accuracy.arm_errors import arm_errors
 from cell.config.cell import Cell
 from plan.collision.bezier import curve_of_counts
-from plan.collision.certificate import ArmErrors, bounds_with_errors, certify_move
+from plan.collision.certificate import ArmErrors, certify_move, moved_by_errors
 from plan.collision.world import World
 from plan.scene import scene_from_json
-from plan.verify import move_scenes
+from plan.verify import MoveScene, scenes_of_moves
 
 
 def erring_clearances(cell: Cell, plan: Plan) -> tuple[float, ...]:
@@ -36,23 +36,37 @@ def erring_clearances(cell: Cell, plan: Plan) -> tuple[float, ...]:
     if errors is None:
         return ()
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    scenes = move_scenes(plan, scene, cell.unit)
+    scenes = list(scenes_of_moves(plan, scene, cell.unit))
+    bounds = _bounds(scenes, cell.unit, errors)
+    least = cell.erring_clearance
     return tuple(
-        _clearance(move, world, cell.unit, errors, cell.erring_clearance) for move, world, _ in scenes
+        bound if bound >= least else _proved(of, cell.unit, errors, least)
+        for of, bound in zip(scenes, bounds, strict=True)
     )
 
 
-def _clearance(move: Move, world: World, unit: Unit, errors: ArmErrors, least: float) -> float:
-    curve = curve_of_counts(move.path, unit)
-    stated = (
-        move.clearances
-        if len(move.clearances) == len(curve.control)
-        else [move.clearance] * len(curve.control)
-    )
-    bound = float(bounds_with_errors(world, curve, np.array(stated), errors).min())
-    if bound >= least:
-        return bound
-    certificate = certify_move(world, move.path, unit, least, errors=errors)
+def _bounds(scenes: Sequence[MoveScene], unit: Unit, errors: ArmErrors) -> list[float]:
+    """Proved clearance of each move less what the errors may move any body of it, m."""
+    curves = [curve_of_counts(of.move.path, unit) for of in scenes]
+    alike: dict[tuple[int, bytes], list[int]] = {}  # moves of the same arm with the same body in its jaws
+    for index, of in enumerate(scenes):
+        held = b"" if of.held is None else of.held[0].name.encode() + of.held[1].tobytes()
+        alike.setdefault((id(of.robot), held), []).append(index)
+    bounds = [0.0] * len(scenes)
+    for indices in alike.values():
+        first = scenes[indices[0]]
+        world = World(first.robot, (), *(first.held or (None, None)))
+        moved = moved_by_errors(world, [curves[i] for i in indices], errors)
+        for index, lost in zip(indices, moved, strict=True):
+            move = scenes[index].move
+            stated = move.clearances if len(move.clearances) == len(lost) else move.clearance
+            bounds[index] = float((stated - lost).min())
+    return bounds
+
+
+def _proved(of: MoveScene, unit: Unit, errors: ArmErrors, least: float) -> float:
+    move = of.move
+    certificate = certify_move(of.world(), move.path, unit, least, errors=errors)
     if not certificate.proved:
         kept, lost = 1e3 * certificate.clearance, 1e3 * (move.clearance - certificate.clearance)
         raise ImpossibleError(

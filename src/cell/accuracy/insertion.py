@@ -14,13 +14,14 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ndtri
 
+from arm.numerics.products import mul
 from arm.se3 import Array, Bools, frozen
 
 SAMPLES = 2**15  # leaves errors of some 3e-4 in the middle, less near 0 and 1
 LARGEST_TILT = np.radians(4.0)
 """A cube that leans further does not slide into its pocket (assumed; `cell.sim` uses the same limit)."""
 _X, _Y, _TURN_X, _TURN_Y, _YAW = 0, 1, 3, 4, 5  # of a twist in the hole's frame
-_CERTAIN = 6.0  # standard deviations: if the cube enters with all errors at once as large, 1 in 10^8 does not
+_CERTAIN = 5.0  # standard deviations: if the cube enters with all errors at once as large, 4 in 10^6 do not
 SURE = 0.9999  # what is more probable is stated as more than this
 _DIMENSIONS = 6  # these, and the difference of the sizes
 
@@ -51,10 +52,10 @@ def insertion_probability(covariance: Array, fit: PocketFit, mean: Array | None 
     if mean is None and _fits(_CERTAIN * np.sqrt(np.diag(covariance)[index]), fit, -_CERTAIN):
         return 1.0
     z = _normal_samples()
-    errors = z[:, :5] @ _root(covariance[np.ix_(index, index)]).T
+    errors = mul(_root(covariance[np.ix_(index, index)]), z[:5])
     if mean is not None:
-        errors = errors + mean[index]
-    return float(np.mean(_fits(errors.T, fit, z[:, 5])))
+        errors = errors + mean[index, None]
+    return float(np.mean(_fits(errors, fit, z[5])))
 
 
 def _fits(errors: Array, fit: PocketFit, wider: Array | float) -> Bools:
@@ -73,12 +74,12 @@ def percent(probability: float) -> str:
 
 @lru_cache(maxsize=1)
 def _normal_samples() -> Array:
-    """Standard normal errors, (SAMPLES, _DIMENSIONS)."""
+    """Standard normal errors, (_DIMENSIONS, SAMPLES)."""
     ratio = 2.0
     for _ in range(60):  # the root of x^(n + 1) = x + 1, whose powers are hard to approximate by fractions
         ratio = (1.0 + ratio) ** (1.0 / (_DIMENSIONS + 1))
     steps = ratio ** -np.arange(1.0, _DIMENSIONS + 1.0)
-    return frozen(ndtri((0.5 + np.arange(SAMPLES)[:, None] * steps) % 1.0))
+    return frozen(ndtri((0.5 + np.arange(SAMPLES) * steps[:, None]) % 1.0))
 
 
 def _root(covariance: Array) -> Array:

@@ -52,6 +52,7 @@ lower bound of d for each pair; where it is enough, no distance is computed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -180,26 +181,29 @@ def certify_curve(
     return _Search(world, curve, clearance, tight, errors).run()
 
 
-def bounds_with_errors(world: World, curve: Curve, bounds: Array, errors: ArmErrors) -> Array:
-    """Return lower bounds (m,) m on the clearance of every cubic for an arm with errors, from those of an exact arm.
+def moved_by_errors(world: World, curves: Sequence[Curve], errors: ArmErrors) -> list[Array]:
+    """Return how far errors may move any body of the arm during each cubic, (m,) m for each curve of m cubics.
 
-    This is cheaper than a certificate with errors and less tight: every pair is taken to lose what the body loses that
-    the errors move most.
+    What is proved of an exact arm less this holds for the erring one. It is cheaper than a certificate with errors and
+    less tight: every pair is taken to lose what the body loses that the errors move most.
 
     Args:
         world: with the arm and the held body; others are not used.
-        curve: of m cubics.
-        bounds: proved clearance of every cubic, (m,) m.
+        curves: motions of this arm.
         errors: of the joints.
     """
-    cuts = np.linspace(0, len(bounds), min(len(bounds), _ERROR_PIECES) + 1).astype(np.intp)
-    low = np.minimum.reduceat(curve.control.min(axis=1), cuts[:-1])
-    high = np.maximum.reduceat(curve.control.max(axis=1), cuts[:-1])
+    sizes = [len(curve.control) for curve in curves]
+    cuts = [np.linspace(0, n, min(n, _ERROR_PIECES) + 1).astype(np.intp) for n in sizes]
+    first = np.concatenate([start + of[:-1] for start, of in zip(np.cumsum([0, *sizes]), cuts, strict=False)])
+    control = np.concatenate([curve.control for curve in curves])
+    low = np.minimum.reduceat(control.min(axis=1), first)
+    high = np.maximum.reduceat(control.max(axis=1), first)
     radii = world.volumes.placed((low + high) / 2.0).radii
     motion = (radii * ((high - low) / 2.0)[:, None, :]).sum(axis=2, keepdims=True)
     levers = radii + motion * (radii > 0.0)
     moved = errors.motion(levers.reshape(-1, levers.shape[2])).reshape(levers.shape[:2])
-    return np.asarray(bounds - np.repeat(moved.max(axis=1, initial=0.0), np.diff(cuts)))
+    each = np.repeat(moved.max(axis=1, initial=0.0), np.diff([*first, sum(sizes)]))
+    return np.split(each, np.cumsum(sizes)[:-1])
 
 
 class _Search:

@@ -16,9 +16,9 @@ from plan.collision.certificate import (
     TIGHT_ABSOLUTE,
     TIGHT_RELATIVE,
     ArmErrors,
-    bounds_with_errors,
     certify_curve,
     certify_move,
+    moved_by_errors,
 )
 from plan.collision.world import DISTANCE_ERROR, World
 from tasks.task2 import Q_START, TABLE, TOOL_LENGTH
@@ -320,25 +320,40 @@ def test_a_shift_of_the_bodies_is_taken_off_every_distance(shift: float) -> None
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_bounds_with_errors_are_below_the_certificate_with_errors_and_not_far(seed: int) -> None:
+def test_moved_by_errors_leaves_less_than_a_certificate_with_errors_and_not_far_less(seed: int) -> None:
     """They take off what the errors move the body most that they move most: a certificate knows the pair."""
     rng = np.random.default_rng(seed)
     world = crowded_world(rng)
     curve, errors = _cubic(world, rng), _errors(rng, 0.1)
     exact = certify_curve(world, curve, 0.0, True)
-    cheap = bounds_with_errors(world, curve, np.array(exact.bounds), errors)
+    (moved,) = moved_by_errors(world, [curve], errors)
+    cheap = np.array(exact.bounds) - moved
     worst = _worst(world, curve, errors)
     assert cheap.min() <= worst + 2e-6
     assert (
         exact.clearance - cheap.min()
         >= exact.seen - certify_curve(world, curve, 0.0, True, errors).seen - 1e-3
     )
-    still = bounds_with_errors(world, _still(curve.control[0, 0]), np.array([1.0]), errors)
+    (still,) = moved_by_errors(world, [_still(curve.control[0, 0])], errors)
     largest = world.volumes.placed(curve.control[:, 0]).radii[0]
-    assert 1.0 - still[0] == pytest.approx(errors.motion(largest).max())
-    one = bounds_with_errors(world, curve, np.array([1.0]), errors)
+    assert still[0] == pytest.approx(errors.motion(largest).max())
     radii = world.volumes.placed(at(curve, np.linspace(0.0, 1.0, 50))).radii  # of every body, along the curve
-    assert one[0] <= 1.0 - errors.motion(radii.reshape(-1, 6)).max() + 1e-9
+    assert moved[0] >= errors.motion(radii.reshape(-1, 6)).max() - 1e-9
+
+
+def test_errors_move_a_body_on_one_curve_as_far_with_others_beside_it() -> None:
+    rng = np.random.default_rng(5)
+    world, errors = crowded_world(rng), _errors(rng, 0.1)
+    curves = []
+    for count in (1, 20, 3):
+        q = rng.uniform(UNIT.lower, UNIT.upper)
+        control = q + np.cumsum(0.02 * rng.normal(size=(count, 4, 6)), axis=0)
+        curves.append(Curve(control, np.arange(1.0, count + 1.0)))
+    together = moved_by_errors(world, curves, errors)
+    for curve, moved in zip(curves, together, strict=True):
+        assert len(moved) == len(curve.control)
+        assert np.array_equal(moved, *moved_by_errors(world, [curve], errors))
+    assert len({*together[1].tolist()}) == 8  # pieces
 
 
 @pytest.mark.parametrize("seed", range(6))
