@@ -206,6 +206,24 @@ def print_target(
 
 
 @app.command(
+    name="following",
+    short_help="Estimate the arm's following error from logs of runs.",
+    help="Compare the positions that were read at rest after each motion with those that were sent, and those in "
+    "motion with the path. Prints the line for the cell file.",
+    epilog=examples("a465 calibrate following runs/task2-1 runs/task2-2"),
+)
+def following(
+    runs: Annotated[list[Path], Argument(help="Run folders, or their logs.", metavar="RUN...")],
+    unit: Annotated[str | None, Option(help="crs93 or crs97; default: the unit named in the logs.")] = None,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("reading", as_json) as console:
+        from cell.commands.calibration.following import following_step
+
+        console.result(following_step(runs, unit, console))
+
+
+@app.command(
     name="kinematic",
     short_help="Calibrate a NAO's camera and legs from its own images.",
     help="Estimate a NAO's camera, joint offsets, joint compliance and backlash from images of boards on its soles. "
