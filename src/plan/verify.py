@@ -101,18 +101,24 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Wo
     return ((of.move, of.world(), of.resting) for of in scenes_of_moves(plan, scene, unit))
 
 
-def scenes_of_moves(plan: Plan, scene: Scene, unit: Unit) -> Iterator[MoveScene]:
+def scenes_of_moves(
+    plan: Plan, scene: Scene, unit: Unit, begins_with: str | None = None
+) -> Iterator[MoveScene]:
     """Yield every move with its scene.
 
     If the jaws close on no cube of the task, their opening is unknown from then on (`after_closing`).
+
+    Args:
+        plan, scene, unit: the plan, its scene, and the unit of its counts.
+        begins_with: name of a cube of the scene that is in the jaws before the first step.
 
     Raises:
         ImpossibleError: the jaws close where no cube is, or a move states another held cube than the steps give.
     """
     cubes = {cube.name: cube for cube in scene.cubes}
-    held: str | None = None
-    T_tool_held = np.eye(4)
-    q = unit.positions(plan.start)
+    q, held, T_tool_held = unit.positions(plan.start), begins_with, np.eye(4)
+    if begins_with is not None:
+        T_tool_held = frozen(mul(inverse(scene.robot_open.T_base_tool(q)), cubes[begins_with].T_base_body))
     for step in plan.steps:
         match step:
             case GripperStep(action="close", cube=None):

@@ -16,7 +16,7 @@ from plan.scene import scene_from_json
 from plan.verify import MoveScene, scenes_of_moves
 
 
-def erring_clearances(cell: Cell, plan: Plan) -> tuple[float, ...]:
+def erring_clearances(cell: Cell, plan: Plan, begins_with: str | None = None) -> tuple[float, ...]:
     """Prove the clearance of every move of a plan for an arm with its errors; require `accuracy.least_clearance_mm`.
 
     The errors are taken off the proved clearance of each segment. Only where that leaves too little, the move is
@@ -25,6 +25,7 @@ def erring_clearances(cell: Cell, plan: Plan) -> tuple[float, ...]:
     Args:
         cell: the cell of the plan.
         plan: with its scene.
+        begins_with: name of the cube that is in the jaws before the first step.
 
     Returns:
         Per move, m; empty if the arm's errors are not known.
@@ -36,7 +37,7 @@ def erring_clearances(cell: Cell, plan: Plan) -> tuple[float, ...]:
     if errors is None:
         return ()
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    scenes = list(scenes_of_moves(plan, scene, cell.unit))
+    scenes = list(scenes_of_moves(plan, scene, cell.unit, begins_with))
     bounds = _bounds(scenes, cell.unit, errors)
     least = cell.erring_clearance
     return tuple(

@@ -18,31 +18,37 @@ from cell.config.cell import Cell
 from vision.observation import Observation
 
 
-def plan_budgets(cell: Cell, seen: Observation, plan: Plan) -> tuple[PlacementBudget, ...]:
+def plan_budgets(
+    cell: Cell, seen: Observation, plan: Plan, gripped: Mapping[int, Array] | None = None
+) -> tuple[PlacementBudget, ...]:
     """Return the budget of every cube that the plan moves from a hole of a detected board to another.
 
     Args:
         cell: with a calibration.
         seen: observation that the plan was made from.
         plan: of a task of this cell.
+        gripped: joint positions (6,) rad at which the jaws closed on a cube before the plan, by the cube's number.
 
     Raises:
         ImpossibleError: the cell has no calibration with a covariance.
     """
     model = ErrorModel.of(cell)
     boards = {pose.board.name: model.board(pose) for pose in seen.poses}
-    return tuple(
-        placement_budget(model, transfer, pocket_fit(cell)) for transfer in _transfers(cell, boards, plan)
-    )
+    transfers = _transfers(cell, boards, plan, gripped or {})
+    return tuple(placement_budget(model, transfer, pocket_fit(cell)) for transfer in transfers)
 
 
 def require_placements(
-    cell: Cell, seen: Observation, plan: Plan, again: Callable[[Observation, Holes], Plan] | None = None
+    cell: Cell,
+    seen: Observation,
+    plan: Plan,
+    again: Callable[[Observation, Holes], Plan] | None = None,
+    gripped: Mapping[int, Array] | None = None,
 ) -> tuple[PlacementBudget, ...]:
     """Return the budgets of a plan's placements; empty if the cell is not calibrated, so that no error is known.
 
     Args:
-        cell, seen, plan: see `plan_budgets`.
+        cell, seen, plan, gripped: see `plan_budgets`.
         again: plans the same task for boards that stand elsewhere, or without some holes of the target board, to try
             whether that would help; it raises `ImpossibleError` if there is no plan.
 
@@ -56,7 +62,7 @@ def require_placements(
         other = plan if again is None else again(look, without)
         return plan_budgets(cell, look, other) if len(other.task["cubes"]) == len(plan.task["cubes"]) else ()
 
-    same = partial(plan_budgets, plan=plan)
+    same = partial(plan_budgets, plan=plan, gripped=gripped)
     return require_insertion(cell, seen, Budgets(same, None if again is None else anew))
 
 
@@ -66,8 +72,10 @@ def pocket_fit(cell: Cell) -> PocketFit:
     return PocketFit(cell.cube_size, cell.boards[0].pocket[0], float(sigma))
 
 
-def _transfers(cell: Cell, boards: Mapping[str, BoardError], plan: Plan) -> Iterator[Transfer]:
-    at = _gripper_positions(cell, plan)
+def _transfers(
+    cell: Cell, boards: Mapping[str, BoardError], plan: Plan, gripped: Mapping[int, Array]
+) -> Iterator[Transfer]:
+    at = {(number, "close"): q for number, q in gripped.items()} | _gripper_positions(cell, plan)
     for number, cube in enumerate(plan.task["cubes"]):
         source, target = (_hole(boards, cube[key]) for key in ("from", "to"))
         if source is not None and target is not None and {(number, "close"), (number, "open")} <= at.keys():

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
 from arm.io.storage import keep_apart
-from arm.plan_file import Move, write_plan
+from arm.plan_file import Move, Plan, write_plan
+from cell.accuracy.clearances import erring_clearances
 from cell.commands.steps import warn_of
 from cell.config.arm_file import ArmFile
 from cell.console import Console
@@ -51,7 +54,7 @@ def plan_poses_step(
 
     Raises:
         InputError: a file or value is wrong.
-        ImpossibleError: an entry (named) is out of reach or has too little clearance.
+        ImpossibleError: an entry (named) is out of reach or has too little clearance, or an arm with its errors has.
     """
     keep_apart(output, place_file, poses_file, look)
     seen, explain = None, None
@@ -73,16 +76,9 @@ def plan_poses_step(
     poses = read_pose_list(poses_file, reading)
     with within(budget):
         plan = plan_pose_list(place, poses, back, explain)
+    erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan)
     write_plan(output, plan)
-    console.table(
-        ("step", "s", "mm", "closest"),
-        [
-            (s.name, s.path.duration_s, 1e3 * s.clearance, " - ".join(s.closest))
-            if isinstance(s, Move)
-            else (s.name, None, None, "")
-            for s in plan.steps
-        ],
-    )
+    _print_steps(plan, erring, console)
     least = 1e3 * min(m.clearance for m in plan.moves)
     console.say(
         f"{len(poses.entries)} entries, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
@@ -105,7 +101,26 @@ def plan_poses_step(
         "boards": None if seen is None else [b.name for b in seen.boards],
         "poses": plan.task["poses"],
         "moves": [
-            {"name": m.name, "motion_s": m.path.duration_s, "clearance_mm": 1e3 * m.clearance}
-            for m in plan.moves
+            {
+                "name": m.name,
+                "motion_s": m.path.duration_s,
+                "clearance_mm": 1e3 * m.clearance,
+                "clearance_with_errors_mm": None if of is None else 1e3 * of,
+            }
+            for m, of in zip_longest(plan.moves, erring)
         ],
     }
+
+
+def _print_steps(plan: Plan, erring: Sequence[float], console: Console) -> None:
+    left = iter(erring)
+    rows = [
+        (
+            s.name,
+            *((s.path.duration_s, 1e3 * s.clearance) if isinstance(s, Move) else (None, None)),
+            *((1e3 * next(left) if isinstance(s, Move) else None,) if erring else ()),
+            " - ".join(s.closest) if isinstance(s, Move) else "",
+        )
+        for s in plan.steps
+    ]
+    console.table(("step", "s", "mm", *(["mm with errors"] if erring else []), "closest"), rows)

@@ -100,8 +100,8 @@ def execute_plan(
 
     Raises:
         InputError: a file, value or port is wrong.
-        ImpossibleError: the plan is invalid or for another cell, or a board or cube is not where the plan expects it;
-            nothing moved, or the arm is at q_start.
+        ImpossibleError: the plan is invalid or for another cell, a board or cube is not where the plan expects it, or a
+            cube is too likely to miss its pocket; nothing moved, or the arm is at q_start.
         ExecutionStopped: motion stopped, or the cell changed during the run; the state is in the error's data.
     """
     plan, task = _plan_to_send(plan_file), read_task(task_file)
@@ -119,11 +119,13 @@ def execute_plan(
         before = run.try_look("before anything moves")
         if before is not None:
             require_scene(task.cell, plan, before)
+            run.require_accuracy(before, plan, given=True)
         run.initialise_arm()
         run.go_to_start(before)
         run.after_homing()
         seen = run.look("from q_start")
         require_scene(task.cell, plan, seen)
+        run.require_accuracy(seen, plan, given=True)
         run.keep(plan, "plan")
         again = False
         if plan.task["cubes"]:

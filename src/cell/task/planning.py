@@ -13,6 +13,7 @@ from arm.io.storage import sha256
 from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array
+from cell.accuracy.clearances import erring_clearances
 from cell.files.task import HOLES, Task
 from cell.scene.build import (
     RELEASE_GAP,
@@ -340,7 +341,14 @@ def plan_to_start(
 
 
 def plan_motion(task: Task, scene: Scene, q_from: Array, q_to: Array, speed: float) -> Plan | None:
-    """Plan a motion between configurations (6,), rad, in a scene of the task's cell; see `plan_joint_motion`."""
+    """Plan a motion between configurations (6,), rad, in a scene of the task's cell; see `plan_joint_motion`.
+
+    Raises:
+        ImpossibleError: there is no such motion, or an arm with its errors may come too near to something.
+    """
     cell, options = task.cell, options_of(task, speed)
     inputs = plan_fingerprint(task), _named(task)
-    return plan_joint_motion(scene, q_from, q_to, cell.unit, cell.limits, options, *inputs)
+    plan = plan_joint_motion(scene, q_from, q_to, cell.unit, cell.limits, options, *inputs)
+    if plan is not None:
+        erring_clearances(cell, plan)
+    return plan

@@ -14,6 +14,8 @@ from arm.errors import ExecutionStopped, ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen, inverse
+from cell.accuracy.clearances import erring_clearances
+from cell.accuracy.plan_budgets import require_placements
 from cell.files.task import Task
 from cell.scene.build import (
     RELEASE_GAP,
@@ -58,7 +60,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     if not why_not:
         transfer, jaws = carried_by(task, plan, counts, observed)
         run.console.step(f"{transfer['cube']} is in the jaws; its target is {transfer['to']}")
-        _set_down(run, plan, observation, transfer, jaws, closed)
+        _set_down(run, plan, (observation, observed), transfer, jaws, closed)
     else:
         if cell.gripper.shut + STANDS < width < cell.gripper.opening - STANDS:
             run.tell(f"no cube is in the jaws: {why_not}; they open where the arm stands")
@@ -121,9 +123,14 @@ def carried_by(
     robot = cell.robot()
     cube = scene_from_json(plan.scene, robot, cell.robot(cell.cube_size)).cube(transfer["cube"])
     index = plan.task["cubes"].index(transfer)
-    lift = next(m for m in plan.moves if m.held is not None and m.cube == index)
-    T_tool_cube = mul(inverse(robot.T_base_tool(cell.unit.positions(lift.path.start))), cube.T_base_body)
+    T_tool_cube = mul(inverse(robot.T_base_tool(_gripped_at(task, plan, index))), cube.T_base_body)
     return transfer, InJaws(transfer["cube"], frozen(T_tool_cube))
+
+
+def _gripped_at(task: Task, plan: Plan, index: int) -> Array:
+    """Joint positions (6,) rad at which the plan's jaws close on a cube, by its number."""
+    lift = next(m for m in plan.moves if m.held is not None and m.cube == index)
+    return task.cell.unit.positions(lift.path.start)
 
 
 def _carried_near(task: Task, plan: Plan, q: Array) -> dict[str, str] | None:
@@ -176,12 +183,17 @@ def _station(task: Task, observation: Observation, place: str) -> Station:
 def _set_down(
     run: TaskRun,
     plan: Plan,
-    observation: Observation,
+    looks: tuple[Observation, Observation],
     transfer: dict[str, str],
     jaws: InJaws,
     closed: float,
 ) -> None:
-    task, cell = run.task, run.task.cell
+    """Bring the cube in the jaws to its target; `looks`: with the boards as far as known, and as they are seen now.
+
+    Raises:
+        ImpossibleError: there is no certified way, or the cube is too likely to miss its pocket; it stays in the jaws.
+    """
+    task, cell, (observation, observed) = run.task, run.task.cell, looks
     run.on_table = _on_table(task, plan, (transfer["to"],))
     scene = build_scene(cell, observation.with_states({transfer["to"]: "empty"}), run.on_table)
     others = [t for t in plan.task["cubes"] if t != transfer]
@@ -193,6 +205,10 @@ def _set_down(
     made = place_held_object(
         scene, q, jaws, station, cell.q_start, cell.unit, cell.limits, options, inputs, stated
     )
+    erring_clearances(cell, made, jaws.cube)
+    q_grip = _gripped_at(task, plan, plan.task["cubes"].index(transfer))
+    budgets = require_placements(cell, observed, made, gripped={0: q_grip})
+    run.budgets |= {budget.cube: budget for budget in budgets}
     run.keep(made, "set-down")
     release = 1 + next(i for i, s in enumerate(made.steps) if isinstance(s, GripperStep))
     row = run.add_row(transfer)

@@ -77,7 +77,7 @@ class TaskRun(OpenRun):
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )
-        self._require_accuracy(observation, plan)
+        self.require_accuracy(observation, plan)
         hidden = unseen_places(self.task, observation, [c["to"] for c in plan.task["cubes"]])
         if hidden:
             self.tell(hidden)
@@ -118,20 +118,26 @@ class TaskRun(OpenRun):
             f"planned {len(cubes)} cube{'' if len(cubes) == 1 else 's'}: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
-        self._require_accuracy(observation, plan)
+        self.require_accuracy(observation, plan)
         again = any(kept.plan.task["cubes"] for kept in self.kept)
         self.keep(plan, f"plan-{len(self.kept)}" if again else "plan")
         return plan
 
-    def _require_accuracy(self, observation: Observation, plan: Plan) -> None:
+    def require_accuracy(self, observation: Observation, plan: Plan, given: bool = False) -> None:
         """Say how accurate the placements are.
+
+        Args:
+            observation: of the boards.
+            plan: to be executed.
+            given: the plan is a file, so no other one is tried.
 
         Raises:
             ImpossibleError: a cube is too likely to miss its pocket, or the arm may come too near to something.
         """
         erring_clearances(self.task.cell, plan)
         rest = self._rest(observation, self.task.cell.unit.positions(plan.start))
-        budgets = require_placements(self.task.cell, observation, plan, partial(plan_otherwise, rest))
+        again = None if given else partial(plan_otherwise, rest)
+        budgets = require_placements(self.task.cell, observation, plan, again)
         self.budgets |= {budget.cube: budget for budget in budgets}
         if budgets:
             self.console.step(budget_words(budgets))

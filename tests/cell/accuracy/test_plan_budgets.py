@@ -46,6 +46,12 @@ def test_cubes_that_are_not_moved_from_hole_to_hole_have_none(
         task.cell, seen, replace(plan, steps=held)
     )  # as a plan that begins with a cube in the jaws
     assert [b.cube for b in budgets] == [c["cube"] for n, c in enumerate(plan.task["cubes"]) if n != 1]
+    q_grip = _gripper_positions(task.cell, plan)[1, "close"]
+    known = plan_budgets(task.cell, seen, replace(plan, steps=held), {1: q_grip})
+    whole = plan_budgets(task.cell, seen, plan)
+    assert [(b.cube, b.sideways, b.insertion) for b in known] == [
+        (b.cube, b.sideways, b.insertion) for b in whole
+    ]
 
 
 def test_the_jaws_move_over_the_holes_in_the_calibrated_arms_configurations(

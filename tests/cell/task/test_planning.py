@@ -17,6 +17,7 @@ from cell.task.planning import (
     Rest,
     plan_otherwise,
     plan_rest,
+    plan_to_start,
     reach_of,
     reachable_places,
     request_of,
@@ -112,6 +113,16 @@ def test_only_free_holes_are_filled(task2: Task) -> None:
     assert set(goes.values()) == {"03-04/1", "03-04/4"}
     one = seen.with_states({"01-02/1": "cube", "01-02/2": "empty", "01-02/4": "empty"})
     assert [s.name for s in _request(task2, one).places] == ["03-04/4"]
+
+
+def test_a_motion_to_the_start_keeps_its_clearance_with_errors(task2: Task) -> None:
+    calibrated = read_task(data_file("scenes/realistic/task2.toml"))
+    seen = true_look(calibrated)
+    q = calibrated.cell.q_start + np.radians([60.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert plan_to_start(calibrated, seen, q, 0.5, {}) is not None
+    erring = replace(calibrated, cell=replace(calibrated.cell, following_error=np.radians(1.0)))
+    with pytest.raises(ImpossibleError, match="for all errors of the arm within 3 standard deviations"):
+        plan_to_start(erring, seen, q, 0.5, {})
 
 
 def test_only_the_holes_that_the_task_file_names_are_filled(task2: Task) -> None:

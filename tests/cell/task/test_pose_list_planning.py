@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +12,17 @@ import pytest
 
 from arm.controller.unit import load_unit
 from arm.errors import ImpossibleError
+from arm.io.storage import data_file
 from arm.plan_file import GripperStep, read_plan
 from arm.robot.jaws import FINGERS, with_any_jaws
 from arm.robot.model import load_a465
 from arm.robot.shapes import Body, Cylinder
 from arm.se3 import rot_x, transform
+from cell.commands.plan_poses import plan_poses_step
 from cell.commands.run import resume_plan
 from cell.config.cell_file import read_cell
 from cell.console import Console
+from cell.files.pose_list import Reading
 from cell.files.task import read_place
 from cell.session.connection import WhichCell
 from cell.task.plan_matches import check_plan
@@ -240,3 +244,21 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
         "execute", tmp_path / "blind.json", task, "--world", world, "--time-scale", 60, code=3, cwd=tmp_path
     )
     assert "plate 01-02 is not in the plan" in told
+
+
+def test_in_a_calibrated_cell_every_move_keeps_clearance_with_errors(tmp_path: Path) -> None:
+    scenes = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes"))
+    poses = tmp_path / "poses.json"
+    poses.write_text(json.dumps([{"q_deg": degrees} for degrees in CTU_DEG[:2]]))
+    cell = scenes / "realistic" / "cell.toml"
+    asked = poses, None, tmp_path / "plan.json", Reading(), None, True, Console()
+    said = plan_poses_step(cell, *asked)
+    for move in said["moves"]:
+        assert 0.1 < move["clearance_mm"] - move["clearance_with_errors_mm"] < 3.0
+    assert all(m["clearance_with_errors_mm"] is None for m in plan_poses_step(CELL, *asked)["moves"])
+    with cell.open("a") as file:
+        file.write("\n[accuracy]\nleast_clearance_mm = 100\n")
+    (tmp_path / "plan.json").unlink()
+    with pytest.raises(ImpossibleError, match="for all errors of the arm within 3 standard deviations"):
+        plan_poses_step(cell, *asked)
+    assert not (tmp_path / "plan.json").exists()

@@ -13,15 +13,29 @@ import pytest
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from arm.plan_file import Move, read_plan
+from arm.io.storage import data_file
+from arm.plan_file import Move, Plan, read_plan
 from arm.se3 import inverse
+from cell.accuracy.plan_budgets import plan_budgets
 from cell.commands.run import execute_plan, resume_plan
 from cell.console import Console
 from cell.files.cube_widths import FILE, read_widths
+from cell.files.task import read_task
 from cell.scene.build import cube_name
 from cell.session.connection import WhichCell
-from cell.task.resume import _back_out, _carried_near, _known, _on_table, _station, carried_by, resume
+from cell.task.planning import Rest, plan_rest
+from cell.task.resume import (
+    _back_out,
+    _carried_near,
+    _known,
+    _on_table,
+    _set_down,
+    _station,
+    carried_by,
+    resume,
+)
 from plan.scene import scene_from_json
+from tasks.true_look import true_look
 from vision.observation import Observation
 from vision.occupancy.classify import Occupancy
 from vision.occupancy.seated import CubeWidth, Seating
@@ -195,6 +209,37 @@ def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> 
         assert held.cube == transfer["cube"]
         at = robot.T_base_tool(unit.positions(lift.path.start)) @ held.T_tool_cube
         assert at == pytest.approx(scene.cube(held.cube).T_base_body, abs=1e-9)
+
+
+@pytest.mark.parametrize("following_deg", [0.0, 0.08])
+def test_a_cube_in_the_jaws_is_set_down_only_if_it_enters_its_pocket(following_deg: float) -> None:
+    """As certainly as from its hole, with the boards that are seen now; otherwise it stays in the jaws."""
+    task = read_task(data_file("scenes/realistic/task2.toml"))
+    task = replace(task, cell=replace(task.cell, following_error=np.radians(following_deg)))
+    cell, seen = task.cell, true_look(task)
+    plan = plan_rest(Rest(task, seen, cell.q_start, 0.5))
+    assert plan is not None
+    lift = next(m for m in plan.moves if m.held is not None and m.cube == 1)
+    transfer, jaws = carried_by(task, plan, lift.path.end, seen)
+
+    def keep(made: Plan, name: str) -> None:
+        raise RuntimeError(name)  # what follows moves the arm
+
+    q = cell.unit.positions(lift.path.end)
+    run: Any = SimpleNamespace(task=task, q_now=lambda: q, speed=0.5, keep=keep, budgets={})
+    if following_deg:
+        with pytest.raises(ImpossibleError, match=f"{transfer['cube']} enters {transfer['to']} with"):
+            _set_down(run, plan, (seen, seen), transfer, jaws, 0.3)
+        assert run.budgets == {}
+        return
+    with pytest.raises(RuntimeError, match="set-down"):
+        _set_down(run, plan, (seen, seen), transfer, jaws, 0.3)
+    (budget,) = run.budgets.values()
+    planned = plan_budgets(cell, seen, plan)[1]
+    assert (budget.cube, budget.source, budget.target) == (planned.cube, planned.source, planned.target)
+    assert budget.sideways == pytest.approx(planned.sideways, rel=0.3)  # at another grasp of the hole
+    with pytest.raises(RuntimeError, match="set-down"):  # a board that the arm hides is not judged
+        _set_down(run, plan, (seen, Observation()), transfer, jaws, 0.3)
 
 
 def test_wherever_a_move_stops_however_fast_it_was_its_cube_is_known(lasting: LastingCell) -> None:
