@@ -307,7 +307,10 @@ def main() -> None:
     print(f"{run_conditions()}; {options.cases} cases from seed {options.first_seed}\n", flush=True)
     with ProcessPoolExecutor(options.jobs) as pool:
         seeds = range(options.first_seed, options.first_seed + options.cases)
-        outcomes = list(pool.map(outcome_of, seeds))
+        outcomes = []
+        for outcome in pool.map(outcome_of, seeds):
+            outcomes.append(outcome)
+            print(outcome, file=sys.stderr, flush=True)
     _tell_refusals(outcomes)
     _tell_measures(outcomes)
     for o in outcomes:
