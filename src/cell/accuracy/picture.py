@@ -8,10 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.board import PLATE_CENTRE, PLATE_SIZE, Board
+from arm.se3 import apply
 from cell.accuracy.insertion import PocketFit, percent
 from cell.accuracy.placement import PlacementBudget
+from vision.camera.model import Camera, Image
+from vision.drawing import Pen
+from vision.observation import Observation
 
 MAGNIFIED = 10.0  # offsets and room, relative to the plate
+INK, FAINT = (0, 120, 255), (200, 200, 200)  # BGR, in photographs
 SPREAD = float(np.sqrt(5.991))  # standard deviations to the ellipse that holds 95 % in two dimensions
 
 
@@ -51,6 +56,46 @@ def budget_picture(board: Board, budgets: Sequence[PlacementBudget], fit: Pocket
     x, y = 1e3 * np.array(PLATE_CENTRE) - size / 2.0
     marks = tuple(_mark(board, b, fit) for b in budgets if b.target.rpartition("/")[0] == board.name)
     return BudgetPicture(board.name, (float(x), float(y), float(size[0]), float(size[1])), marks)
+
+
+def budget_pictures(
+    boards: Sequence[Board], budgets: Sequence[PlacementBudget], fit: PocketFit
+) -> list[BudgetPicture]:
+    """Return a picture of each board that a cube is put into."""
+    pictures = (budget_picture(board, budgets, fit) for board in boards)
+    return [picture for picture in pictures if picture.marks]
+
+
+def drawn_over(
+    picture: Image, camera: Camera, seen: Observation, budgets: Sequence[PlacementBudget], fit: PocketFit
+) -> Image:
+    """Draw the same ellipses, squares and probabilities over the holes in a photograph, and return it.
+
+    Args:
+        picture: BGR (h, w, 3), drawn on in place.
+        camera: that took it.
+        seen: with the poses of the boards.
+        budgets: of the placements.
+        fit: sizes of cube and pocket.
+    """
+    pen, holes = Pen(picture), {hole.name: hole for pose in seen.poses for hole in pose.holes}
+    circle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    square = (
+        MAGNIFIED
+        * (fit.mouth - fit.cube)
+        / 2.0
+        * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    )
+    for budget in budgets:
+        values, vectors = np.linalg.eigh(budget.covariance[:2, :2])
+        axes = MAGNIFIED * SPREAD * vectors * np.sqrt(np.maximum(values, 0.0))
+        ellipse = np.column_stack([np.cos(circle), np.sin(circle)]) @ axes.T
+        T_base_hole = holes[budget.target].T_base_hole
+        for points, colour in ((square, FAINT), (ellipse, INK)):
+            pen.outline(camera.project_base(apply(T_base_hole, np.pad(points, ((0, 0), (0, 1))))), colour)
+        below = camera.project_base(apply(T_base_hole, [0.0, -0.8 * fit.mouth, 0.0]))
+        pen.text(f"{percent(budget.insertion)} %", below, INK)
+    return picture
 
 
 def _mark(board: Board, budget: PlacementBudget, fit: PocketFit) -> HoleMark:

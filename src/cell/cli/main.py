@@ -260,13 +260,16 @@ def preview(
         ),
     ] = None,
     output: shared.Output = None,
+    look: Annotated[
+        Path | None, Option(help="For a plan: detected boards, to show its predicted accuracy.")
+    ] = None,
     as_json: shared.Json = False,
 ) -> None:
     refuse_swapped("preview", file, task)
     with answering("drawing", as_json) as console:
         from cell.commands.preview import preview_file
 
-        console.result(preview_file(file, task, output, console))
+        console.result(preview_file(file, task, output, console, look))
 
 
 @app.command(

@@ -10,28 +10,37 @@ from arm.io.storage import keep_apart
 from cell.console import Console
 
 
-def preview_file(file: Path, task: Path | None, output: Path | None, console: Console) -> dict[str, Any]:
+def preview_file(
+    file: Path, task: Path | None, output: Path | None, console: Console, look: Path | None = None
+) -> dict[str, Any]:
     """Write the page of a plan or a log, as the content of the file decides; by default beside the file.
 
-    A plan that does not match the present cell is shown with a warning.
+    A plan that does not match the present cell is shown with a warning. With a look, its placements are shown too.
 
     Raises:
         InputError: a plan of a cell needs its task file, and a plan of an arm without a unit has none.
     """
     from driver.log.read import is_log
 
-    keep_apart(output, file, task)
+    keep_apart(output, file, task, look)
     output = output or file.with_suffix(".html")
     if is_log(file):
         from cell.preview.of_log import preview_log
 
+        if look is not None:
+            raise InputError(f"--look goes with a plan; {file} is a log", option="look")
         return preview_log(file, task, output, console)
-    return _preview_plan(file, task, output, console)
+    return _preview_plan(file, task, output, console, look)
 
 
-def _preview_plan(plan_file: Path, task_file: Path | None, output: Path, console: Console) -> dict[str, Any]:
+def _preview_plan(
+    plan_file: Path, task_file: Path | None, output: Path, console: Console, look: Path | None
+) -> dict[str, Any]:
     from arm.plan_file import read_plan
+    from cell.accuracy.error_model import ErrorModel
+    from cell.accuracy.plan_budgets import plan_budgets
     from cell.export.scene import arm_of_plan
+    from cell.files.observation import read_observation
     from cell.files.task import Task, place_or_arm
     from cell.preview.of_plan import write_page
     from cell.preview.page import write_preview
@@ -53,7 +62,9 @@ def _preview_plan(plan_file: Path, task_file: Path | None, output: Path, console
             if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
                 raise
             warning = str(error)
-        write_page(task, plan, output)
+        known = look is not None and ErrorModel.available(task.cell)
+        seen = read_observation(look, task.cell.boards) if look is not None else None
+        write_page(task, plan, output, plan_budgets(task.cell, seen, plan) if known and seen else ())
     if warning is not None:
         console.say(f"WARNING: {warning}; the page shows it in the present cell, but execute would refuse it")
     console.say(f"open {output} in a browser")

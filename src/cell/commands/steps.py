@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import zip_longest
@@ -20,7 +20,7 @@ from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.measures import Budgets, require_insertion
 from cell.accuracy.placement import PlacementBudget
-from cell.accuracy.plan_budgets import require_placements
+from cell.accuracy.plan_budgets import pocket_fit, require_placements
 from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
 from cell.console import Console
@@ -72,7 +72,7 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     require_boards(seen, task)
-    return result | {"placements": _foreseen(task, seen, console)}
+    return result | {"placements": _foreseen(task, seen, console, picture=picture)}
 
 
 def frames_of(
@@ -104,8 +104,14 @@ def _print_look(seen: Observation, console: Console) -> None:
         )
 
 
-def _foreseen(task: Task, seen: Observation, console: Console, table: ReachTable | None = None) -> list[Any]:
-    """Print the budgets of all free targets, and return them as JSON.
+def _foreseen(
+    task: Task,
+    seen: Observation,
+    console: Console,
+    table: ReachTable | None = None,
+    picture: Path | None = None,
+) -> list[Any]:
+    """Print the budgets of all free targets, draw them over the picture of the look, and return them as JSON.
 
     Raises:
         ImpossibleError: a cube is too likely to miss its pocket.
@@ -124,7 +130,18 @@ def _foreseen(task: Task, seen: Observation, console: Console, table: ReachTable
 
     if budgets := of(task.cell, seen):
         print_budgets(budgets, console)
+        if picture is not None:
+            _draw_over(picture, task.cell, seen, budgets)
     return [budget_to_json(budget) for budget in require_insertion(task.cell, seen, Budgets(of, again))]
+
+
+def _draw_over(picture: Path, cell: Cell, seen: Observation, budgets: Sequence[PlacementBudget]) -> None:
+    from cell.accuracy.picture import drawn_over
+    from cell.task.look import write_png
+    from vision.observe import annotated
+
+    shown = annotated(seen.images[0], cell.camera, seen)
+    write_png(picture, drawn_over(shown, cell.camera, seen, budgets, pocket_fit(cell)))
 
 
 def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool = False) -> dict[str, Any]:

@@ -43,6 +43,7 @@ def page_content(
     camera: Camera | None = None,
     clearance: Mapping[int, Sequence[ClearanceSample]] | None = None,
     executed: Sequence[ExecutedMove] = (),
+    erring: Sequence[float] = (),
 ) -> dict[str, Any]:
     """Return everything that the page draws.
 
@@ -55,6 +56,7 @@ def page_content(
         camera: drawn with its field of view.
         clearance: samples of a move by index of its step.
         executed: drawn over the plan.
+        erring: clearance of each move for an arm with its errors, m; empty if they are not known.
 
     Raises:
         InputError: the plan is for another unit, or the arms do not match each other or its scene.
@@ -63,6 +65,7 @@ def page_content(
         why = f"unit = {unit.name!r}: the plan is for {plan.unit!r}"
         raise InputError(why, value=unit.name, plan=plan.unit)
     steps = timed_steps(plan)
+    of_erring = iter(erring)
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
     tracks = cube_tracks(steps, cubes, robot_open, unit)
@@ -100,7 +103,10 @@ def page_content(
         ],
         "boards": boards_to_json(boards, bodies, dictionary),
         "camera": None if camera is None else camera_to_json(camera),
-        "steps": [_step(timed, i in joined) for i, timed in enumerate(steps)],
+        "steps": [
+            _step(timed, i in joined, next(of_erring, None) if isinstance(timed.step, Move) else None)
+            for i, timed in enumerate(steps)
+        ],
         "clearance": {str(i): clearance_to_json(s) for i, s in (clearance or {}).items()},
         "executed": [executed_to_json(move) for move in executed],
     }
@@ -164,8 +170,8 @@ def _axis(robot: Robot, zero: Array, joint: int) -> dict[str, Any]:
     return {"revolute": revolute, "axis": [float(v) + 0.0 for v in np.round(axis, 9)]}
 
 
-def _step(timed: TimedStep, joined: bool) -> dict[str, Any]:
-    """A step; a move is `joined` if it continues the one before without a stop."""
+def _step(timed: TimedStep, joined: bool, erring: float | None) -> dict[str, Any]:
+    """A step; a move is `joined` if it continues the one before without a stop. `erring`: its clearance with errors."""
     step = timed.step
     common = {
         "name": step.name,
@@ -183,6 +189,7 @@ def _step(timed: TimedStep, joined: bool) -> dict[str, Any]:
                 "segments": [[s.duration_ms, *map(list, s.coefficients)] for s in step.path.segments],
                 "held": step.held,
                 "clearance": step.clearance if _planned(step) else None,
+                "clearance_with_errors": erring,
                 "clearances": [float(np.floor(c * 1e6)) / 1e6 for c in step.clearances],
                 "joined": joined,
                 "closest": list(step.closest),

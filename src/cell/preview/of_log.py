@@ -69,7 +69,7 @@ def preview_log(log: Path, task_file: Path | None, output: Path, console: Consol
     """
     replay = _replay(log, task_file)
     if replay.task is not None:
-        write_page(replay.task, replay.plan, output, replay.unit, replay.executed)
+        write_page(replay.task, replay.plan, output, unit=replay.unit, executed=replay.executed)
     else:  # clearance is not sampled, because the arm may have another tool
         wide, narrow = (load_a465(TOOL_LENGTH, opening) for opening in JAW_OPENINGS)
         write_preview(

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 from arm.board import Board
 from arm.controller.unit import Unit
 from arm.io.storage import canonical_json, read_text, write_atomic
 from arm.plan_file import Plan
 from arm.robot.model import Robot
+from cell.accuracy.picture import BudgetPicture
 from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
 from cell.preview.overlays import ExecutedMove
-from cell.report.html import render
+from cell.report.html import Table, render
 from vision.camera.model import Camera
 
 _HERE = Path(__file__).resolve().parent
@@ -33,6 +34,14 @@ class Drawn(TypedDict, total=False):
     dictionary: str
     camera: Camera | None
     executed: Sequence[ExecutedMove]
+    erring: Sequence[float]
+
+
+class Accuracy(NamedTuple):
+    """Predicted accuracy of a plan's placements: a table, and pictures of the boards."""
+
+    table: Table
+    boards: Sequence[BudgetPicture]
 
 
 def write_preview(
@@ -67,6 +76,7 @@ def preview_page(
     *,
     clearance_every_s: float = CLEARANCE_EVERY_S,
     live: str | None = None,
+    accuracy: Accuracy | None = None,
     **drawn: Unpack[Drawn],
 ) -> str:
     """Return a plan as HTML text. The same input gives the same text.
@@ -75,6 +85,7 @@ def preview_page(
         plan, robot_open, robot_holding, unit, drawn: see `cell.preview.content.page_content`.
         clearance_every_s: spacing of the clearance samples along the moves; 0 shows the plan's figures instead.
         live: the mark of a page that follows the state of its server (`cell.live.server`).
+        accuracy: shown below the steps.
 
     Raises:
         InputError: the plan does not fit the unit or the arms.
@@ -82,10 +93,10 @@ def preview_page(
     arms = robot_open, robot_holding
     sampled = sample_clearance(plan, *arms, unit, clearance_every_s) if clearance_every_s > 0.0 else None
     content = page_content(plan, *arms, unit, clearance=sampled, **drawn)
-    return page(content if live is None else content | {"live": live, "code": None})
+    return page(content if live is None else content | {"live": live, "code": None}, accuracy)
 
 
-def page(content: dict[str, Any]) -> str:
+def page(content: dict[str, Any], accuracy: Accuracy | None = None) -> str:
     """Return the HTML text for `content` (of `page_content`, plus the mark of a live page)."""
     live = "live" in content
     return render(
@@ -95,6 +106,7 @@ def page(content: dict[str, Any]) -> str:
         content=canonical_json(content).replace("<", "\\u003c"),  # no name in the plan ends the element early
         licence=_part("vendor/LICENSE.three.txt").replace("--", "- -"),
         three=_part("vendor/three.bundle.min.js").replace("</script", "<\\/script"),
+        accuracy=accuracy,
         scripts=_scripts((*LIVE_SCRIPTS, *SCRIPTS) if live else SCRIPTS),
     )
 

@@ -14,10 +14,9 @@ import cv2
 from arm.errors import InputError
 from arm.plan_file import Plan
 from cell.accuracy.budget_report import HEADER, budget_rows
-from cell.accuracy.picture import BudgetPicture, budget_picture
+from cell.accuracy.picture import budget_pictures
 from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.plan_budgets import pocket_fit
-from cell.config.cell import Cell
 from cell.files.task import Task
 from cell.report.html import Table, render
 
@@ -103,16 +102,10 @@ def run_page(
         plans=Table(_PLAN_HEADER, [_plan_row(kept) for kept in plans]),
         previews=previews,
         budgets=Table(HEADER, budget_rows(budgets)),
-        boards=_budget_pictures(cell, budgets),
+        boards=budget_pictures(cell.boards, budgets, pocket_fit(cell)),
         provenance=Table(("what", "value"), provenance),
         details=_details(plans),
     )
-
-
-def _budget_pictures(cell: Cell, budgets: Sequence[PlacementBudget]) -> list[BudgetPicture]:
-    """Return a picture of each board that a cube was put into."""
-    drawn = (budget_picture(board, budgets, pocket_fit(cell)) for board in cell.boards)
-    return [picture for picture in drawn if picture.marks]
 
 
 def _extreme(

@@ -38,6 +38,7 @@ from vision.background.camera_shift import UNRECOGNISED
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
+WritePage = Callable[[Task, Plan, Path, Sequence[PlacementBudget]], None]
 TO_START = "to-start"  # name of a plan that only moves to q_start
 
 
@@ -82,7 +83,7 @@ class OpenRun:
         self.homed_before = False  # homed before this run, so it is not homed again
         self.preload = False  # whether each motion is verified before it begins
         self.after_homing: Callable[[], None] = lambda: None
-        self.write_page: Callable[[Task, Plan, Path], None] = lambda *_: None  # the preview of a plan
+        self.write_page: WritePage = lambda *_: None  # the preview of a plan
         self.budget: SearchBudget | None = None  # of each search for a plan
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether to give advice after a refusal to plan
@@ -161,7 +162,8 @@ class OpenRun:
         self.connection.mars.note("plan", file=f"{name}.json", sha256=plan.sha256)
         if name.startswith("plan"):
             page = self.folder / name.replace("plan", "preview")
-            self.write_page(self.task, plan, page.with_suffix(".html"))
+            budgets = [b for cube in plan.task["cubes"] if (b := self.budgets.get(cube["cube"])) is not None]
+            self.write_page(self.task, plan, page.with_suffix(".html"), budgets)
         self.watcher.plan(plan, name)
 
     def execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:

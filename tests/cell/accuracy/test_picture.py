@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
+from arm.se3 import apply
 from cell.accuracy.insertion import PocketFit
-from cell.accuracy.picture import MAGNIFIED, budget_picture
+from cell.accuracy.picture import FAINT, INK, MAGNIFIED, budget_picture, budget_pictures, drawn_over
 from cell.accuracy.placement import PlacementBudget
 from cell.config.cell_file import read_cell
+from cell.files.task import Task
+from vision.observation import Observation
 
 FIT = PocketFit(0.040, 0.044, 0.0)
 
@@ -39,3 +42,28 @@ def test_ellipses_have_the_axes_of_the_offsets(angle_deg: float) -> None:
     x, y, width, height = picture.plate
     assert (width, height) == (240.0, 200.0)
     assert (x + width / 2.0, y + height / 2.0) == pytest.approx((90.0, 70.0))
+
+
+def test_boards_without_placements_have_no_picture() -> None:
+    boards = read_cell(data_file("scenes/cell.toml")).boards
+    budgets = [_budget("03-04/3", 0.5, 0.2, 0.0), _budget("05-06/1", 0.5, 0.2, 0.0)]
+    assert [picture.board for picture in budget_pictures(boards, budgets, FIT)] == ["03-04", "05-06"]
+    assert budget_pictures(boards, [], FIT) == []
+
+
+def test_ellipses_are_drawn_where_the_hole_is_in_the_photograph(task: Task, seen: Observation) -> None:
+    camera, blank = task.cell.camera, np.zeros((1200, 1920, 3), dtype=np.uint8)
+    budget = _budget("03-04/3", 1.2, 0.3, 0.0)
+    drawn = drawn_over(blank.copy(), camera, seen, [budget], FIT)
+    hole = next(h for pose in seen.poses for h in pose.holes if h.name == budget.target)
+    ends = [[2.4477e-3 * 1.2 * MAGNIFIED, 0.0, 0.0], [0.0, 2.4477e-3 * 0.3 * MAGNIFIED, 0.0]]
+    for points, colour in (
+        ([*ends, *np.negative(ends)], INK),
+        ([[1e-3 * 2.0 * MAGNIFIED, 1e-3 * x, 0.0] for x in (-15.0, 0.0, 15.0)], FAINT),
+    ):
+        for x, y in np.rint(camera.project_base(apply(hole.T_base_hole, points))).astype(int):
+            near = drawn[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3)
+            assert (np.abs(near.astype(int) - colour).max(axis=1) < 40).any()
+    x, y = np.rint(camera.project_base(hole.T_base_hole[:3, 3])).astype(int)
+    assert not drawn[y - 5 : y + 6, x - 5 : x + 6].any()
+    assert drawn.any(axis=(1, 2)).sum() < 400  # of 1200 rows

@@ -22,11 +22,13 @@ function fillHeading(content, motion) {
   const cubes = (content.task.cubes || content.task.transfers || content.cubes).length;
   const moves = content.steps.filter((step) => step.kind === "move");
   const known = moves.map((step) => step.clearance).filter((c) => c !== null);
+  const erring = moves.map((step) => step.clearance_with_errors).filter((c) => c !== null);
   document.getElementById("summary").textContent = [
     content.unit === "none" ? `${motion.chain.length} joints, no unit` : content.unit,
     cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
     `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))} (${armShape(content.arm)})` : "",
+    erring.length ? `${millimetres(1e3 * Math.min(...erring))} with the arm's errors` : "",
     content.less_clearance,
     content.executed.length ? `executed within ${motion.farthest.degrees.toFixed(3)}° of the plan` : "",
   ].filter(Boolean).join(" · ");
@@ -107,7 +109,8 @@ function fillSteps(content, onStep) {
         const clearance = known
           ? `; clearance ${step.certified ? "certified" : "sampled"}: ${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`
           : "";
-        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${clearance}${step.joined ? "; continues without a stop" : ""}`;
+        const erring = step.clearance_with_errors === null ? "" : `; with the arm's errors: ${millimetres(1e3 * step.clearance_with_errors)}`;
+        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${clearance}${erring}${step.joined ? "; continues without a stop" : ""}`;
         row.classList.toggle("joined", step.joined);
         mm.style.color = known && step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
       }
