@@ -50,7 +50,7 @@ def seconds_of(seed: int) -> list[float] | str:
         if plan is None:
             return f"{seed}: nothing to do"
         clock.append(time.process_time())
-        erring_clearances(task.cell, plan)
+        erring_clearances(task.cell, plan, seen)
         clock.append(time.process_time())
         require_placements(task.cell, seen, plan)
         clock.append(time.process_time())

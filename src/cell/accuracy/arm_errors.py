@@ -1,14 +1,31 @@
-"""The errors of a calibrated arm that certificates allow for, from the same sources as the budget of a placement."""
+"""The errors of a calibrated arm, and of boards and cubes, that certificates allow for.
+
+They are those of the budget of a placement, at `accuracy.sigmas` standard deviations. Arm and boards are taken to err
+independently; where their errors go together, as those of the camera's pose do, this only takes off too much.
+"""
 
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 
 from arm.calibration_file import COVARIANCE
+from arm.errors import InputError
+from arm.numerics.products import mul
+from arm.plan_file import Plan
+from arm.poses import adjoint
 from arm.robot.dh import A465
-from arm.se3 import Array, frozen
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, frozen, inverse, skew
+from cell.accuracy.error_model import ErrorModel
+from cell.accuracy.linear_error import LinearError
+from cell.accuracy.placement import grip_error
+from cell.accuracy.plan_budgets import gripper_positions, hole_of
 from cell.config.cell import Cell
 from plan.collision.certificate import ArmErrors
+from plan.scene import Scene
+from vision.observation import Observation
 
 _BODY = 0.15  # m, from the tool's frame to the furthest point of a held cube or of the gripper
 _OFFSETS = slice(COVARIANCE[0], sum(COVARIANCE[:2]))
@@ -30,6 +47,70 @@ def arm_errors(cell: Cell) -> ArmErrors | None:
     lever = np.concatenate([np.ones(2 * A465.joints), _length_behind(cell)])
     links = float(lever @ np.abs(made.covariance[_LINKS, _LINKS]) @ lever)
     return ArmErrors(frozen(joints), cell.sigmas, cell.sigmas * float(np.sqrt(links)))
+
+
+def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict[str, float]:
+    """Return how far boards, stands and cubes of a plan may be from where it has them, m, by their names.
+
+    A cube counts as off by the largest of what it may be off in its hole, in the jaws, and where it is released. In the
+    jaws that is relative to the tool, whose own errors are those of the arm.
+
+    Args:
+        cell: of the plan.
+        seen: look that the plan was made from; boards that it lacks, and what stands on them, have no errors.
+        plan: whose jaws take and release the cubes.
+        scene: of the plan.
+    """
+    if cell.sigmas == 0.0 or not ErrorModel.available(cell):
+        return {}
+    model = ErrorModel.of(cell, scene.robot_open)
+    boards = {pose.board.name: model.board(pose) for pose in seen.poses}
+    found: dict[str, float] = {}
+    for body in (*scene.bodies, *scene.cubes):
+        board = boards.get(_board_of(body.name))
+        if board is not None:
+            T_body_base = inverse(body.T_base_body)
+            found[body.name] = _largest(board.shared.transformed(adjoint(T_body_base)), body, cell.sigmas)
+    at, cubes = gripper_positions(cell, plan), {cube.name: cube for cube in scene.cubes}
+    for number, entry in enumerate(plan.task.get("cubes", ())):
+        source, cube, q = hole_of(boards, entry["from"]), cubes.get(entry["cube"]), at.get((number, "close"))
+        if source is not None and cube is not None and q is not None:
+            T_cube_tool = mul(inverse(cube.T_base_body), model.T_base_tool(q))
+            errors = [grip_error(model, *source, q).transformed(adjoint(T_cube_tool))]
+            if (q_release := at.get((number, "open"))) is not None:
+                T_cube_base = mul(T_cube_tool, inverse(model.T_base_tool(q_release)))
+                errors.append(errors[0] + model.tool_error(q_release).transformed(adjoint(T_cube_base)))
+                if (target := hole_of(boards, entry["to"])) is not None:  # it moves with the pocket
+                    errors.append(target[0].shared.transformed(adjoint(T_cube_base)))
+            off = max(_largest(error, cube, cell.sigmas) for error in errors)
+            found[cube.name] = max(found.get(cube.name, 0.0), off)
+    return found
+
+
+def _board_of(body: str) -> str:
+    """Name of the board of a body such as ``plate 01-02``, ``stand 01-02`` or ``cube 01-02/1``."""
+    return body.partition(" ")[2].partition("/")[0]
+
+
+def _largest(error: LinearError, body: Body, sigmas: float) -> float:
+    """Largest displacement of a point of a box by an error of its own frame within so many standard deviations, m.
+
+    To first order a point p moves by v + w x p. Over the ellipsoid of v and w the longest such motion is convex in p,
+    so it is at a corner. The rest is at most |w| |v| / 2 + |w|^2 |p| / 2.
+    """
+    if not isinstance(body.shape, Box):
+        raise InputError(f"{body.name!r} must be a box", name=body.name)
+    half, C = np.array(body.shape.size) / 2.0, error.covariance
+    corners = half * np.array(list(product((-1.0, 1.0), repeat=3)))
+    J = np.array([np.hstack([np.eye(3), -skew(corner)]) for corner in corners])
+    longest = _longest(np.concatenate([J @ C @ np.swapaxes(J, 1, 2), [C[:3, :3], C[3:, 3:]]]))
+    v, w = sigmas * longest[-2:]
+    return float(sigmas * longest[:-2].max() + w * v / 2.0 + w**2 * np.linalg.norm(half) / 2.0)
+
+
+def _longest(covariances: Array) -> Array:
+    """Largest standard deviation in any direction, of each covariance (m, 3, 3)."""
+    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0)))
 
 
 def _length_behind(cell: Cell) -> Array:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.plan_file import Plan
-from cell.accuracy.arm_errors import arm_errors
+from arm.robot.shapes import Body
+from cell.accuracy.arm_errors import arm_errors, body_errors
 from cell.config.cell import Cell
 from plan.collision.bezier import curve_of_counts
 from plan.collision.certificate import ArmErrors, certify_move, moved_by_errors
 from plan.collision.world import World
 from plan.scene import scene_from_json
 from plan.verify import MoveScene, scenes_of_moves
+from vision.observation import Observation
 
 
-def erring_clearances(cell: Cell, plan: Plan, begins_with: str | None = None) -> tuple[float, ...]:
+def erring_clearances(
+    cell: Cell, plan: Plan, seen: Observation | None = None, begins_with: str | None = None
+) -> tuple[float, ...]:
     """Prove the clearance of every move of a plan for an arm with its errors; require `accuracy.least_clearance_mm`.
 
     The errors are taken off the proved clearance of each segment. Only where that leaves too little, the move is
@@ -25,6 +30,7 @@ def erring_clearances(cell: Cell, plan: Plan, begins_with: str | None = None) ->
     Args:
         cell: the cell of the plan.
         plan: with its scene.
+        seen: look that the plan was made from; then the errors of its boards and cubes are taken off too.
         begins_with: name of the cube that is in the jaws before the first step.
 
     Returns:
@@ -37,17 +43,28 @@ def erring_clearances(cell: Cell, plan: Plan, begins_with: str | None = None) ->
     if errors is None:
         return ()
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    off = {} if seen is None else body_errors(cell, seen, plan, scene)
+    scene = replace(scene, bodies=_grown(scene.bodies, off), cubes=_grown(scene.cubes, off))
     scenes = list(scenes_of_moves(plan, scene, cell.unit, begins_with))
-    bounds = _bounds(scenes, cell.unit, errors)
+    bounds = _bounds(scenes, cell.unit, errors, off)
     least = cell.erring_clearance
     return tuple(
-        bound if bound >= least else _proved(of, cell.unit, errors, least)
+        bound
+        if bound >= least
+        else _proved(of, cell.unit, errors, least, "arm and boards" if off else "the arm")
         for of, bound in zip(scenes, bounds, strict=True)
     )
 
 
-def _bounds(scenes: Sequence[MoveScene], unit: Unit, errors: ArmErrors) -> list[float]:
-    """Proved clearance of each move less what the errors may move any body of it, m."""
+def _grown(bodies: Sequence[Body], off: Mapping[str, float]) -> tuple[Body, ...]:
+    """Bodies with larger paddings: no point of one is further from where it should be."""
+    return tuple(replace(b, padding=b.padding + off[b.name]) if b.name in off else b for b in bodies)
+
+
+def _bounds(
+    scenes: Sequence[MoveScene], unit: Unit, errors: ArmErrors, off: Mapping[str, float]
+) -> list[float]:
+    """Proved clearance of each move less what the errors may move any two bodies of it, m."""
     curves = [curve_of_counts(of.move.path, unit) for of in scenes]
     alike: dict[tuple[int, bytes], list[int]] = {}  # moves of the same arm with the same body in its jaws
     for index, of in enumerate(scenes):
@@ -61,17 +78,18 @@ def _bounds(scenes: Sequence[MoveScene], unit: Unit, errors: ArmErrors) -> list[
         for index, lost in zip(indices, moved, strict=True):
             move = scenes[index].move
             stated = move.clearances if len(move.clearances) == len(lost) else move.clearance
-            bounds[index] = float((stated - lost).min())
+            in_jaws = 0.0 if move.held is None else off.get(move.held, 0.0)
+            bounds[index] = float((stated - lost).min()) - in_jaws - max(off.values(), default=0.0)
     return bounds
 
 
-def _proved(of: MoveScene, unit: Unit, errors: ArmErrors, least: float) -> float:
+def _proved(of: MoveScene, unit: Unit, errors: ArmErrors, least: float, who: str) -> float:
     move = of.move
     certificate = certify_move(of.world(), move.path, unit, least, errors=errors)
     if not certificate.proved:
         kept, lost = 1e3 * certificate.clearance, 1e3 * (move.clearance - certificate.clearance)
         raise ImpossibleError(
-            f"{move.name!r} keeps {kept:.1f} mm between {' and '.join(certificate.pair)} for all errors of the arm "
+            f"{move.name!r} keeps {kept:.1f} mm between {' and '.join(certificate.pair)} for all errors of {who} "
             f"within {errors.sigmas:g} standard deviations, but accuracy.least_clearance_mm is {1e3 * least:g}: "
             f"the errors take off {lost:.1f} mm; raise motion.clearance_mm by as much, or calibrate the arm again",
             step=move.name,

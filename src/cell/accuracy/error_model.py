@@ -7,7 +7,6 @@ its camera misses nothing. Boards add what their detection is worth, arrivals wh
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -53,12 +52,14 @@ class ErrorModel:
         calibration: of the cell.
         shared: errors of camera and arm.
         tool: errors of the tool's frame on the flange.
+        robot: the cell's arm, jaws anywhere.
     """
 
     cell: Cell
     calibration: ArmCalibration
     shared: ErrorGroup
     tool: ErrorGroup
+    robot: Robot
 
     @staticmethod
     def available(cell: Cell) -> bool:
@@ -66,8 +67,8 @@ class ErrorModel:
         return cell.calibration is not None and cell.calibration.covariance is not None
 
     @classmethod
-    def of(cls, cell: Cell) -> ErrorModel:
-        """Return the model of a cell.
+    def of(cls, cell: Cell, robot: Robot | None = None) -> ErrorModel:
+        """Return the model of a cell, with its arm if that is at hand.
 
         Raises:
             ImpossibleError: the cell has no calibration, or one without a covariance.
@@ -81,7 +82,8 @@ class ErrorModel:
                 file=str(cell.file),
             )
         tool = np.diag([cell.tool_tolerance / TOLERANCE_SDS] * 3) ** 2
-        return cls(cell, made, ErrorGroup(made.covariance, _CALIBRATION), ErrorGroup.of(TOOL, tool))
+        shared = ErrorGroup(made.covariance, _CALIBRATION)
+        return cls(cell, made, shared, ErrorGroup.of(TOOL, tool), robot or cell.robot())
 
     def board(self, pose: BoardPose) -> BoardError:
         """Errors of a board, to be asked for once: all its holes share them."""
@@ -118,11 +120,7 @@ class ErrorModel:
 
     def T_base_tool(self, q: npt.ArrayLike) -> Array:
         """Pose of the tool, 4x4."""
-        return self._robot.T_base_tool(q)
-
-    @cached_property
-    def _robot(self) -> Robot:
-        return self.cell.robot()
+        return self.robot.T_base_tool(q)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,13 +108,18 @@ def placement_budget(model: ErrorModel, transfer: Transfer, fit: PocketFit) -> P
 
 def placement_error(model: ErrorModel, transfer: Transfer) -> LinearError:
     """Error of the released cube in the target hole's frame."""
-    (source, taken_from), (target, put_into) = transfer.source, transfer.target
-    T_base_grip, T_base_release = model.T_base_tool(transfer.q_grip), model.T_base_tool(transfer.q_release)
+    target, put_into = transfer.target
     T_base_target = mul(target.pose.T_base_board, target.pose.board.T_board_hole(put_into))
-    apart = source.hole(taken_from) - model.tool_error(transfer.q_grip)
-    held = apart.transformed(GRIP_PROJECTION @ adjoint(inverse(T_base_grip)))
+    held = grip_error(model, *transfer.source, transfer.q_grip)
+    T_base_release = model.T_base_tool(transfer.q_release)
     released = model.tool_error(transfer.q_release) + held.transformed(adjoint(T_base_release))
     return (released - target.hole(put_into)).transformed(adjoint(inverse(T_base_target)))
+
+
+def grip_error(model: ErrorModel, source: BoardError, taken_from: int, q_grip: Array) -> LinearError:
+    """Error in the tool's frame of a cube that the jaws have closed on at joint positions q_grip (6,) rad."""
+    apart = source.hole(taken_from) - model.tool_error(q_grip)
+    return apart.transformed(GRIP_PROJECTION @ adjoint(inverse(model.T_base_tool(q_grip))))
 
 
 def _sideways(covariance: Array) -> float:

@@ -75,14 +75,14 @@ def pocket_fit(cell: Cell) -> PocketFit:
 def _transfers(
     cell: Cell, boards: Mapping[str, BoardError], plan: Plan, gripped: Mapping[int, Array]
 ) -> Iterator[Transfer]:
-    at = {(number, "close"): q for number, q in gripped.items()} | _gripper_positions(cell, plan)
+    at = {(number, "close"): q for number, q in gripped.items()} | gripper_positions(cell, plan)
     for number, cube in enumerate(plan.task["cubes"]):
-        source, target = (_hole(boards, cube[key]) for key in ("from", "to"))
+        source, target = (hole_of(boards, cube[key]) for key in ("from", "to"))
         if source is not None and target is not None and {(number, "close"), (number, "open")} <= at.keys():
             yield Transfer(cube["cube"], source, target, at[number, "close"], at[number, "open"])
 
 
-def _gripper_positions(cell: Cell, plan: Plan) -> dict[tuple[int, str], Array]:
+def gripper_positions(cell: Cell, plan: Plan) -> dict[tuple[int, str], Array]:
     """Joint positions at which the jaws close on a cube and open, by its number and "close" or "open"."""
     found: dict[tuple[int, str], Array] = {}
     counts = plan.start
@@ -94,7 +94,7 @@ def _gripper_positions(cell: Cell, plan: Plan) -> dict[tuple[int, str], Array]:
     return found
 
 
-def _hole(boards: Mapping[str, BoardError], name: str) -> tuple[BoardError, int] | None:
+def hole_of(boards: Mapping[str, BoardError], name: str) -> tuple[BoardError, int] | None:
     """The board and index of a hole such as ``01-02/3``; None if it is no hole of a detected board."""
     board, _, number = name.rpartition("/")
     return (boards[board], int(number) - 1) if board in boards else None

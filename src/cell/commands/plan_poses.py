@@ -76,7 +76,7 @@ def plan_poses_step(
     poses = read_pose_list(poses_file, reading)
     with within(budget):
         plan = plan_pose_list(place, poses, back, explain)
-    erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan)
+    erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan, seen)
     write_plan(output, plan)
     _print_steps(plan, erring, console)
     least = 1e3 * min(m.clearance for m in plan.moves)

@@ -206,7 +206,7 @@ def plan_step(
     if plan is None:
         raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
     budgets = require_placements(task.cell, seen, plan, partial(plan_otherwise, rest))
-    erring = erring_clearances(task.cell, plan)
+    erring = erring_clearances(task.cell, plan, seen)
     write_plan(output, plan)
     _print_plan(plan, task.cell, console, erring)
     print_budgets(budgets, console)

@@ -54,4 +54,4 @@ class CellValues(Keys):
     pocket_tolerance: float = key("accuracy.pocket_within_mm", number("mm", 0, 10), 0.1)
     following_error: float = key("accuracy.following_deg", number("deg", 0, 1), 0)
     sigmas: float = key("accuracy.sigmas", number("", 0, 10), 3)
-    erring_clearance: float = key("accuracy.least_clearance_mm", number("mm", 0, 100), 2)
+    erring_clearance: float = key("accuracy.least_clearance_mm", number("mm", 0, 100), 0)

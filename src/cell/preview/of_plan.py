@@ -83,6 +83,6 @@ def _erring(cell: Cell, plan: Plan, arms: tuple[Robot, Robot]) -> tuple[float, .
     first = next(iter(plan.moves), None)
     try:
         shown = replace(cell, erring_clearance=-np.inf)
-        return erring_clearances(shown, plan, None if first is None else first.held)
+        return erring_clearances(shown, plan, begins_with=None if first is None else first.held)
     except ImpossibleError:  # `check` and `execute` refuse such a plan; the page shows it
         return ()

@@ -205,7 +205,7 @@ def _set_down(
     made = place_held_object(
         scene, q, jaws, station, cell.q_start, cell.unit, cell.limits, options, inputs, stated
     )
-    erring_clearances(cell, made, jaws.cube)
+    erring_clearances(cell, made, observed, jaws.cube)
     q_grip = _gripped_at(task, plan, plan.task["cubes"].index(transfer))
     budgets = require_placements(cell, observed, made, gripped={0: q_grip})
     run.budgets |= {budget.cube: budget for budget in budgets}

@@ -134,7 +134,7 @@ class TaskRun(OpenRun):
         Raises:
             ImpossibleError: a cube is too likely to miss its pocket, or the arm may come too near to something.
         """
-        erring_clearances(self.task.cell, plan)
+        erring_clearances(self.task.cell, plan, observation)
         rest = self._rest(observation, self.task.cell.unit.positions(plan.start))
         again = None if given else partial(plan_otherwise, rest)
         budgets = require_placements(self.task.cell, observation, plan, again)

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from arm.plan_file import Plan
+from arm.plan_file import GripperStep, Plan
 from arm.robot.dh import A465
 from arm.robot.error_screws import error_screws
 from arm.robot.link_errors import LinkErrors
-from arm.se3 import apply
-from cell.accuracy.arm_errors import arm_errors
+from arm.robot.shapes import Box
+from arm.se3 import Array, apply
+from cell.accuracy.arm_errors import arm_errors, body_errors
+from cell.accuracy.error_model import ErrorModel
 from cell.config.cell import Cell
 from cell.files.task import Task
 from cell.task.plan_matches import check_plan
+from plan.scene import Scene, scene_from_json
+from vision.observation import Observation, ObservedBoard
+
+
+@pytest.fixture
+def scene(cell: Cell, plan: Plan) -> Scene:
+    return scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
 
 
 def _with_links(cell: Cell, sigma: float, first: int = 0) -> Cell:
@@ -84,3 +95,62 @@ def test_check_states_the_clearance_of_the_arm_as_it_may_be_beside_that_of_an_ex
         lost.append(closest["stated_mm"] - closest["proved_erring_mm"])
     assert 0.5 < lost[0] < 1.5
     assert lost[1] == pytest.approx(2.0 * lost[0], rel=0.2)
+
+
+def _drawn(C: Array, sigmas: float, rng: np.random.Generator) -> Array:
+    """A twist on the surface of the ellipsoid."""
+    values, vectors = np.linalg.eigh(C)
+    way = rng.normal(size=6)
+    return np.asarray(vectors @ (np.sqrt(np.clip(values, 0.0, None)) * sigmas * way / np.linalg.norm(way)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_error_of_a_board_within_the_sigmas_moves_a_body_further(
+    cell: Cell, seen: Observation, plan: Plan, scene: Scene, seed: int
+) -> None:
+    """Exactly, not to first order: by rotations of several degrees too."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(6, 6)) * np.array([1e-3, 1e-3, 2e-3, 0.02, 0.02, 0.02])[:, None]
+    noisy = replace(seen, boards=tuple(_with(b, root @ root.T / 6.0) for b in seen.boards))
+    found, model = body_errors(cell, noisy, plan, scene), ErrorModel.of(cell)
+    for pose in noisy.poses:
+        C = model.board(pose).shared.covariance
+        for body in (
+            b for b in scene.bodies if b.name in (f"plate {pose.board.name}", f"stand {pose.board.name}")
+        ):
+            assert isinstance(body.shape, Box)
+            corners = np.array(body.shape.size) / 2.0 * np.array(list(product((-1, 1), repeat=3)))
+            at = apply(body.T_base_body, corners)
+            moved = []
+            for _ in range(500):
+                T = pin.exp6(_drawn(C, cell.sigmas, rng)).homogeneous
+                moved.append(float(np.linalg.norm(apply(T, at) - at, axis=1).max()))
+            assert 0.7 * found[body.name] < max(moved) <= found[body.name]
+
+
+def test_a_cube_is_off_in_the_jaws_and_where_it_is_released_too(
+    cell: Cell, seen: Observation, plan: Plan, scene: Scene
+) -> None:
+    """A look that is exact leaves the errors of the arm; a joint that errs at rest adds to them."""
+    exact = body_errors(cell, seen, plan, scene)
+    erring = body_errors(replace(cell, following_error=np.radians(0.05)), seen, plan, scene)
+    for cube in plan.task["cubes"]:
+        assert 0.5e-3 < exact[cube["cube"]] < 3e-3
+        assert erring[cube["cube"]] > exact[cube["cube"]] + 1e-3
+    assert all(erring[name] == exact[name] for name in exact if name.startswith(("plate", "stand")))
+    still = replace(plan, steps=tuple(s for s in plan.steps if not isinstance(s, GripperStep)))
+    resting = body_errors(cell, seen, still, scene)
+    assert all(resting[cube["cube"]] < exact[cube["cube"]] for cube in plan.task["cubes"])
+
+
+def test_what_is_not_seen_or_not_calibrated_has_no_errors(
+    cell: Cell, seen: Observation, plan: Plan, scene: Scene
+) -> None:
+    one = replace(seen, boards=seen.boards[1:])
+    assert set(body_errors(cell, one, plan, scene)) == {"plate 03-04", "stand 03-04"}
+    assert body_errors(replace(cell, calibration=None), seen, plan, scene) == {}
+    assert body_errors(replace(cell, sigmas=0.0), seen, plan, scene) == {}
+
+
+def _with(board: ObservedBoard, covariance: Array) -> ObservedBoard:
+    return replace(board, pose=replace(board.pose, covariance=covariance))

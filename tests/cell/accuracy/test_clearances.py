@@ -11,13 +11,20 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import Plan, write_plan
+from arm.plan_file import Plan, touching_pairs, write_plan
+from arm.robot.shapes import Body
+from arm.se3 import Array, transform
+from cell.accuracy.arm_errors import arm_errors, body_errors
 from cell.accuracy.clearances import erring_clearances
 from cell.files.task import Task, read_task
 from cell.task.plan_matches import check_plan
 from cell.task.planning import Rest, plan_rest
+from plan.collision.world import World
+from plan.scene import scene_from_json
+from plan.verify import scenes_of_moves
 from tasks.true_look import true_look
 from typed.command_line import ended
+from vision.observation import Observation
 
 
 def test_every_move_has_a_clearance_with_errors(task: Task, plan: Plan) -> None:
@@ -33,7 +40,7 @@ def test_every_move_has_a_clearance_with_errors(task: Task, plan: Plan) -> None:
 
 def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: Plan) -> None:
     """The joints' error at rest grows until some move keeps less than is asked."""
-    cell = replace(task.cell, following_error=np.radians(0.1))
+    cell = replace(task.cell, following_error=np.radians(0.1), erring_clearance=2e-3)
     with pytest.raises(
         ImpossibleError, match=r"within 3 standard deviations.*raise motion.clearance_mm"
     ) as refused:
@@ -57,7 +64,7 @@ def test_a_plan_is_not_executed_by_an_arm_that_errs_too_much(tmp_path: Path) -> 
     """The search does not use the errors, so a plan of Python's may keep too little with them."""
     scenes = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "realistic"
     with (scenes / "cell.toml").open("a") as file:
-        file.write("\n[accuracy]\nfollowing_deg = 0.1\n")
+        file.write("\n[accuracy]\nfollowing_deg = 0.1\nleast_clearance_mm = 2\n")
     task = read_task(scenes / "task2.toml")
     made = plan_rest(Rest(task, true_look(task), task.cell.q_start, 0.5))
     assert made is not None
@@ -66,3 +73,47 @@ def test_a_plan_is_not_executed_by_an_arm_that_errs_too_much(tmp_path: Path) -> 
     assert code == 3
     assert "for all errors of the arm within 3 standard deviations" in said
     assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("wire.jsonl"))
+
+
+def test_boards_and_cubes_take_off_what_they_may_be_off(task: Task, seen: Observation, plan: Plan) -> None:
+    """Every move of arms, boards and cubes that err as much as is allowed for keeps what was proved."""
+    cell, rng = task.cell, np.random.default_rng(4)
+    noisy = replace(
+        seen,
+        boards=tuple(
+            replace(b, pose=replace(b.pose, covariance=np.diag([2e-4, 2e-4, 4e-4, 2e-3, 2e-3, 2e-3]) ** 2))
+            for b in seen.boards
+        ),
+    )
+    alone, both = (erring_clearances(cell, plan, look) for look in (None, noisy))
+    assert all(0.5e-3 < a - b < 6e-3 for a, b in zip(alone, both, strict=True))
+    scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    off = body_errors(cell, noisy, plan, scene)
+    assert set(off) == {b.name for b in (*scene.bodies, *scene.cubes) if b.kind in ("board", "stand", "cube")}
+    errors = arm_errors(cell)
+    assert errors is not None
+    root, gaps = np.linalg.cholesky(errors.covariance), []
+    for of, proved in list(zip(scenes_of_moves(plan, scene, cell.unit), both, strict=True))[1:7]:
+        for _ in range(4):
+            way = rng.normal(size=6)
+            q_off = errors.sigmas * root @ (way / np.linalg.norm(way))
+            moved = {name: _shifted(by, rng) for name, by in off.items()}
+            bodies = [_at(b, moved) for b in (*of.scene.bodies, *of.resting)]
+            held, T_tool_held = of.held or (None, None)
+            T_tool_held = None if held is None else T_tool_held @ transform(t=moved[held.name])
+            world = World(of.robot, bodies, held, T_tool_held, touching_pairs(of.move))
+            q = cell.unit.positions(of.move.path.sample(0.1))
+            gaps.append(min(world.distance(here + q_off).value for here in q) - proved)
+    assert min(gaps) > -1e-5
+    assert min(gaps) < 5e-3
+
+
+def _shifted(by: float, rng: np.random.Generator) -> Array:
+    way = rng.normal(size=3)
+    return np.asarray(by * way / np.linalg.norm(way))
+
+
+def _at(body: Body, moved: dict[str, Array]) -> Body:
+    if body.name not in moved:
+        return body
+    return body.at(transform(t=moved[body.name]) @ body.T_base_body)

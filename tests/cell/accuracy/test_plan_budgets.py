@@ -13,7 +13,7 @@ from arm.plan_file import GripperStep, Plan
 from arm.se3 import inverse
 from cell.accuracy.budget_report import budget_to_json, budget_words, print_budgets
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.plan_budgets import _gripper_positions, plan_budgets, pocket_fit, require_placements
+from cell.accuracy.plan_budgets import gripper_positions, plan_budgets, pocket_fit, require_placements
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task, read_task
@@ -46,7 +46,7 @@ def test_cubes_that_are_not_moved_from_hole_to_hole_have_none(
         task.cell, seen, replace(plan, steps=held)
     )  # as a plan that begins with a cube in the jaws
     assert [b.cube for b in budgets] == [c["cube"] for n, c in enumerate(plan.task["cubes"]) if n != 1]
-    q_grip = _gripper_positions(task.cell, plan)[1, "close"]
+    q_grip = gripper_positions(task.cell, plan)[1, "close"]
     known = plan_budgets(task.cell, seen, replace(plan, steps=held), {1: q_grip})
     whole = plan_budgets(task.cell, seen, plan)
     assert [(b.cube, b.sideways, b.insertion) for b in known] == [
@@ -59,7 +59,7 @@ def test_the_jaws_move_over_the_holes_in_the_calibrated_arms_configurations(
 ) -> None:
     """With the encoders' own zeros, 0.3 deg off, the tool would be millimetres beside."""
     model = ErrorModel.of(task.cell)
-    at = _gripper_positions(task.cell, plan)
+    at = gripper_positions(task.cell, plan)
     holes = {hole.name: hole.T_base_hole for pose in seen.poses for hole in pose.holes}
     for number, cube in enumerate(plan.task["cubes"]):
         for action, place in (("close", cube["from"]), ("open", cube["to"])):
