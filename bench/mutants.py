@@ -124,7 +124,7 @@ SAFETY = {
         "task/free_cell",
         "files/board_shift",
         "session/grasp_monitor",
-        "task/confirm_placed",
+        "cubes/confirm_placed",
     ),
     "arm": (
         "controller/unit",

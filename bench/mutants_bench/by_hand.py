@@ -166,7 +166,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     ),
     (
         "confirming-board-moved",
-        "cell/task/confirm_placed.py",
+        "cell/cubes/confirm_placed.py",
         "        if shift.beyond(task.cell):\n",
         "        if False:\n",
         "a cube counts as placed on a board that was pushed",
@@ -174,7 +174,7 @@ _ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
     ),
     (
         "confirming-seated",
-        "cell/task/confirm_placed.py",
+        "cell/cubes/confirm_placed.py",
         '    if seat.state != "seated":\n',
         "    if False:\n",
         "a cube that does not sit counts as placed",

@@ -37,6 +37,7 @@ PLACES = {
     "cell.run": "cell.commands.run",
     "cell.scenery": "cell.scene.build",
     "cell.steps": "cell.commands.steps",
+    "cell.task.confirm_placed": "cell.cubes.confirm_placed",
     "cell.taskfile": "cell.files.task",
     "cell.watcher": "cell.session.observer",
     "driver.control": "driver.execution.control",

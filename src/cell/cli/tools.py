@@ -81,6 +81,26 @@ def render(
 
 
 @tools.command(
+    short_help="One table of many runs: results, faults, causes and times.",
+    help="One table of many runs, such as those of a day: how each ended, cubes placed, what went wrong and was "
+    "recovered, errors and times. Reads report.json of each run folder.",
+    epilog=examples("a465 report runs -o day.html"),
+)
+def report(
+    folders: Annotated[
+        list[Path] | None,
+        Argument(help="Run folders, or folders of them; default: runs.", metavar="[RUNS]..."),
+    ] = None,
+    output: Annotated[Path | None, Option("-o", "--output", help="Page to write.")] = None,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("reading", as_json) as console:
+        from cell.commands.report import report_step
+
+        console.result(report_step(folders or (), output, console))
+
+
+@tools.command(
     short_help="Export a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
     help="Export a log or a plan as a table of samples, a ROS 2 JointTrajectory, or MCAP. "
     "Or export the arm and its surroundings from a plan, scene, cell, task or arm file as a folder with URDF and SRDF.",

@@ -34,8 +34,8 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from cell.commands.second_opinion import second_opinion
     from cell.export.scene import arm_of_plan
     from cell.files.task import Task, place_or_arm
+    from cell.scene.options import options_of
     from cell.task.plan_matches import check_plan, replayed_to_json
-    from cell.task.planning import options_of
     from plan.program.setting import planned_limits
     from plan.program.stated_arm import stated_options
     from plan.trajectory.virtual_unit import NO_UNIT

@@ -12,6 +12,8 @@ from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import Plan, read_plan
 from cell.accuracy.clearances import erring_clearances
 from cell.console import Console, OutputLost
+from cell.cubes.confirm_placed import nominal_width
+from cell.cubes.recovery import Recovery
 from cell.files.cube_widths import read_widths
 from cell.files.task import Task, read_task
 from cell.preview.of_plan import write_page
@@ -20,7 +22,6 @@ from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
-from cell.task.confirm_placed import nominal_width
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
 from cell.task.resume import resume
 from cell.task.run import TaskRun
@@ -68,6 +69,7 @@ def run_task(
     speed = planning_speed(task.cell, where.speed)
     with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
         run.advice, run.budget = advice, budget
+        run.recovery = Recovery(task, task.cell.recovery_attempts)
         before = run.try_look("before anything moves")
         if before is not None and not run.foresee(before):
             return run.report()

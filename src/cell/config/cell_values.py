@@ -55,3 +55,4 @@ class CellValues(Keys):
     following_error: float = key("accuracy.following_deg", number("deg", 0, 1), 0)
     sigmas: float = key("accuracy.sigmas", number("", 0, 10), 3)
     erring_clearance: float = key("accuracy.least_clearance_mm", number("mm", 0, 100), 0)
+    recovery_attempts: int = key("recovery.attempts", integer(0, 10), 3)

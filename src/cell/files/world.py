@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from arm.board import PLATE_CENTRE, Board, read_board_csv
 from arm.io.keys import Keys, key
-from arm.io.node import Node
+from arm.io.node import Node, Rule
 from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, tables
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
@@ -21,6 +21,7 @@ from render.surface import Print
 from vision.camera.model import Camera, read_camera
 
 RELEASES = ("seated", "high", "half", "rim", "aside", "pushed")
+GRASPS = ("held", "missed", "high", "half", "rim", "aside")
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class World(WorldValues):
         camera: true camera if it differs from the cell's, else None.
         releases: how the first cubes that are released over a hole come to rest, each one of `RELEASES`; later cubes
             are seated.
+        grasps: how the first grasps of a cube in a pocket end, each one of `GRASPS`; later ones hold it.
         image, table, prints, made, arm: errors of the cell, see `cell.files.world_errors`.
     """
 
@@ -71,6 +73,7 @@ class World(WorldValues):
     links: LinkErrors
     camera: Camera | None
     releases: tuple[str, ...] = ()
+    grasps: tuple[str, ...] = ()
     image: ImageKeys
     table: TableKeys
     prints: PrintKeys
@@ -89,8 +92,10 @@ def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth
     return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*PLATE_CENTRE, 0.0])))
 
 
-def _are_releases(value: Any) -> bool:
-    return isinstance(value, list) and all(one in RELEASES for one in value)
+def _words(known: tuple[str, ...]) -> Rule[list[str]]:
+    """Rule of a list of known words."""
+    means = f"a list of {', '.join(known)}"
+    return rule_of(means, lambda v: isinstance(v, list) and all(one in known for one in v), same)
 
 
 def _is_holes(value: Any) -> bool:
@@ -116,9 +121,8 @@ class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, WorldValues)
     d: Array = key("dh_d_error_mm", numbers(6, "mm", -20, 20), [0] * 6)
     a: Array = key("dh_a_error_mm", numbers(6, "mm", -20, 20), [0] * 6)
     alpha: Array = key("dh_alpha_error_deg", numbers(6, "deg", -2, 2), [0] * 6)
-    releases: list[str] = key(
-        "releases", rule_of(f"a list of {', '.join(RELEASES)}", _are_releases, same), []
-    )
+    releases: list[str] = key("releases", _words(RELEASES), [])
+    grasps: list[str] = key("grasps", _words(GRASPS), [])
     boards: tuple[TrueBoardKeys, ...] = key(
         "boards", tables(lambda node: TrueBoardKeys.read(node), TrueBoardKeys)
     )
@@ -151,6 +155,7 @@ def read_world(path: Path, marker_size: float) -> World:
         links=LinkErrors(keys.d, keys.a, keys.alpha),
         camera=None if keys.camera is None else read_camera(keys.camera),
         releases=tuple(keys.releases),
+        grasps=tuple(keys.grasps),
         image=ImageKeys(**keys.values_of(ImageKeys)),
         table=TableKeys(**keys.values_of(TableKeys)),
         prints=PrintKeys(**keys.values_of(PrintKeys)),

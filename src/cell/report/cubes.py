@@ -28,21 +28,30 @@ class CubeRow:
     Attributes:
         source, target: names of the places.
         placed: whether a look has confirmed it at its target.
+        at: where it was at the end, as far as that is known: a place, or beside one.
         motion_s: duration of its planned motions, s.
         min_clearance: smallest clearance of its moves, m.
         error: distance of its axis from the target's when the jaws opened, m; ground truth, simulated cell only.
         tilt_error: tilt of its axis then, rad; ground truth, simulated cell only.
+        faults: what went wrong, in order: "not gripped", "not confirmed", "not located", "stays" or "put back".
         remarks: further results, as text.
     """
 
     source: str
     target: str
     placed: bool = False
+    at: str = "unknown"
     motion_s: float = 0.0
     min_clearance: float | None = None
     error: float | None = None
     tilt_error: float | None = None
+    faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    def add_fault(self, fault: str, remark: str) -> None:
+        """Add what went wrong, and a remark about it."""
+        self.faults.append(fault)
+        self.remarks.append(remark)
 
     def add_motion(self, steps: Sequence[Step]) -> None:
         """Add the moves among some steps to the duration and the clearance."""
@@ -60,10 +69,12 @@ class CubeRow:
             "from": self.source,
             "to": self.target,
             "placed": self.placed,
+            "at": self.at,
             "error_mm": error,
             "tilt_error_deg": tilt,
             "motion_s": round(motion_s, 3),
             "min_clearance_mm": clearance,
+            "faults": self.faults,
             "remarks": self.remarks,
         }
 

@@ -31,7 +31,7 @@ def cube_name(place: str) -> str:
     return f"cube {place}"
 
 
-def _grips(T_base_place: Array, height: float) -> tuple[Array, ...]:
+def grips_over(T_base_place: Array, height: float) -> tuple[Array, ...]:
     """The four tool poses over a place, finger tips `height` m above it."""
     turned = (mul(rot_x(np.pi), rot_z(k * np.pi / 2.0)) for k in range(4))
     return tuple(frozen(mul(T_base_place, transform(R, (0.0, 0.0, height)))) for R in turned)
@@ -39,7 +39,7 @@ def _grips(T_base_place: Array, height: float) -> tuple[Array, ...]:
 
 def hole_station(cell: Cell, hole: HolePose, gap: float = 0.0) -> Station:
     """A hole as a station, finger tips at grip height, plus `gap` m for release."""
-    grips = _grips(hole.T_base_hole, cell.grip_height + gap)
+    grips = grips_over(hole.T_base_hole, cell.grip_height + gap)
     return Station(hole.name, grips, frozenset((plate_name(hole.board),)))
 
 
@@ -50,7 +50,7 @@ def table_station(task: Task, place: str) -> Station:
         ImpossibleError: the task has no such place.
     """
     grip_above_bottom = task.cell.grip_height + CUBE_SEAT_DEPTH
-    grips = _grips(T_base_on_table(task, place), grip_above_bottom + RELEASE_GAP)
+    grips = grips_over(T_base_on_table(task, place), grip_above_bottom + RELEASE_GAP)
     return Station(place, grips, frozenset(("table",)))
 
 

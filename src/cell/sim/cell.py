@@ -117,7 +117,7 @@ class SimulatedCell:
         self._lock = threading.RLock()
         self._robot = self.true_robot(cell.gripper.opening)
         self._opening = cell.gripper.opening
-        self._faults = list(world.releases)
+        self._release_faults, self._grasp_faults = list(world.releases), list(world.grasps)
         places = [(b, hole) for b in boards for hole in b.cubes]
         self._cubes = [
             SimulatedCube(f"cube {n}", _seated(b, hole, size), "pocket", size)
@@ -220,6 +220,10 @@ class SimulatedCell:
             depth = cube.size / 2.0 - z  # of the tips below the cube's top
             offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
+                fault = self._grasp_faults.pop(0) if self._grasp_faults and cube.where == "pocket" else "held"
+                if fault != "held":
+                    self._cubes[index] = self._not_held(fault, cube)
+                    return target
                 held = between_jaws(T_tool_cube)
                 self._cubes[index] = replace(cube, where="jaws", T_tool_cube=held)
                 detail = f"{1e3 * offset:.2f} mm off the jaws' axis"
@@ -234,6 +238,26 @@ class SimulatedCell:
         if target >= self.cell.gripper.fraction_closed(self.cell.cube_size):
             self._record("missed", "", None, "the jaws closed on nothing")
         return target
+
+    def _not_held(self, fault: str, cube: SimulatedCube) -> SimulatedCube:
+        """The cube after a grasp with a fault of the world file."""
+        if fault == "missed":
+            self._record(
+                "missed", cube.name, cube.T_base_cube, "the jaws did not hold it; it stays in its pocket"
+            )
+            return cube
+        b, hole = min(
+            ((b, hole) for b in self.world.boards for hole in range(len(b.board.holes))),
+            key=lambda at: norm(_seated(at[0], at[1], cube.size)[:3, 3] - cube.T_base_cube[:3, 3]),
+        )
+        where = self.T_base_left(fault, b, hole, cube.size)
+        self._record("pushed", cube.name, where, f"{fault}, the jaws did not hold it")
+        return replace(cube, T_base_cube=where)
+
+    def T_base_left(self, fault: str, b: TrueBoard, hole: int, size: float) -> Array:
+        """Pose of a cube of edge `size` m that a fault leaves at a hole."""
+        T_base_hole = mul(b.T_base_board, b.board.T_board_hole(hole))
+        return frozen(mul(T_base_hole, T_hole_released(fault, size, seat_depth(size, b.board.pocket))))
 
     def _open(self, T_base_tool: Array, target: float) -> float:
         for index, cube in enumerate(self._cubes):
@@ -255,11 +279,14 @@ class SimulatedCell:
                     turned = transform(rot_z(quarter * np.pi / 2))
                     seat = frozen(mul(_seated(b, hole, cube.size), turned))
                     into = f"into {b.board.name}/{hole + 1}, {1e3 * sides:.2f} mm off its axis"
-                    fault = self._faults.pop(0) if self._faults else "seated"
+                    fault = self._release_faults.pop(0) if self._release_faults else "seated"
                     if fault != "seated":
-                        return self._unseated(fault, cube, T_base_cube, b, T_base_hole, into)
+                        return self._unseated(fault, cube, T_base_cube, b, hole, into)
                     self._record("placed", name, T_base_cube, into)
                     return SimulatedCube(name, seat, "pocket", cube.size)
+        beside = self._on_plate(cube, T_base_cube)
+        if beside is not None:
+            return beside
         bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
         upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
         if upright and -1e-3 <= bottom <= DROP and not self._over_plate(T_base_cube):
@@ -272,12 +299,29 @@ class SimulatedCell:
         self._record("fallen", name, T_base_cube, f"{1e3 * bottom:.0f} mm above the table, over no free hole")
         return SimulatedCube(name, T_base_cube, "fallen", cube.size)
 
+    def _on_plate(self, cube: SimulatedCube, T_base_cube: Array) -> SimulatedCube | None:
+        """The cube after a release over a plate, but beside its pockets: flat on the plate; None elsewhere.
+
+        A real one may also lean into a pocket.
+        """
+        half = cube.size / 2.0
+        for b in self.world.boards:
+            T = mul(inverse(b.T_base_board), T_base_cube)
+            over = (np.abs(T[:2, 3] - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0).all()
+            if over and T[2, 2] > np.cos(CAPTURE_TILT) and abs(T[2, 3] - half) <= DROP:
+                yaw = float(np.arctan2(T[1, 0], T[0, 0]))
+                flat = mul(b.T_base_board, transform(rot_z(yaw), (*T[:2, 3], half)))
+                self._record(
+                    "unseated", cube.name, T_base_cube, f"flat on board {b.board.name}, over no free hole"
+                )
+                return SimulatedCube(cube.name, frozen(flat), "pocket", cube.size)
+        return None
+
     def _unseated(
-        self, fault: str, cube: SimulatedCube, T_base_cube: Array, b: TrueBoard, T_base_hole: Array, into: str
+        self, fault: str, cube: SimulatedCube, T_base_cube: Array, b: TrueBoard, hole: int, into: str
     ) -> SimulatedCube:
         """The cube after a release with a fault of the world file; a pushed board moves with its cubes."""
-        name, depth = cube.name, seat_depth(cube.size, b.board.pocket)
-        where = frozen(T_base_hole @ T_hole_released(fault, cube.size, depth))
+        name, where = cube.name, self.T_base_left(fault, b, hole, cube.size)
         self._record("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)

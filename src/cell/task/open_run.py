@@ -18,16 +18,19 @@ from arm.se3 import Array, frozen
 from cell.accuracy.budget_report import budget_to_json
 from cell.accuracy.placement import PlacementBudget
 from cell.console import Console
+from cell.cubes.confirm_placed import Release
+from cell.cubes.recovery import Recovery
 from cell.files.observation import require_boards
 from cell.files.task import Task
 from cell.report.cubes import CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture, run_page
+from cell.scene.build import cube_name
+from cell.scene.displaced import BESIDE
 from cell.session.camera_watch import shift_words
 from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
 from cell.session.homed import initialise_arm
 from cell.session.observer import RunObserver
-from cell.task.confirm_placed import ReleasedCubes
 from cell.task.look import look_and_save
 from driver.execution.control import Control
 from driver.execution.execute import StepResult, execute
@@ -88,7 +91,8 @@ class OpenRun:
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether to give advice after a refusal to plan
         self._looks = count(1)
-        self._released = ReleasedCubes(self.task)
+        self._released: list[Release] = []  # since the last look
+        self.recovery = Recovery(self.task, 0)
 
     def introduce(self) -> None:
         """Report the task, the cell and the speed, and identify the controller."""
@@ -189,9 +193,13 @@ class OpenRun:
             self.held.require(progress.jaws)
 
     def add_row(self, transfer: dict[str, str]) -> CubeRow:
-        """Add the row of a cube to the report."""
-        row = CubeRow(transfer["from"], transfer["to"])
-        self.rows.append(row)
+        """The row of a cube in the report: a new one, or that of its last transfer."""
+        row = next((row for row in self.rows if cube_name(row.source) == transfer["cube"]), None)
+        if row is None:
+            row = CubeRow(transfer["from"].removeprefix(BESIDE), transfer["to"])
+            self.rows.append(row)
+        elif transfer["to"] != row.source:  # else it is put back
+            row.target = transfer["to"]
         return row
 
     def tell(self, text: str) -> None:
@@ -233,6 +241,8 @@ class OpenRun:
         whole = [kept.plan for kept in self.kept if kept.name != TO_START]
         return {
             "task": self.task.name,
+            "began": self.began.isoformat(timespec="seconds"),
+            "lasted_s": round((datetime.now().astimezone() - self.began).total_seconds(), 1),
             "kind": self.task.kind,
             "unit": self.task.cell.unit.name,
             "cubes": [row.to_json() for row in self.rows],

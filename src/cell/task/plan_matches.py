@@ -24,7 +24,9 @@ from cell.files.board_shift import board_shift
 from cell.files.task import Task
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
-from cell.task.planning import options_of, plan_fingerprint, pose_list_options
+from cell.scene.displaced import support_of
+from cell.scene.options import options_of, pose_list_options
+from cell.task.planning import plan_fingerprint
 from plan.collision.certificate import ArmErrors
 from plan.program.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
@@ -228,7 +230,9 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
         _require_placed(task, final, planned.poses, entry)
     now = build_scene(cell, planned, on_table)
     served = {
-        frozenset((e["cube"], under(e[end]))) for e in plan.task.get("cubes", ()) for end in ("from", "to")
+        frozenset((e["cube"], support_of(e[end])))
+        for e in plan.task.get("cubes", ())
+        for end in ("from", "to")
     }
     now = replace(now, allowed=now.allowed | served)
     differing = _differing(stated, now)
@@ -262,12 +266,6 @@ def _require_placed(
             place=place,
             off_m=off,
         )
-
-
-def under(place: str) -> str:
-    """The body that supports a cube at a place."""
-    board = place.rpartition("/")[0]
-    return "table" if board == "table" else plate_name(board)
 
 
 def planned_observation(cell: Cell, scene: Scene, more: Iterable[str] = ()) -> Observation:

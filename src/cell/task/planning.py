@@ -23,49 +23,17 @@ from cell.scene.build import (
     hole_station,
     unseen_scene,
 )
+from cell.scene.displaced import DisplacedCube, is_displaced, is_hidden, with_displaced
+from cell.scene.options import options_of
 from plan.advice.changes import Request
 from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.collision.world import World
 from plan.failure import nearness
-from plan.options import PlanOptions
 from plan.program.go_to import plan_joint_motion
 from plan.program.setting import planned_limits
 from plan.scene import Scene, Station, Transfer
-from vision.observation import Observation, ObservedBoard
-from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
-
-# Reasons for which a hole may be unsure although its cube is seated. Files of other versions may lack a reason.
-_MAY_BE_SEATED = ("", LIGHT, NO_MARKER, OUT, POSE, FAINT)
-
-
-def options_of(task: Task, speed: float) -> PlanOptions:
-    """Planner options for a task at a speed."""
-    cell = task.cell
-    return PlanOptions(
-        speed=speed,
-        velocity_fraction=cell.velocity_fraction,
-        acceleration_fraction=cell.acceleration_fraction,
-        clearance=cell.clearance,
-        least_clearance=cell.least_clearance,
-        offset=cell.offset,
-        approach_speed=cell.approach_speed,
-        fraction_closed=round(cell.gripper.fraction_closed(cell.gripper.close_to), 9),
-        jerk_time=cell.jerk_time,
-        solver=cell.solver,
-        timing=cell.timing,
-        settle_s=cell.settle_s,
-        look=task.look_after,
-        order=task.order,
-        assignment=task.assignment,
-        aim=task.aim,
-        clearance_worth=task.clearance_worth,
-        seed=task.seed,
-    )
-
-
-def pose_list_options(task: Task, speed: float) -> PlanOptions:
-    """Planner options for a list of poses: lines keep the same clearance as transits, and the arm never looks."""
-    return replace(options_of(task, speed), line_clearance=task.cell.clearance, look="never")
+from vision.observation import Observation
+from vision.occupancy.classify import HoleState, Occupancy
 
 
 def plan_fingerprint(task: Task) -> dict[str, Any]:
@@ -170,6 +138,8 @@ class Rest:
         done: present place of each moved cube, by its name.
         on_table: pose of the centre of each cube that was set down on the table, by its name.
         skip: holes of the source board (0 to 3) whose cube must stay.
+        displaced: cubes that are not in their seats. They stay where they are (`plan_recovery` moves one), and holes
+            beside them wait for a look without them.
     """
 
     task: Task
@@ -179,6 +149,16 @@ class Rest:
     done: Mapping[str, str] = field(default_factory=dict)
     on_table: Mapping[str, Array] = field(default_factory=dict)
     skip: Iterable[int] = ()
+    displaced: tuple[DisplacedCube, ...] = ()
+
+    @property
+    def scene(self) -> Scene:
+        """What surrounds the arm now."""
+        cell = self.task.cell
+        free: dict[str, HoleState] = {cube.near: "empty" for cube in self.displaced}
+        return with_displaced(
+            cell, build_scene(cell, self.observation.with_states(free), self.on_table), self.displaced
+        )
 
 
 def request_of(rest: Rest) -> Request:
@@ -194,7 +174,11 @@ def request_of(rest: Rest) -> Request:
     stations = {s.name: s for s in hole_stations(task, observation)}
     skipped = set(rest.skip)
     picks = [
-        h for h in source.holes("cube", "unsure") if h.index not in skipped and cube_name(h.name) not in done
+        hole
+        for hole in source.holes("cube", "unsure")
+        if hole.index not in skipped
+        and cube_name(hole.name) not in done
+        and not is_hidden(hole, source.occupancy[hole.index], rest.displaced)
     ]
     skipped_cubes: list[dict[str, str]] = []
     for hole in list(picks):
@@ -205,19 +189,10 @@ def request_of(rest: Rest) -> Request:
                 raise
             picks.remove(hole)
             skipped_cubes.append({"cube": cube_name(hole.name), "from": hole.name, "reason": str(error)})
-    filled = set(done.values())
-    target = None if task.to_board is None else observation.board(task.to_board.name)
-    if task.to_board is None:
-        goals = [s for s in reachable_places(task, observation, rest.speed) if s.name not in filled]
-    elif target is not None:
-        kept_out = filled | _unused(task)
-        goals = [stations[h.name] for h in target.holes("empty") if h.name not in kept_out]
-    else:
-        name = task.to_board.name
-        raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
+    goals = free_goals(rest)
     if len(goals) < len(picks):
         if not task.skip or not goals:
-            raise _too_few(len(picks), goals, target, filled, _unused(task))
+            raise _too_few(len(picks), goals, rest)
         if task.assignment == "given":
             reason = f"only {len(goals)} places are free and in reach"
             left_out = [(cube_name(hole.name), hole.name) for hole in picks[len(goals) :]]
@@ -236,10 +211,10 @@ def request_of(rest: Rest) -> Request:
     )
 
 
-def _too_few(
-    cubes: int, goals: Sequence[Station], target: ObservedBoard | None, filled: Set[str], unused: Set[str]
-) -> ImpossibleError:
-    """The error for more cubes than free places; `filled`: with cubes that were moved; `unused`: by the task file."""
+def _too_few(cubes: int, goals: Sequence[Station], rest: Rest) -> ImpossibleError:
+    """The error for more cubes than free places."""
+    to_board, filled, unused = rest.task.to_board, set(rest.done.values()), _unused(rest.task)
+    target = None if to_board is None else rest.observation.board(to_board.name)
     notes, cure = "", "clear the target board, or give the task file more places"
     if target is not None:
         free = {goal.name for goal in goals}
@@ -260,8 +235,56 @@ def _too_few(
 def empty_request(rest: Rest) -> Request:
     """A request that moves no cube."""
     cell = rest.task.cell
-    scene = build_scene(cell, rest.observation, rest.on_table)
-    return Request(scene, (), rest.q_from, cell.unit, cell.limits, options_of(rest.task, rest.speed))
+    return Request(rest.scene, (), rest.q_from, cell.unit, cell.limits, options_of(rest.task, rest.speed))
+
+
+def hidden_holes(rest: Rest) -> list[str]:
+    """Say which holes of the source board were left out because a displaced cube is beside them."""
+    source = rest.observation.board(rest.task.from_board.name)
+    if source is None:
+        return []
+    near = {cube.near for cube in rest.displaced}
+    return [
+        f"hole {hole.name} may hold a cube, which stays there: a displaced cube is beside it"
+        for hole in source.holes("unsure")
+        if hole.name not in near and is_hidden(hole, source.occupancy[hole.index], rest.displaced)
+    ]
+
+
+def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> Plan:
+    """Plan to take a displaced cube from where it is to the best of some stations.
+
+    Args:
+        rest: what is left of the task; `cube` is one of its displaced cubes.
+        cube: the cube to move.
+        goals: stations to choose from.
+
+    Raises:
+        ImpossibleError: there is no plan.
+    """
+    pick = cube.station(rest.task.cell)
+    request = replace(
+        empty_request(rest),
+        transfers=(Transfer(cube.name, pick, goals[0]),),
+        places=tuple(goals[1:]),
+    )
+    plan = request.plan(plan_fingerprint(rest.task), _named(rest.task))
+    if plan is None:
+        raise ImpossibleError(f"no plan moves {cube.name}", cube=cube.name)
+    return plan
+
+
+def free_goals(rest: Rest) -> tuple[Station, ...]:
+    """The places to which a cube may be moved, in order of preference: none holds a cube or may hold one."""
+    task, observation, filled = rest.task, rest.observation, set(rest.done.values())
+    if task.to_board is None:
+        return tuple(s for s in reachable_places(task, observation, rest.speed) if s.name not in filled)
+    target = observation.board(task.to_board.name)
+    if target is None:
+        name = task.to_board.name
+        raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
+    stations, kept_out = {s.name: s for s in hole_stations(task, observation)}, filled | _unused(task)
+    return tuple(stations[h.name] for h in target.holes("empty") if h.name not in kept_out)
 
 
 def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:
@@ -270,7 +293,7 @@ def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:
     Raises:
         ImpossibleError: the hole shows something other than a seated cube.
     """
-    if occupancy.state == "unsure" and occupancy.reason not in _MAY_BE_SEATED:
+    if is_displaced(occupancy):
         raise ImpossibleError(
             f"no cube can be taken from hole {hole.name}: {occupancy.reason}; seat the cube, clear the hole, or remove "
             "the shadow, and look again",

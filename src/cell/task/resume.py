@@ -16,6 +16,7 @@ from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen, inverse
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import require_placements
+from cell.cubes.confirm_placed import NOT_CONFIRMED, seated
 from cell.files.task import Task
 from cell.scene.build import (
     RELEASE_GAP,
@@ -25,10 +26,11 @@ from cell.scene.build import (
     hole_station,
     table_station,
 )
+from cell.scene.displaced import support_of
+from cell.scene.options import options_of
 from cell.session.grasp_monitor import grip_fault
-from cell.task.confirm_placed import NOT_CONFIRMED, seated
-from cell.task.plan_matches import planned_observation, under
-from cell.task.planning import options_of, plan_fingerprint
+from cell.task.plan_matches import planned_observation
+from cell.task.planning import plan_fingerprint
 from cell.task.run import TaskRun
 from plan.program.recovery import InJaws, place_held_object, plan_retreat
 from plan.scene import Station, scene_from_json
@@ -69,7 +71,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
             raise ExecutionStopped("the jaws do not open: something blocks them; the arm has not moved")
         _leave(run, observation)
     observation = run.look("from q_start")
-    run.confirm_placed(observation)
+    observation = run.confirm_placed(observation)
     _take_stock(run, plan, observation)
     run.check_reach(observation)
     run.move_cubes(observation)
@@ -165,7 +167,7 @@ def _touched(
     for place in (transfer["from"], transfer["to"]):
         T = _station(task, observation, place).T_base_tool[0]
         if norm(T_base_tool[:3, 3] - T[:3, 3]) < reach_m:
-            near.append(under(place))
+            near.append(support_of(place))
     return frozenset(near)
 
 

@@ -3,44 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped
+from arm.errors import ExecutionStopped, ImpossibleError
 from arm.plan_file import Plan, Step
-from arm.se3 import Array
 from cell.accuracy.budget_report import budget_words
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import require_placements
+from cell.cubes.confirm_placed import unseen_places, width_at
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
-from cell.scene.build import T_base_cube_on_table, build_scene, cube_name
+from cell.scene.build import T_base_cube_on_table, cube_name
+from cell.scene.displaced import DisplacedCube
 from cell.session.budget import spending
 from cell.session.grasp_monitor import GraspMonitor, grip_fault
 from cell.session.speed import tool_words
-from cell.task.confirm_placed import NOT_CONFIRMED, unseen_places, width_at
-from cell.task.cube_cycles import CubeCycle, cube_cycles
+from cell.task.checked_run import CheckedRun
+from cell.task.cube_cycles import cube_cycles
 from cell.task.explain import explain_failure
-from cell.task.open_run import TO_START, OpenRun
 from cell.task.planning import (
     Rest,
-    options_of,
+    free_goals,
+    hidden_holes,
     plan_otherwise,
+    plan_recovery,
     plan_rest,
-    plan_to_start,
     reach_of,
     skipped_cubes,
 )
 from driver.execution.progress import StreamOptions
-from plan.program.recovery import plan_retreat
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
 
-class TaskRun(OpenRun):
+class TaskRun(CheckedRun):
     """A run that moves cubes; every public method is one stage. Constructed like `OpenRun`."""
 
     def check_reach(self, observation: Observation) -> None:
@@ -52,7 +53,7 @@ class TaskRun(OpenRun):
         if self.task.skip:  # what is out of reach stays, and the plan says so
             return
         table = reach_of(self.task, observation, self.speed)
-        with explain_failure(self._rest(observation, self.task.cell.q_start), self.advice, every_hole=True):
+        with explain_failure(self.rest(observation, self.task.cell.q_start), self.advice, every_hole=True):
             table.require()
         least = min(float(np.degrees(h.best.margin)) for h in table.holes)
         self.console.step(f"reach: all {len(table.holes)} holes, at least {least:.1f} deg from every limit")
@@ -67,8 +68,11 @@ class TaskRun(OpenRun):
             ImpossibleError: names step, hole, joint or pair of bodies and how much.
         """
         self.check_reach(observation)
-        rest = Rest(self.task, observation, self.task.cell.q_start, self.speed)
+        self._survey(observation)
+        rest = replace(self.rest(observation, self.task.cell.q_start), done={}, skip=())
         plan = self._planned(rest, every_hole=True)
+        if plan is None and self.recovery.displaced:
+            return True
         if plan is None:
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
@@ -83,22 +87,54 @@ class TaskRun(OpenRun):
             self.tell(hidden)
         return True
 
-    def go_to_start(self, observation: Observation | None) -> None:
-        """Go to q_start around the observed boards and cubes or, without an observation, around the zone for boards."""
-        plan = plan_to_start(self.task, observation, self.q_now(), self.speed, self.on_table)
-        if plan is not None:
-            self.keep(plan, TO_START)
-            self.execute(plan.steps)
-
     def move_cubes(self, observation: Observation) -> None:
-        """Plan the rest and execute it, until nothing is left."""
+        """Plan the rest and execute it, until nothing is left; take displaced cubes first."""
+        self._survey(observation)
+        observation = self._recover(observation)
         plan = self._plan_rest(observation)
         while plan is not None:
             observation, again = self.follow(plan, observation)
+            observation = self._recover(observation)
             plan = self._plan_rest(observation) if again else None
+        for line in hidden_holes(self.rest(observation, self.task.cell.q_start)):
+            self.tell(line)
 
-    def _rest(self, observation: Observation, q_from: Array) -> Rest:
-        return Rest(self.task, observation, q_from, self.speed, self.done, self.on_table, self.given_up)
+    def _survey(self, observation: Observation) -> None:
+        self.recovery.keep_empty(observation)
+        for line in self.recovery.survey(observation):
+            self.tell(line)
+
+    def _recover(self, observation: Observation) -> Observation:
+        """Take displaced cubes again, each by a plan of its own; return the last observation."""
+        recovery = self.recovery
+        while recovery.displaced:
+            cube = next(iter(recovery.displaced.values()))
+            try:
+                plan = self._plan_recovery(cube, observation)
+            except ImpossibleError as error:
+                recovery.leave(cube)
+                row = self.add_row({"cube": cube.name, "from": cube.place, "to": recovery.target(cube)})
+                row.at = cube.place
+                row.add_fault("stays", f"it stays {cube.place}: {error}")
+                self.tell(f"{cube.name} stays {cube.place}: {error}")
+                continue
+            self.keep(plan, f"recovery-{sum(recovery.tried.values())}")
+            observation, _ = self.follow(plan, observation)
+        return observation
+
+    def _plan_recovery(self, cube: DisplacedCube, observation: Observation) -> Plan:
+        """Plan to take a displaced cube to its target or, after the last attempt, back to its hole."""
+        rest = self.rest(observation, self.q_now())
+        goals = self.recovery.goals(cube, observation, lambda: free_goals(rest))
+        with self.console.doing("planning"), spending(self.budget):
+            plan = plan_recovery(rest, cube, goals)
+        erring_clearances(self.task.cell, plan)
+        (transfer,) = plan.task["cubes"]
+        self.console.step(
+            f"planned {cube.name} from {cube.place} to {transfer['to']}: {plan.duration_s:.1f} s of motion, "
+            f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
+        )
+        return plan
 
     def _planned(self, rest: Rest, every_hole: bool = False) -> Plan | None:
         explaining = explain_failure(rest, self.advice, every_hole)
@@ -110,7 +146,7 @@ class TaskRun(OpenRun):
         return plan
 
     def _plan_rest(self, observation: Observation) -> Plan | None:
-        plan = self._planned(self._rest(observation, self.q_now()))
+        plan = self._planned(self.rest(observation, self.q_now()))
         if plan is None:
             return None
         cubes = plan.task["cubes"]
@@ -135,7 +171,7 @@ class TaskRun(OpenRun):
             ImpossibleError: a cube is too likely to miss its pocket, or the arm may come too near to something.
         """
         erring_clearances(self.task.cell, plan, observation)
-        rest = self._rest(observation, self.task.cell.unit.positions(plan.start))
+        rest = self.rest(observation, self.task.cell.unit.positions(plan.start))
         again = None if given else partial(plan_otherwise, rest)
         budgets = require_placements(self.task.cell, observation, plan, again)
         self.budgets |= {budget.cube: budget for budget in budgets}
@@ -161,7 +197,8 @@ class TaskRun(OpenRun):
             if held is not None and held.stalled:
                 why_not = grip_fault(self.task.cell, self.task.cell.gripper.width(held.fraction_closed))
             if held is None or why_not:
-                return self._missed(cycle, row, observation, why_not), True
+                return self.missed(cycle, transfer, row, observation, why_not), True
+            self.recovery.displaced.pop(transfer["cube"], None)
             self.carry(cycle.carry, transfer, held.fraction_closed, row, observation)
             row.add_motion((*cycle.carry, *cycle.leave))
             observation = observation.with_moves({transfer["cube"]: transfer["to"]})
@@ -171,7 +208,9 @@ class TaskRun(OpenRun):
             self.execute(retract)
             retract = ()
             expected, observation = observation, self.look(f"after cube {len(self.rows)}")
-            self.confirm_placed(observation)
+            observation = self.confirm_placed(observation)
+            if self.recovery.displaced:
+                return observation, True
             changes = moved_boards(planned, observation, self.task.cell) + observation.changed(expected)
             for line in changes:
                 self.tell(line + "; the rest is replanned")
@@ -201,13 +240,14 @@ class TaskRun(OpenRun):
         """
         with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, observation)):
             self._monitored(steps, transfer["cube"], grip)
-        self._released.add(row, observation, self.widths.get(transfer["cube"]))
+        self.add_release(steps, transfer, row, observation)
         self.done[transfer["cube"]] = transfer["to"]
         if self.task.places is not None:
             self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
+        known = len(row.remarks)
         if self.connection.simulated is not None:
             judge_release(self.task, self.connection.simulated, row)
-        remarks = "".join(f"; {remark}" for remark in row.remarks)
+        remarks = "".join(f"; {remark}" for remark in row.remarks[known:])
         self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
 
     def _monitored(self, steps: Sequence[Step], cube: str, grip: float) -> None:
@@ -232,40 +272,6 @@ class TaskRun(OpenRun):
             known = width_at(self.task, observation, transfer["from"])
         return known
 
-    def _missed(self, cycle: CubeCycle, row: CubeRow, observation: Observation, why: str) -> Observation:
-        """Recover from jaws that hold no cube: open them on the spot, retract, go to q_start, look."""
-        self.tell(f"cube of {row.source} is not gripped: {why}")
-        row.remarks.append(why)
-        self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
-        if self.connection.mars.gripper(0.0).stalled:
-            raise ExecutionStopped(
-                f"the jaws missed the cube of {row.source} and do not open: something blocks them; the arm is at the "
-                "hole",
-                index=0,
-            )
-        cell, options = self.task.cell, options_of(self.task, self.speed)
-        scene, q = build_scene(cell, observation, self.on_table), cell.unit.positions(cycle.approach.path.end)
-        self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
-        self.go_to_start(observation)
-        before, after = observation.state(row.source), self.look("after a missed cube")
-        if before == "cube" and after.state(row.source) == "empty":
-            self._stop(
-                f"the cube of {row.source} is gone from its hole and was not gripped; its position is unknown: "
-                "remove it"
-            )
-        return after
-
-    def confirm_placed(self, observation: Observation) -> None:
-        """Judge the cubes released since the last look.
-
-        Raises:
-            ExecutionStopped: the position of one is unknown.
-        """
-        for row, found in self._released.judge(observation, self.pictures[-1].file):
-            self.tell(f"{row.source} to {row.target} {row.remarks[-1]}")
-            if found.lost:
-                self._stop(f"{row.source} to {row.target} {row.remarks[-1]}; correct or remove that cube")
-
     def require_confirmed(self) -> dict[str, Any]:
         """The report of a run; requires that every cube was confirmed.
 
@@ -273,14 +279,10 @@ class TaskRun(OpenRun):
             ExecutionStopped: names those that were not; with the report.
         """
         report = self.report()
-        wrong = [row for row in self.rows if any(note.startswith(NOT_CONFIRMED) for note in row.remarks)]
+        wrong = [row for row in self.rows if not row.placed]
         if wrong:
-            listed = "; ".join(f"{row.source} to {row.target} {row.remarks[-1]}" for row in wrong)
+            listed = "; ".join(f"{row.source} to {row.target} {'; '.join(row.remarks[-1:])}" for row in wrong)
             raise ExecutionStopped(
                 f"{len(wrong)} of {len(self.rows)} cubes not confirmed: {listed}", **report
             )
         return report
-
-    def _stop(self, why: str) -> None:
-        """End the task because a cube is misplaced or lost; `why` ends in what to do about it."""
-        raise ExecutionStopped(f"{why}, and run again; the arm is at q_start", **self.report())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -126,6 +127,7 @@ def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared:
         connection=SimpleNamespace(time_scale=1.0, simulated=None),
         remarks=[],
         budgets={},
+        began=datetime.now().astimezone(),
         folder=scenes,
     )
     told = OpenRun.to_json(run)["arm_shape"]

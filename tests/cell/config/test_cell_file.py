@@ -9,7 +9,7 @@ from arm.errors import FileInputError, InputError
 from cell.config.cell_file import read_cell
 from cell.config.inputs import changes
 from cell.files.task import read_task
-from cell.task.planning import options_of
+from cell.scene.options import options_of
 from typed.command_line import replace_in
 
 

@@ -19,8 +19,9 @@ from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
 from cell.files.observation import read_observation
 from cell.files.task import read_task
+from cell.scene.options import options_of
 from cell.task.plan_matches import replayed
-from cell.task.planning import Rest, options_of, plan_rest, reach_of
+from cell.task.planning import Rest, plan_rest, reach_of
 from driver.mars.startup import gripper_lines
 from tasks.small import leave_cubes
 from typed.command_line import a465, replace_in

@@ -7,7 +7,7 @@ import pytest
 
 from arm.errors import InputError
 from cell.files.task import read_place, read_task
-from cell.task.planning import options_of
+from cell.scene.options import options_of
 from typed.command_line import replace_in
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
+from cell.cubes.confirm_placed import _empty
 from cell.files.task import Task, read_task
 from cell.preview.overlays import board_to_json
-from cell.task.confirm_placed import _empty
 from tasks.true_look import true_look
 from vision.observation import Observation
 

@@ -86,7 +86,7 @@ def _carried(simulated: SimulatedCell, T_base_cube: Array) -> None:
     _jaws(simulated, T_base_cube @ inverse(T_tool_cube), 0.0)
 
 
-@pytest.mark.parametrize(("aside", "what"), [(0.0, "placed"), (0.0018, "placed"), (0.0025, "fallen")])
+@pytest.mark.parametrize(("aside", "what"), [(0.0, "placed"), (0.0018, "placed"), (0.0025, "unseated")])
 def test_a_pocket_catches_a_cube_within_2_mm(simulated: SimulatedCell, aside: float, what: str) -> None:
     target = simulated.world.boards[1]
     T_base_hole = target.T_base_board @ target.board.T_board_hole(1)
@@ -96,6 +96,25 @@ def test_a_pocket_catches_a_cube_within_2_mm(simulated: SimulatedCell, aside: fl
         seat = inverse(T_base_hole) @ simulated._cubes[0].T_base_cube
         assert seat[:3, 3] == pytest.approx([0.0, 0.0, 0.012], abs=1e-9)
         assert angle_to_square(seat[:3, :3]) == pytest.approx(0.0, abs=1e-6)
+    else:  # it lies on the plate
+        flat = inverse(T_base_hole) @ simulated._cubes[0].T_base_cube
+        assert flat[:3, 3] == pytest.approx([aside, 0.0, 0.020], abs=1e-5)
+        assert flat[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("fault", ["missed", "half", "aside"])
+def test_a_grasp_with_a_fault_holds_nothing_and_the_next_one_holds(
+    simulated: SimulatedCell, fault: str
+) -> None:
+    simulated._grasp_faults = [fault, "held"]
+    T_base_tool, before = _over_cube(simulated, 0), simulated._cubes[0].T_base_cube
+    _jaws(simulated, T_base_tool, 0.9)
+    assert simulated.events[-1].what == ("missed" if fault == "missed" else "pushed")
+    T_cube_now = inverse(before) @ simulated._cubes[0].T_base_cube
+    assert np.allclose(T_cube_now, np.eye(4)) is (fault == "missed")
+    _jaws(simulated, T_base_tool, 0.0)
+    _jaws(simulated, simulated._cubes[0].T_base_cube @ inverse(before) @ T_base_tool, 0.9)
+    assert simulated.events[-1].what == "gripped"
 
 
 @pytest.mark.parametrize(("height", "what"), [(0.001, "set down"), (0.009, "set down"), (0.030, "fallen")])

@@ -5,18 +5,14 @@ from __future__ import annotations
 import errno
 import json
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
 
 import pytest
 
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.console import OutputLost
-from cell.report.cubes import CubeRow
 from cell.task.run import TaskRun
 from driver.emulator import Emulator
 from tasks.full_disks import execute
-from vision.observation import Observation
 
 pytestmark = pytest.mark.xdist_group("logs")
 
@@ -49,16 +45,3 @@ def test_an_output_that_is_lost_while_the_end_is_told_does_not_hide_how_the_run_
         execute(emulator.open_pty(), place / "images")
     assert not isinstance(ended.value, OutputLost)
     assert json.loads((place / "runs/task2-1/report.json").read_text())["error"]["exit_code"] == 4
-
-
-def test_jaws_that_missed_a_cube_and_do_not_open_stop_the_run() -> None:
-    """A retract with open jaws would be certified, but they are not open."""
-    mars = SimpleNamespace(gripper=lambda closed: SimpleNamespace(stalled=True))
-    run = TaskRun.__new__(TaskRun)
-    run.connection, run.given_up, run.remarks = cast(Any, SimpleNamespace(mars=mars)), set(), []
-    run.console = cast(Any, SimpleNamespace(step=lambda text: None))
-    with pytest.raises(
-        ExecutionStopped, match="missed the cube of 01-02/3 and do not open: something blocks them"
-    ):
-        run._missed(cast(Any, None), CubeRow("01-02/3", "03-04/1"), Observation(), "they closed on nothing")
-    assert run.given_up == {2}

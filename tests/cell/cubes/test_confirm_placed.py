@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from arm.errors import ExecutionStopped
 from arm.io.storage import data_file
+from cell.cubes.confirm_placed import Release, Unconfirmed, confirm
 from cell.files.world import read_world
 from cell.report.cubes import CubeRow
-from cell.task.confirm_placed import ReleasedCubes, Unconfirmed, confirm
 from tasks.small import quick_scenes, small_scenes
 from tasks.whole_run import WholeRun, run_whole
 from typed.command_line import replace_in
+from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
 pytestmark = pytest.mark.xdist_group("confirming")
@@ -27,6 +29,8 @@ def _run(tmp_path: Path, releases: list[str], look_after: str = "each") -> Whole
     scenes = quick_scenes(tmp_path, 1, 3)
     world = scenes / "task2.world.toml"
     world.write_text(f"releases = {json.dumps(releases)}\n" + world.read_text())
+    with (scenes / "cell.toml").open("a") as cell:
+        cell.write("\n[recovery]\nattempts = 0\n")
     replace_in(scenes / "task2.toml", 'look_after = "each"', f'look_after = "{look_after}"')
     return run_whole(scenes / "task2.toml", tmp_path / "run")
 
@@ -109,7 +113,7 @@ def test_each_rule_alone_leaves_a_cube_unconfirmed(
     lost: bool,
 ) -> None:
     monkeypatch.setattr(
-        "cell.task.confirm_placed.seated", lambda *_: SimpleNamespace(state=sits, reason="because")
+        "cell.cubes.confirm_placed.seated", lambda *_: SimpleNamespace(state=sits, reason="because")
     )
     looks: Any = SimpleNamespace(state={"a/1": source, "b/2": target}.get, board=lambda name: None, images=())
     on_board: Any = SimpleNamespace(to_board="b")
@@ -136,9 +140,9 @@ def test_a_cube_that_sits_on_a_board_that_was_pushed_is_not_confirmed_and_not_lo
     """Where the board is not in one of both looks, nobody can tell that it moved."""
     shift = SimpleNamespace(beyond=lambda cell: beyond)
     monkeypatch.setattr(
-        "cell.task.confirm_placed.seated", lambda *_: SimpleNamespace(state="seated", reason="")
+        "cell.cubes.confirm_placed.seated", lambda *_: SimpleNamespace(state="seated", reason="")
     )
-    monkeypatch.setattr("cell.task.confirm_placed.board_shift", lambda *_: shift)
+    monkeypatch.setattr("cell.cubes.confirm_placed.board_shift", lambda *_: shift)
     pose = SimpleNamespace(board=None, T_base_board=None)
     asked: list[str] = []
 
@@ -166,14 +170,38 @@ def test_a_cube_is_not_measured_in_photographs_that_show_its_source_as_it_was_be
     used: list[CubeWidth | None] = []
 
     def confirm(*arguments: Any) -> None:
-        used.append(arguments[-1])
+        used.append(arguments[5])
 
-    monkeypatch.setattr("cell.task.confirm_placed.width_at", lambda *_: measured)
-    monkeypatch.setattr("cell.task.confirm_placed.confirm", confirm)
+    monkeypatch.setattr("cell.cubes.confirm_placed.width_at", lambda *_: measured)
+    monkeypatch.setattr("cell.cubes.confirm_placed.confirm", confirm)
     task: Any = SimpleNamespace()
     before: Any = SimpleNamespace(moved_since=frozenset({"a/1"} if moved else {"a/2", "b/1"}))
-    released, row = ReleasedCubes(task), CubeRow("a/1", "b/2")
-    released.add(row, before, before_known)
-    assert list(released.judge(before, Path("look-2.png"))) == []
-    assert used == [before_known if moved else measured]
-    assert row.placed
+    row = CubeRow("a/1", "b/2")
+    for source in ("a/1", "beside b/2"):
+        release = Release(row, source, "b/2", before, np.eye(4), before_known)
+        judged, why = release.judge(task, before)
+        assert why is None
+        assert judged.width is used[-1]
+        assert used.pop() == (before_known if moved or source != "a/1" else measured)
+        assert row.placed
+
+
+def test_a_cube_that_is_put_back_is_not_placed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cell.cubes.confirm_placed.confirm", lambda *_: None)
+    row, before = CubeRow("a/1", "b/2"), Observation()
+    Release(row, "beside b/2", "a/1", before, np.eye(4)).judge(cast(Any, None), before)
+    assert not row.placed
+
+
+@pytest.mark.parametrize(
+    ("beside", "state", "confirmed"), [("b/2", "unsure", True), ("a/1", "unsure", False)]
+)
+def test_a_cube_from_beside_its_target_has_no_source_to_be_empty(
+    monkeypatch: pytest.MonkeyPatch, beside: str, state: str, confirmed: bool
+) -> None:
+    monkeypatch.setattr(
+        "cell.cubes.confirm_placed.seated", lambda *_: SimpleNamespace(state="seated", reason="")
+    )
+    looks: Any = SimpleNamespace(state={"a/1": state, "b/2": "cube"}.get, board=lambda name: None, images=())
+    found = confirm(cast(Any, SimpleNamespace(to_board="b")), looks, looks, f"beside {beside}", "b/2", None)
+    assert (found is None) is confirmed

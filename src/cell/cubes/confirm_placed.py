@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.former import former_names
 from arm.se3 import Array, apply
 from cell.config.cell import Cell
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
 from cell.report.cubes import CubeRow
 from cell.scene.build import T_base_on_table
+from cell.scene.displaced import BESIDE
 from vision.observation import Observation
 from vision.occupancy.cube_top import CubeTop, EmptyPlace
 from vision.occupancy.seated import CubeWidth, Seating, Sight, seating, width_of
@@ -38,7 +37,13 @@ class Unconfirmed:
 
 
 def confirm(
-    task: Task, before: Observation, after: Observation, source: str, target: str, width: CubeWidth | None
+    task: Task,
+    before: Observation,
+    after: Observation,
+    source: str,
+    target: str,
+    width: CubeWidth | None,
+    empty: Observation | None = None,
 ) -> Unconfirmed | None:
     """Return None if a cube certainly moved from source to target, and the target's board did not move.
 
@@ -49,12 +54,13 @@ def confirm(
         task: of the cube.
         before: the last look with the cube at its source.
         after: the look that must show the cube at its target.
-        source, target: names of the places.
+        source, target: names of the places; the source may be beside a hole (`cell.scene.displaced`).
         width: of the cube, if it was measured before; None: the cell file's.
+        empty: the last look with an empty target; None: `before`.
     """
-    reasons = []
+    reasons, source = [], source.removeprefix(BESIDE)
     state = after.state(source)
-    if state != "empty":
+    if source != target and state != "empty":
         reasons.append(f"hole {source} looks {state or 'hidden'}, not empty")
     lost = bool(reasons)
     if task.to_board is None and not _in_view(task, after, target):
@@ -62,7 +68,7 @@ def confirm(
     state = after.state(target) if task.to_board is not None else "cube"
     if state != "cube":
         reasons.append(f"hole {target} looks {state or 'hidden'}, not cube")
-    seat = seated(task, after, target, width, before)
+    seat = seated(task, after, target, width, empty or before)
     if seat.state != "seated":
         reasons.append(f"the cube in {target} is not certainly seated: {seat.reason}")
     if reasons:
@@ -114,9 +120,18 @@ def unseen_places(task: Task, observation: Observation, places: Iterable[str]) -
     )
 
 
+def T_base_of(task: Task, observation: Observation, place: str) -> Array | None:
+    """Observed pose of a hole, or the pose of a place on the table; None for a hole whose board was not found."""
+    if _on_table(task, place):
+        return T_base_on_table(task, place)
+    name, _, number = place.rpartition("/")
+    board = observation.board(name)
+    return None if board is None else board.pose.holes[int(number) - 1].T_base_hole
+
+
 def _top(task: Task, observation: Observation, place: str, without: Observation | None) -> CubeTop | None:
     """Measure the top of the cube at a place; None if that is not possible."""
-    T_base_place, sight = _T_base_place(task, observation, place), _sight(task, observation)
+    T_base_place, sight = T_base_of(task, observation, place), _sight(task, observation)
     if sight is None or T_base_place is None:
         return None
     empty = None if without is None else _empty(task, without, place)
@@ -125,7 +140,7 @@ def _top(task: Task, observation: Observation, place: str, without: Observation 
 
 def _empty(task: Task, observation: Observation, place: str) -> EmptyPlace | None:
     """The image of a place from a look at which it was certainly empty; otherwise None."""
-    T_base_place, sight = _T_base_place(task, observation, place), _sight(task, observation)
+    T_base_place, sight = T_base_of(task, observation, place), _sight(task, observation)
     shown = _on_table(task, place) or observation.state(place) == "empty"
     if sight is None or T_base_place is None or place in observation.moved_since or not shown:
         return None
@@ -144,15 +159,6 @@ def _on_table(task: Task, place: str) -> bool:
     return place.startswith("table/") and task.to_board is None
 
 
-def _T_base_place(task: Task, observation: Observation, place: str) -> Array | None:
-    """Observed pose of a hole, or the pose of a place on the table; None for a hole whose board was not found."""
-    if _on_table(task, place):
-        return T_base_on_table(task, place)
-    name, _, number = place.rpartition("/")
-    board = observation.board(name)
-    return None if board is None else board.pose.holes[int(number) - 1].T_base_hole
-
-
 def _in_view(task: Task, observation: Observation, place: str) -> bool:
     sight = _sight(task, observation)
     if sight is None:
@@ -162,30 +168,36 @@ def _in_view(task: Task, observation: Observation, place: str) -> bool:
     return sight.shows(apply(T_base_on_table(task, place), corners))
 
 
-class ReleasedCubes:
-    """Released cubes that no look has confirmed yet."""
+@dataclass(frozen=True)
+class Release:
+    """A released cube that no look has confirmed yet.
 
-    def __init__(self, task: Task) -> None:
-        self._task = task
-        self._waiting: list[tuple[CubeRow, Observation, CubeWidth | None]] = []
+    Attributes:
+        row: of the cube in the report.
+        source, target: names of the places.
+        before: the last look with it at its source.
+        T_base_tool: pose of the tool at its release.
+        width: of the cube, if known.
+        empty: the last look with an empty target; None: `before`.
+    """
 
-    def add(self, row: CubeRow, before: Observation, width: CubeWidth | None = None) -> None:
-        """Add a released cube. `before`: the last look with it at its source; `width`: its width if known."""
-        self._waiting.append((row, before, width))
+    row: CubeRow
+    source: str
+    target: str
+    before: Observation
+    T_base_tool: Array
+    width: CubeWidth | None = None
+    empty: Observation | None = None
 
-    def judge(self, observation: Observation, picture: Path) -> list[tuple[CubeRow, Unconfirmed]]:
-        """Judge all of them by a look; return those not confirmed, each with a remark that names the picture."""
-        waiting, self._waiting = self._waiting, []
-        unconfirmed = []
-        for row, before, width in waiting:
-            if row.source not in before.moved_since:  # then it can be measured there
-                width = width_at(self._task, before, row.source, observation) or width
-            why = confirm(self._task, before, observation, row.source, row.target, width)
-            row.placed = why is None
-            if why is not None:
-                row.remarks.append(f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture.name})")
-                unconfirmed.append((row, why))
-        return unconfirmed
+    def judge(self, task: Task, after: Observation) -> tuple[Release, Unconfirmed | None]:
+        """Judge it by a look.
 
-
-former_names(__name__, __name__, LetGo="ReleasedCubes")
+        Returns:
+            The release with the measured width of the cube, and why it is not confirmed; None if it is.
+        """
+        width = self.width
+        if self.source not in self.before.moved_since and not self.source.startswith(BESIDE):
+            width = width_at(task, self.before, self.source, after) or width
+        why = confirm(task, self.before, after, self.source, self.target, width, self.empty)
+        self.row.placed = why is None and self.target == self.row.target
+        return replace(self, width=width), why

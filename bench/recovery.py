@@ -1,0 +1,228 @@
+"""Does a run recover? Whole runs of Task 2 in realistic cells, with and without faults of grasps and releases.
+
+python bench/recovery.py --runs 50              # 4 missed grasps and 4 cubes left oblique or beside in each
+python bench/recovery.py --runs 100 --faultless
+
+Each run is `a465 run` on scenes/realistic with a seed of its own and its boards within 5 mm and 5 degrees of the
+demonstration's, where the camera sees every hole. With faults, every first grasp of a cube misses. Two second grasps
+leave the cube beside its pocket, and so do two releases: leaning in one of four directions, rotated on the rim, too
+high, or flat on the plate 24 to 35 mm aside with any yaw, where it hides no marker and touches no cube. A cube has
+three attempts after the first.
+
+A cube is told as placed if the report says so, and seated if it truly is in the pocket that the report names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+
+from run_conditions import run_conditions
+
+from arm.board import PLATE_CENTRE, PLATE_SIZE, Board, seat_depth
+from arm.io.storage import data_file
+from arm.numerics.products import mul, norm
+from arm.se3 import Array, frozen, inverse, rot_z, transform
+from cell.files.world import TrueBoard
+from cell.sim.cell import SimulatedCell
+from cell.sim.release_faults import T_hole_released
+from tasks.whole_run import WholeRun, run_whole
+
+FAULTS = ("half", "rim", "high", "aside")
+AROUND_MM, AROUND_DEG = 5.0, 5.0
+ON_SEAT = 1e-3  # m from where a seated cube's centre is
+APART = 0.047  # m between the middle of a cube that lies aside and any other hole
+INSIDE = 0.024  # m between the middle of a cube and the border of its plate
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run.
+
+    Attributes:
+        told, seated: number of cubes told as placed, and of these truly seated in the named hole.
+        cubes: number of cubes.
+        faults: events of grasps and releases that went wrong, by kind.
+        cpu_s: processor time.
+        error: why the run ended, or "".
+        remarks: of cubes that were not placed.
+    """
+
+    seed: int
+    told: int
+    seated: int
+    in_target: int
+    cubes: int
+    faults: Counter[str]
+    cpu_s: float
+    error: str
+    remarks: tuple[str, ...]
+
+
+def run_of(seed: int, faultless: bool) -> Outcome:
+    """One run."""
+    cv2.setNumThreads(1)
+    rng = np.random.default_rng(seed)
+    begin = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = Path(shutil.copytree(data_file("scenes"), Path(folder) / "scenes")) / "realistic"
+        world = scenes / "task2.world.toml"
+        text = _moved(world.read_text(), rng).replace("seed = 1 ", f"seed = {seed} ", 1)
+        world.write_text(text if faultless else _with_faults(text, rng))
+        left = _Left(rng)
+        with patch.object(SimulatedCell, "T_base_left", lambda *given: left(*given)):
+            run = run_whole(scenes / "task2.toml", Path(folder) / "run")
+    return _outcome(run, seed, time.process_time() - begin)
+
+
+def _moved(text: str, rng: np.random.Generator) -> str:
+    """The world file with its boards moved a little."""
+    lines = []
+    for line in text.splitlines():
+        key, _, value = line.partition(" = ")
+        if key == "centre_mm":
+            x, y, z = json.loads(value.split("#")[0])
+            dx, dy = rng.uniform(-AROUND_MM, AROUND_MM, 2)
+            line = f"centre_mm = [{x + dx:.3f}, {y + dy:.3f}, {z}]"
+        elif key == "yaw_deg":
+            line = f"yaw_deg = {float(value.split('#')[0]) + rng.uniform(-AROUND_DEG, AROUND_DEG):.3f}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _with_faults(text: str, rng: np.random.Generator) -> str:
+    a, b, c, d = (str(fault) for fault in rng.choice(FAULTS, 4))
+    once, twice = ["missed", "held"], ["missed", "held", "held"]
+    grasps = [*twice, once[0], a, once[1], *twice, once[0], b, once[1]]
+    releases = [c, "seated", "seated", d, "seated", "seated"]
+    return f"grasps = {json.dumps(grasps)}\nreleases = {json.dumps(releases)}\n{text}"
+
+
+class _Left:
+    """Where a cube is left, drawn anew: in place of `SimulatedCell.T_base_left`."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def __call__(self, cell: SimulatedCell, fault: str, b: TrueBoard, hole: int, size: float) -> Array:
+        T_board_hole = b.board.T_board_hole(hole)
+        T_hole_cube = self._in_hole(fault, size, seat_depth(size, b.board.pocket))
+        while fault == "aside" and not _has_room(b.board, mul(T_board_hole, T_hole_cube)[:2, 3], hole):
+            T_hole_cube = self._in_hole(fault, size, seat_depth(size, b.board.pocket))
+        return frozen(mul(mul(b.T_base_board, T_board_hole), T_hole_cube))
+
+    def _in_hole(self, fault: str, size: float, depth: float) -> Array:
+        T, rng, quarter = T_hole_released(fault, size, depth), self._rng, np.pi / 2.0
+        if fault == "half":
+            return np.asarray(mul(transform(rot_z(float(rng.integers(4)) * quarter)), T))
+        if fault == "rim":
+            x, y = rng.uniform(-3e-3, 3e-3, 2)
+            return np.asarray(transform(rot_z(rng.uniform(0.22, 0.78) * quarter), (x, y, T[2, 3])))
+        if fault == "high":
+            return np.asarray(mul(transform(t=(0.0, 0.0, rng.uniform(-2.5e-3, 0.0))), T))
+        away, towards, yaw = rng.uniform(0.024, 0.035), *rng.uniform(-np.pi, np.pi, 2)
+        return np.asarray(transform(rot_z(yaw), (away * np.cos(towards), away * np.sin(towards), T[2, 3])))
+
+
+def _has_room(board: Board, xy: Array, hole: int) -> bool:
+    """Whether a cube with its middle at `xy` (2,) m stands on its plate alone, and hides no marker."""
+    half = np.array(PLATE_SIZE[:2]) / 2.0 - INSIDE
+    others = np.delete(np.asarray(board.holes)[:, :2], hole, axis=0)
+    markers = np.array([(0.0, 0.0), board.second_marker])
+    return bool(
+        (np.abs(xy - PLATE_CENTRE) < half).all()
+        and np.linalg.norm(others - xy, axis=1).min() > APART
+        and np.linalg.norm(markers - xy, axis=1).min() > APART
+    )
+
+
+def _outcome(run: WholeRun, seed: int, cpu_s: float) -> Outcome:
+    cell = run.simulated
+    if cell is None:
+        raise ValueError(f"seed {seed}: {run.error}")
+    report: dict[str, Any] = run.report or (run.error.data if run.error is not None else {})
+    rows = [row for row in report.get("cubes", []) if isinstance(row, dict)]
+    held = {place: name for name, place in _in_pockets(cell)}
+    told = [row for row in rows if row["placed"]]
+    wrong = [event for event in cell.events if event.what in ("pushed", "unseated")]
+    faults = Counter(event.message.split(": ")[1].split(",")[0] for event in wrong)
+    faults["missed"] = sum(event.what == "missed" for event in cell.events)
+    target = run.task.to_board
+    return Outcome(
+        seed,
+        len(told),
+        sum(row["to"] in held for row in told),
+        sum(target is not None and place.startswith(target.name) for place in held),
+        len(cell.cubes(run.task.cell.unit.counts(run.task.cell.q_start))),
+        faults,
+        cpu_s,
+        "" if run.error is None else str(run.error),
+        tuple(remark for row in rows if not row["placed"] for remark in row["remarks"][-2:]),
+    )
+
+
+def _in_pockets(cell: SimulatedCell) -> Iterator[tuple[str, str]]:
+    """Names of cubes that truly are seated, and of their holes."""
+    for cube in cell.cubes(cell.cell.unit.counts(cell.cell.q_start)):
+        for b in cell.world.boards:
+            for hole in range(len(b.board.holes)):
+                T_base_hole = mul(b.T_base_board, b.board.T_board_hole(hole))
+                T = mul(inverse(T_base_hole), cube.T_base_cube)
+                seat = cube.size / 2.0 - seat_depth(cube.size, b.board.pocket)
+                if norm(T[:3, 3] - (0.0, 0.0, seat)) < ON_SEAT and T[2, 2] > np.cos(np.radians(1.0)):
+                    yield cube.name, f"{b.board.name}/{hole + 1}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=1, help="seed of the first run")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--faultless", action="store_true")
+    given = parser.parse_args()
+    print(run_conditions(), flush=True)
+    print(
+        f"{given.runs} runs from seed {given.first}, {'faultless' if given.faultless else 'with faults'}",
+        flush=True,
+    )
+    done: list[Outcome] = []
+    seeds = range(given.first, given.first + given.runs)
+    with ProcessPoolExecutor(given.jobs) as pool:
+        for one in pool.map(run_of, seeds, [given.faultless] * len(seeds)):
+            done.append(one)
+            odd = one.told != one.cubes or one.seated != one.told
+            print(
+                f"seed {one.seed}: {one.told} of {one.cubes} told as placed, {one.seated} of these seated, "
+                f"{dict(one.faults)}, {one.cpu_s:.0f} s of CPU"
+                + (f": {one.error} {one.remarks}" if odd else ""),
+                flush=True,
+            )
+    cubes, faults = sum(one.cubes for one in done), sum((one.faults for one in done), Counter())
+    told, seated = sum(one.told for one in done), sum(one.seated for one in done)
+    print(f"\nfaults: {dict(faults)}")
+    print(f"cubes: {cubes}; seated in the target board: {sum(one.in_target for one in done)}")
+    print(f"told as placed: {told}; of these not seated: {told - seated}")
+    print(f"runs in which every cube was placed: {sum(one.told == one.cubes for one in done)} of {len(done)}")
+    print(f"CPU of a run: median {np.median([one.cpu_s for one in done]):.0f} s")
+
+
+if __name__ == "__main__":
+    main()

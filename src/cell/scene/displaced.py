@@ -1,0 +1,111 @@
+"""A cube that is not in its seat, and how the jaws grip it where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm.board import plate_name
+from arm.numerics.products import mul, norm
+from arm.poses import HolePose
+from arm.se3 import Array, apply, frozen, inverse, transform
+from cell.config.cell import Cell
+from cell.scene.bodies import T_hole_cube
+from cell.scene.build import grips_over, padded_cube
+from plan.scene import Scene, Station
+from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupancy
+
+BESIDE = "beside "  # begins the name of the place where a displaced cube is
+QUARTER = np.pi / 2.0
+HIDES = 0.075  # m between the middles of a displaced cube and of a hole that it may hide in part
+
+# Reasons for which a hole may be unsure although its cube is seated. Files of other versions may lack a reason.
+_MAY_BE_SEATED = ("", LIGHT, NO_MARKER, OUT, POSE, FAINT)
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacedCube:
+    """A cube that a look located beside its seat, or leaning in it.
+
+    Attributes:
+        name: such as ``cube 01-02/4``, by the hole that it came from.
+        near: the hole or place that it is nearest to, such as ``03-04/1``.
+        T_base_cube: pose of its centre, z the outward normal of its top.
+    """
+
+    name: str
+    near: str
+    T_base_cube: Array
+
+    @property
+    def place(self) -> str:
+        """Name of the place where it is: ``beside 03-04/1``."""
+        return BESIDE + self.near
+
+    def station(self, cell: Cell) -> Station:
+        """The place as a station: the jaws grip the cube as deep below its top as a seated one."""
+        T_base_seat = mul(self.T_base_cube, inverse(T_hole_cube(cell.cube_size)))
+        grips = grips_over(T_base_seat, cell.grip_height)
+        return Station(self.place, grips, frozenset((support_of(self.near),)))
+
+    def offset(self, cell: Cell, T_base_place: Array) -> Array:
+        """Offset (2,) m of the middle of its bottom from a place's axis, in the place's plane.
+
+        A cube leans about an edge of its bottom, which stays where it was released. So its bottom tells where that was,
+        and its centre does not.
+        """
+        bottom = apply(self.T_base_cube, (0.0, 0.0, -cell.cube_size / 2.0))
+        return frozen(apply(inverse(T_base_place), bottom)[:2])
+
+    def turn(self, T_base_place: Array) -> float:
+        """Smallest rotation, rad, about a place's axis between the cube's sides and the place's axes."""
+        T_place_cube = mul(inverse(T_base_place), self.T_base_cube)
+        yaw = float(np.arctan2(T_place_cube[1, 0], T_place_cube[0, 0]))
+        return abs((yaw + QUARTER / 2.0) % QUARTER - QUARTER / 2.0)
+
+    def describe(self, cell: Cell, T_base_place: Array) -> str:
+        """Where it is, in words: ``25.1 mm from 03-04/1, rotated by 12 deg, tilted by 0.3 deg``."""
+        away = 1e3 * float(np.hypot(*self.offset(cell, T_base_place)))
+        turn = np.degrees(self.turn(T_base_place))
+        upright = float(T_base_place[:3, 2] @ self.T_base_cube[:3, 2])
+        tilt = np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))
+        return f"{away:.1f} mm from {self.near}, rotated by {turn:.0f} deg, tilted by {tilt:.1f} deg"
+
+
+def is_displaced(occupancy: Occupancy) -> bool:
+    """Whether a hole shows something other than a seated cube or an empty hole."""
+    return occupancy.state == "unsure" and occupancy.reason not in _MAY_BE_SEATED
+
+
+def is_hidden(hole: HolePose, occupancy: Occupancy, displaced: Iterable[DisplacedCube]) -> bool:
+    """Whether a displaced cube may be what makes a hole unsure."""
+    return occupancy.state == "unsure" and any(
+        norm(cube.T_base_cube[:3, 3] - hole.T_base_hole[:3, 3]) < HIDES for cube in displaced
+    )
+
+
+def support_of(place: str) -> str:
+    """The body that supports a cube at a place or beside it: a plate, or the table."""
+    board = place.removeprefix(BESIDE).rpartition("/")[0]
+    return "table" if board == "table" else plate_name(board)
+
+
+def with_displaced(cell: Cell, scene: Scene, cubes: tuple[DisplacedCube, ...]) -> Scene:
+    """Return the scene with displaced cubes; each may touch what it stands on."""
+    bodies = tuple(padded_cube(cell, cube.name, cube.T_base_cube) for cube in cubes)
+    touching = {frozenset((cube.name, support_of(cube.near))) for cube in cubes}
+    return Scene(
+        scene.robot_open,
+        scene.robot_holding,
+        scene.bodies,
+        (*scene.cubes, *bodies),
+        scene.allowed | touching,
+    )
+
+
+def shifted(T_base_tool: Array, T_base_place: Array, offset: Array) -> Array:
+    """Return a tool pose moved by an offset (2,) m in the plane of a place."""
+    moved = mul(T_base_place[:3, :3], np.array([*offset, 0.0]))
+    return frozen(mul(transform(t=moved), T_base_tool))

@@ -1,0 +1,151 @@
+"""A run that takes stock of cubes: were they gripped, are they seated, and where are they instead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+from arm.errors import ExecutionStopped
+from arm.plan_file import Move, Step
+from arm.se3 import Array
+from cell.cubes.confirm_placed import NOT_CONFIRMED, Release, Unconfirmed
+from cell.report.cubes import CubeRow
+from cell.scene.build import cube_name
+from cell.scene.displaced import BESIDE
+from cell.scene.options import options_of
+from cell.task.cube_cycles import CubeCycle
+from cell.task.open_run import TO_START, OpenRun
+from cell.task.planning import Rest, plan_to_start
+from plan.program.recovery import plan_retreat
+from vision.observation import Observation
+
+
+class CheckedRun(OpenRun):
+    """A run that knows where its cubes are. Constructed like `OpenRun`."""
+
+    def rest(self, observation: Observation, q_from: Array) -> Rest:
+        """What is left of the task, with the arm at rest at `q_from` (6,) rad."""
+        return Rest(
+            self.task,
+            observation,
+            q_from,
+            self.speed,
+            self.done,
+            self.on_table,
+            self.given_up,
+            self.recovery.cubes,
+        )
+
+    def go_to_start(self, observation: Observation | None) -> None:
+        """Go to q_start around the observed boards and cubes or, without an observation, around the zone for boards."""
+        plan = plan_to_start(self.task, observation, self.q_now(), self.speed, self.on_table)
+        if plan is not None:
+            self.keep(plan, TO_START)
+            self.execute(plan.steps)
+
+    def add_release(
+        self, steps: Sequence[Step], transfer: dict[str, str], row: CubeRow, observation: Observation
+    ) -> None:
+        """Keep what the next look needs to judge a released cube."""
+        cell, cube, target = self.task.cell, transfer["cube"], transfer["to"]
+        last = next(step for step in reversed(steps) if isinstance(step, Move))
+        self._released.append(
+            Release(
+                row,
+                transfer["from"],
+                target,
+                observation,
+                cell.robot(cell.cube_size).T_base_tool(cell.unit.positions(last.path.end)),
+                self.widths.get(cube) or self.recovery.widths.get(cube),
+                self.recovery.empty_look(target),
+            )
+        )
+
+    def missed(
+        self, cycle: CubeCycle, transfer: dict[str, str], row: CubeRow, observation: Observation, why: str
+    ) -> Observation:
+        """Recover from jaws that hold no cube: open them on the spot, retract, go to q_start, look."""
+        self.tell(f"cube of {row.source} is not gripped: {why}")
+        row.add_fault("not gripped", why)
+        if self.connection.mars.gripper(0.0).stalled:
+            raise ExecutionStopped(
+                f"the jaws missed the cube of {row.source} and do not open: something blocks them; the arm is at the "
+                "hole",
+                index=0,
+            )
+        cell, options = self.task.cell, options_of(self.task, self.speed)
+        q = cell.unit.positions(cycle.approach.path.end)
+        scene = self.rest(observation, q).scene
+        self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
+        self.go_to_start(observation)
+        before, after = observation.state(row.source), self.look("after a missed cube")
+        words = self.recovery.after_miss(after, transfer["cube"], transfer["from"])
+        if words is not None:
+            self.tell(words)
+            row.remarks.append(words)
+            row.at = self.recovery.where(transfer["cube"])
+        elif transfer["from"].startswith(BESIDE) or (before == "cube" and after.state(row.source) == "empty"):
+            why_not = self.recovery.not_located.get(transfer["cube"])
+            self._stop(
+                f"the cube of {row.source} is gone from {transfer['from']} and was not gripped; its position is "
+                f"unknown{f' ({why_not})' if why_not else ''}: remove it"
+            )
+        elif transfer["cube"] in self.recovery.not_located:
+            row.add_fault("not located", f"not located {self.recovery.not_located[transfer['cube']]}")
+            self.tell(f"{transfer['cube']} stays: {row.remarks[-1]}")
+        if words is None or not self.recovery.goes_on(transfer["cube"]):
+            self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
+        return after
+
+    def confirm_placed(self, observation: Observation) -> Observation:
+        """Judge the cubes released since the last look; look once more if one is not confirmed and may be displaced.
+
+        Returns:
+            The last observation.
+
+        Raises:
+            ExecutionStopped: the position of one is unknown.
+        """
+        judged, self._released = [one.judge(self.task, observation) for one in self._released], []
+        if self.recovery.most and any(why is not None and why.lost for _, why in judged):
+            observation = self.look("again, for a cube that is not confirmed")
+            judged = [one.judge(self.task, observation) for one, _ in judged]
+        self.recovery.keep_empty(observation)
+        for release, why in judged:
+            release.row.at = release.target
+            if why is not None:
+                self._not_confirmed(release, why, observation)
+            elif not release.row.placed:
+                release.row.add_fault("put back", f"put back into {release.target}")
+        return observation
+
+    def _not_confirmed(self, release: Release, why: Unconfirmed, observation: Observation) -> None:
+        """Say so, and take stock of the cube.
+
+        Raises:
+            ExecutionStopped: its position is unknown.
+        """
+        row, cube = release.row, cube_name(release.row.source)
+        picture = self.pictures[-1].file.name
+        row.add_fault("not confirmed", f"{NOT_CONFIRMED}: {'; '.join(why.reasons)} (see {picture})")
+        self.tell(f"{row.source} to {release.target} {row.remarks[-1]}")
+        if not why.lost:
+            return
+        row.at = "unknown"
+        words = self.recovery.after_release(observation, cube, release)
+        if words is None:
+            why_not = self.recovery.not_located.get(cube)
+            row.faults.append("not located")
+            self._stop(
+                f"{row.source} to {release.target} {row.remarks[-1]}{f'; not located {why_not}' if why_not else ''}; "
+                "correct or remove that cube"
+            )
+        row.at = self.recovery.displaced[cube].place
+        row.remarks.append(words)
+        self.tell(words)
+        self.done.pop(cube, None)
+        self.on_table.pop(cube_name(release.target), None)
+
+    def _stop(self, why: str) -> NoReturn:
+        """End the task because a cube is misplaced or lost; `why` ends in what to do about it."""
+        raise ExecutionStopped(f"{why}, and run again; the arm is at q_start", **self.report())

@@ -1,0 +1,106 @@
+"""A cube beside its seat: where the jaws grip it, and what its place tells of its release."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm.io.storage import data_file
+from arm.numerics.products import mul
+from arm.se3 import apply, frozen, inverse, rot_x, rot_z, transform
+from cell.files.task import read_task
+from cell.scene.bodies import T_hole_cube
+from cell.scene.build import build_scene, hole_station
+from cell.scene.displaced import DisplacedCube, is_displaced, is_hidden, shifted, support_of, with_displaced
+from cell.sim.release_faults import T_hole_released
+from tasks.true_look import true_look
+from vision.occupancy.classify import OTHER, OUT, Occupancy
+
+TASK = read_task(data_file("scenes/task2.toml"))
+SEEN = true_look(TASK)
+HOLE = SEEN.boards[1].pose.holes[0]
+
+
+def _beside(T_hole_cube_now: np.ndarray) -> DisplacedCube:
+    return DisplacedCube("cube 01-02/4", HOLE.name, frozen(mul(HOLE.T_base_hole, T_hole_cube_now)))
+
+
+def test_a_seated_cube_is_gripped_as_its_hole_says() -> None:
+    cell = TASK.cell
+    station, hole = _beside(T_hole_cube(cell.cube_size)).station(cell), hole_station(cell, HOLE)
+    assert np.allclose(station.T_base_tool, hole.T_base_tool, atol=1e-12)
+    assert station.touches == hole.touches
+    assert station.name == f"beside {HOLE.name}"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_jaws_grip_a_cube_as_it_stands(seed: int) -> None:
+    """Wherever it is, its middle lies between the fingers, aligned with them, as deep as in a seated grip."""
+    rng, size = np.random.default_rng(seed), TASK.cell.cube_size
+    T = transform(
+        mul(rot_z(rng.uniform(-np.pi, np.pi)), rot_x(rng.uniform(-0.2, 0.2))), rng.uniform(-0.03, 0.03, 3)
+    )
+    cube = _beside(T)
+    seated = inverse(hole_station(TASK.cell, HOLE).T_base_tool[0]) @ HOLE.T_base_hole @ T_hole_cube(size)
+    for T_base_tool in cube.station(TASK.cell).T_base_tool:
+        T_tool_cube = inverse(T_base_tool) @ cube.T_base_cube
+        assert np.allclose(T_tool_cube[:3, 3], seated[:3, 3], atol=1e-12)
+        assert np.allclose(np.abs(T_tool_cube[2, :3]), (0.0, 0.0, 1.0), atol=1e-12)
+        assert np.allclose(np.sort(np.abs(T_tool_cube[:2, :2]).ravel()), (0.0, 0.0, 1.0, 1.0), atol=1e-12)
+
+
+def test_a_leaning_cube_tells_by_its_bottom_where_it_was_released() -> None:
+    size = TASK.cell.cube_size
+    leaning = _beside(T_hole_released("half", size))
+    centre = apply(inverse(HOLE.T_base_hole), leaning.T_base_cube[:3, 3])
+    assert np.hypot(*centre[:2]) > 2.5e-3
+    assert np.hypot(*leaning.offset(TASK.cell, HOLE.T_base_hole)) < 0.3e-3
+    aside = _beside(T_hole_released("aside", size))
+    assert aside.offset(TASK.cell, HOLE.T_base_hole) == pytest.approx((0.025, 0.0))
+    assert aside.describe(TASK.cell, HOLE.T_base_hole) == (
+        f"25.0 mm from {HOLE.name}, rotated by 0 deg, tilted by 0.0 deg"
+    )
+    turned = _beside(T_hole_released("rim", size)).describe(TASK.cell, HOLE.T_base_hole)
+    assert "rotated by 45 deg" in turned
+
+
+def test_a_scene_holds_displaced_cubes_as_obstacles_that_touch_what_they_stand_on() -> None:
+    cube = _beside(T_hole_released("aside", TASK.cell.cube_size))
+    scene = with_displaced(TASK.cell, build_scene(TASK.cell, SEEN.with_states({"01-02/4": "empty"})), (cube,))
+    body = scene.cube("cube 01-02/4")
+    assert np.allclose(body.T_base_body, cube.T_base_cube)
+    assert body.padding == TASK.cell.moved
+    assert frozenset((cube.name, support_of(HOLE.name))) in scene.allowed
+
+
+def test_what_supports_a_cube_is_known_by_its_place() -> None:
+    assert support_of("03-04/1") == support_of("beside 03-04/1") == "plate 03-04"
+    assert support_of("table/2") == support_of("beside table/2") == "table"
+
+
+def test_only_a_hole_that_shows_something_else_holds_a_displaced_cube() -> None:
+    assert is_displaced(Occupancy("unsure", 0.5, OTHER))
+    assert not is_displaced(Occupancy("unsure", 0.5, OUT))
+    assert not is_displaced(Occupancy("unsure"))
+    assert not is_displaced(Occupancy("cube"))
+
+
+def test_a_displaced_cube_hides_the_unsure_holes_around_it_alone() -> None:
+    cube = _beside(T_hole_released("aside", TASK.cell.cube_size))
+    far = max(
+        SEEN.boards[1].pose.holes, key=lambda hole: np.hypot(*(hole.T_base_hole - HOLE.T_base_hole)[:2, 3])
+    )
+    unsure = Occupancy("unsure", 0.5, OTHER)
+    assert is_hidden(HOLE, unsure, [cube])
+    assert not is_hidden(HOLE, Occupancy("cube"), [cube])
+    assert not is_hidden(far, unsure, [cube])
+    assert not is_hidden(HOLE, unsure, [])
+
+
+def test_a_shift_is_in_the_plane_of_the_place() -> None:
+    T = inverse(HOLE.T_base_hole) @ hole_station(TASK.cell, HOLE).T_base_tool[1]
+    moved = inverse(HOLE.T_base_hole) @ shifted(
+        HOLE.T_base_hole @ T, HOLE.T_base_hole, np.array([1e-3, -2e-3])
+    )
+    assert np.allclose(moved[:3, :3], T[:3, :3], atol=1e-12)
+    assert np.allclose(moved[:3, 3] - T[:3, 3], (1e-3, -2e-3, 0.0), atol=1e-12)
