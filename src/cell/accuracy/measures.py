@@ -72,13 +72,15 @@ def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tup
 
     Raises:
         ImpossibleError: names the least likely placement, its error, the largest source, and the measure that would
-            help most; data: cube, hole, insertion, sideways_mm, sources_mm, measure, insertion_then.
+            help most; data: cube, hole, insertion, sideways_mm, sources_mm, measure, insertion_then, and photographs, the
+            number of images in a look that suffices, if there is one.
     """
     budgets, least = tuple(placements.of(cell, seen)), cell.least_insertion
     worst = min(budgets, key=lambda b: b.insertion, default=None)
     if worst is None or worst.insertion >= least:
         return budgets
     source, largest = next(iter(worst.sources.items()))
+    images = enough_photographs(cell, seen, placements)
     measure = best_measure(cell, seen, placements, least)
     cure = (
         f"no single measure reaches that: {source} has to become smaller"
@@ -88,6 +90,7 @@ def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tup
     data: dict[str, Any] = (
         {} if measure is None else {"measure": measure.words, "insertion_then": measure.insertion}
     )
+    data |= {} if images is None else {"photographs": images}
     raise ImpossibleError(
         f"{worst.cube} enters {worst.target} with a probability of {100.0 * worst.insertion:.1f} %, but "
         f"accuracy.least_insertion is {least:g}: its RMS offset from the hole's axis is {1e3 * worst.sideways:.2f} mm, "
@@ -99,6 +102,14 @@ def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tup
         sources_mm={name: 1e3 * part.sideways for name, part in worst.sources.items()},
         **data,
     )
+
+
+def enough_photographs(cell: Cell, seen: Observation, budgets: Budgets) -> int | None:
+    """Return the number of images in a look after which every cube enters certainly enough; None if none does."""
+    for times, (_, other, look) in zip(_MORE_PHOTOGRAPHS, _more_photographs(cell, seen), strict=False):
+        if least_insertion(budgets.of(other, look)) >= cell.least_insertion:
+            return times * cell.photographs
+    return None
 
 
 def least_insertion(budgets: Sequence[PlacementBudget]) -> float:

@@ -26,6 +26,7 @@ def look_and_save(
     console: Console,
     why: str,
     arm_in_view: bool = False,
+    photographs: int | None = None,
 ) -> Observation:
     """Grab images of the cell, detect boards and cubes, and write the first image with the detections drawn in.
 
@@ -36,12 +37,13 @@ def look_and_save(
         console: for output.
         why: purpose of the look, for the console.
         arm_in_view: see `vision.observe.look`.
+        photographs: number of images; None: the cell file's.
 
     Raises:
         InputError: an image has the wrong size, or shows a marker that belongs to no board of the cell.
     """
     cell = task.cell
-    images = frames.grab(cell.photographs)
+    images = frames.grab(photographs or cell.photographs)
     try:
         observation = look_in(cell, images, arm_in_view, camera_watch(cell))
     except ImpossibleError:  # the image and its markers help to find the cause

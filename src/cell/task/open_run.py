@@ -90,6 +90,7 @@ class OpenRun:
         self.budget: SearchBudget | None = None  # of each search for a plan
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether to give advice after a refusal to plan
+        self.photographs: int | None = None  # in a look; None: the cell file's number
         self._looks = count(1)
         self._released: list[Release] = []  # since the last look
         self.recovery = Recovery(self.task, 0)
@@ -142,7 +143,9 @@ class OpenRun:
         picture = self.folder / f"look-{next(self._looks)}.png"
         self.pictures.append(Picture(why, picture))
         with self.console.doing("looking"):
-            seen = look_and_save(self.task, self.connection.frames, picture, self.console, why, arm_in_view)
+            seen = look_and_save(
+                self.task, self.connection.frames, picture, self.console, why, arm_in_view, self.photographs
+            )
         if (moved := shift_words(seen.camera_shift)) is not None:
             self.remarks.append(moved)
         return seen

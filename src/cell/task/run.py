@@ -81,7 +81,7 @@ class TaskRun(CheckedRun):
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )
-        self.require_accuracy(observation, plan)
+        observation = self._certain(observation, plan)
         hidden = unseen_places(self.task, observation, [c["to"] for c in plan.task["cubes"]])
         if hidden:
             self.tell(hidden)
@@ -91,11 +91,11 @@ class TaskRun(CheckedRun):
         """Plan the rest and execute it, until nothing is left; take displaced cubes first."""
         self._survey(observation)
         observation = self._recover(observation)
-        plan = self._plan_rest(observation)
+        plan, observation = self._plan_rest(observation)
         while plan is not None:
             observation, again = self.follow(plan, observation)
             observation = self._recover(observation)
-            plan = self._plan_rest(observation) if again else None
+            plan, observation = self._plan_rest(observation) if again else (None, observation)
         for line in hidden_holes(self.rest(observation, self.task.cell.q_start)):
             self.tell(line)
 
@@ -145,19 +145,43 @@ class TaskRun(CheckedRun):
                 self.tell(line)
         return plan
 
-    def _plan_rest(self, observation: Observation) -> Plan | None:
+    def _plan_rest(self, observation: Observation) -> tuple[Plan | None, Observation]:
+        """Plan what is left, for this look or for a longer one; return the plan and its look."""
         plan = self._planned(self.rest(observation, self.q_now()))
+        seen = observation if plan is None else self._certain(observation, plan)
+        if seen is not observation:
+            plan = self._planned(self.rest(seen, self.q_now()))
         if plan is None:
-            return None
+            return None, seen
         cubes = plan.task["cubes"]
         self.console.step(
             f"planned {len(cubes)} cube{'' if len(cubes) == 1 else 's'}: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"
         )
-        self.require_accuracy(observation, plan)
         again = any(kept.plan.task["cubes"] for kept in self.kept)
         self.keep(plan, f"plan-{len(self.kept)}" if again else "plan")
-        return plan
+        return plan, seen
+
+    def _certain(self, observation: Observation, plan: Plan) -> Observation:
+        """Require accurate placements; if more images in a look suffice for that, take them.
+
+        Returns:
+            The observation, or the longer look that makes the placements certain enough.
+
+        Raises:
+            ImpossibleError: as `require_accuracy`.
+        """
+        try:
+            self.require_accuracy(observation, plan)
+        except ImpossibleError as error:
+            images = error.data.get("photographs")
+            if images is None or not self.recovery.most or (self.photographs or 0) >= images:
+                raise
+            self.tell(f"the placements are not certain enough: looking with {images} images")
+            self.photographs = images
+            observation = self.look(f"with {images} images")
+            self.require_accuracy(observation, plan)
+        return observation
 
     def require_accuracy(self, observation: Observation, plan: Plan, given: bool = False) -> None:
         """Say how accurate the placements are.
