@@ -72,8 +72,8 @@ def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tup
 
     Raises:
         ImpossibleError: names the least likely placement, its error, the largest source, and the measure that would
-            help most; data: cube, hole, insertion, sideways_mm, sources_mm, measure, insertion_then, and photographs, the
-            number of images in a look that suffices, if there is one.
+            help most; data: cube, hole, insertion, sideways_mm, sources_mm, measure, insertion_then, and photographs:
+            the number of images in a look that suffices, if there is one.
     """
     budgets, least = tuple(placements.of(cell, seen)), cell.least_insertion
     worst = min(budgets, key=lambda b: b.insertion, default=None)

@@ -127,10 +127,9 @@ class Recovery:
         found = self.displaced.get(cube)
         T_base_place = T_base_of(self.task, observation, release.target)
         if found is not None and T_base_place is not None:
-            offset = found.offset(self.task.cell, T_base_place)
+            offset = found.release_offset(self.task.cell, T_base_place)
             search = self.searches.get(cube, Search())
-            turn = found.turn(T_base_place)
-            self.searches[cube] = search.after(T_base_place, release.T_base_tool, offset, turn)
+            self.searches[cube] = search.after(T_base_place, release.T_base_tool, offset)
             self.targets[cube] = release.target
         return words
 

@@ -1,7 +1,8 @@
 """Where to release a cube again that did not seat: measured corrections first, then a spiral.
 
-A cube that did not seat was released beside its pocket. The look measures where its bottom is relative to the pocket.
-Both are seen in the same images, so camera pose and board pose cancel, and what remains is the arm's error there.
+A cube that did not seat was released beside its pocket. The look tells by how much, relative to the pocket
+(`DisplacedCube.release_offset`). Both are seen in the same images, so the errors of camera and board cancel, and what
+remains is the arm's error there.
 
 The jaws centre the cube along their travel, in every grasp. So along it the cube is released again with the same error,
 which the correction takes off. Along the fingers the cube stays in the jaws as it was gripped. Its first grasp was
@@ -22,8 +23,6 @@ from arm.se3 import Array, frozen, inverse
 from cell.scene.displaced import shifted
 from plan.scene import Station
 
-MOST_OFFSET = 6e-3  # m; a cube further from its pocket was pushed or fell, and tells nothing of its release
-MOST_TURN = np.radians(6.0)  # the same for one that is rotated further
 EXPLAINS = 0.5e-3  # m; a smaller offset does not explain why a cube did not seat
 PITCH = 0.7e-3  # m, radius of the spiral's first point, a third of a pocket's capture
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))  # rad between successive points, so that they fill a disc evenly
@@ -46,23 +45,21 @@ class Search:
     spiral: int = 0
     along: int = 0
 
-    def after(self, T_base_place: Array, T_base_tool: Array, offset: Array, turn: float = 0.0) -> Search:
+    def after(self, T_base_place: Array, T_base_tool: Array, offset: Array | None) -> Search:
         """Return the search after a release that did not seat the cube.
 
         Args:
             T_base_place: pose of the place.
             T_base_tool: pose of the tool at the release.
-            offset: measured offset of the cube from the axis of the place, (2,) m.
-            turn: its rotation about that axis from where the jaws held it, rad.
+            offset: of that release from the axis of the place, (2,) m; None: unknown.
         """
         jaws = T_base_place[:3, :2].T @ T_base_tool[:3, 1]
         along = int(np.argmax(np.abs(jaws)))
         shift, spiral = np.array(self.shift), self.spiral
-        away = MOST_OFFSET + turn if turn > MOST_TURN else float(np.hypot(*offset))
-        if EXPLAINS <= away <= MOST_OFFSET:
+        if offset is not None and float(np.hypot(*offset)) >= EXPLAINS:
             both = self.tried > 0 and along == self.along
             shift -= offset if both else offset * (np.arange(2) == along)
-        elif away < EXPLAINS and self.tried > 0:
+        elif offset is not None and self.tried > 0:
             shift += spiral_point(spiral + 1) - spiral_point(spiral)
             spiral += 1
         return Search((float(shift[0]), float(shift[1])), self.tried + 1, spiral, along)

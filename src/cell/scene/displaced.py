@@ -19,6 +19,11 @@ from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupa
 
 BESIDE = "beside "  # begins the name of the place where a displaced cube is
 QUARTER = np.pi / 2.0
+LEANS = np.sin(np.radians(4.0))  # least slope of a cube that leans
+MOST_OFFSET = (
+    6e-3  # m; an upright cube further from its pocket was pushed or fell, and tells nothing of its release
+)
+MOST_TURN = np.radians(6.0)  # the same for one that is rotated further
 HIDES = 0.075  # m between the middles of a displaced cube and of a hole that it may hide in part
 
 # Reasons for which a hole may be unsure although its cube is seated. Files of other versions may lack a reason.
@@ -51,13 +56,28 @@ class DisplacedCube:
         return Station(self.place, grips, frozenset((support_of(self.near),)))
 
     def offset(self, cell: Cell, T_base_place: Array) -> Array:
-        """Offset (2,) m of the middle of its bottom from a place's axis, in the place's plane.
-
-        A cube leans about an edge of its bottom, which stays where it was released. So its bottom tells where that was,
-        and its centre does not.
-        """
+        """Offset (2,) m of the middle of its bottom from a place's axis, in the place's plane."""
         bottom = apply(self.T_base_cube, (0.0, 0.0, -cell.cube_size / 2.0))
         return frozen(apply(inverse(T_base_place), bottom)[:2])
+
+    def release_offset(self, cell: Cell, T_base_place: Array) -> Array | None:
+        """Offset (2,) m, in the place's plane, at which a cube was released that did not seat; None if unknown.
+
+        A cube that was released further off than its pocket captures comes down on the rim there. It tips until its
+        opposite lower edge wedges between the two other walls, and slides down by some mm, however far off it was. So
+        its leaning tells the direction, and the size is taken to be 1.5 times the capture: that is right to within a
+        capture for cubes that were off by 0.5 to 2.5 captures. A cube that leans about an edge in its seat was released
+        there. One that stands upright stands where it was released, unless it was pushed away or rotated.
+        """
+        offset = self.offset(cell, T_base_place)
+        capture = (cell.boards[0].pocket[0] - cell.cube_size) / 2.0
+        leaning = -np.asarray(inverse(T_base_place)[:2, :3] @ self.T_base_cube[:3, 2])
+        axis = int(np.argmax(np.abs(leaning)))
+        if abs(leaning[axis]) > LEANS and offset[axis] * leaning[axis] > 0.0 and abs(offset[axis]) > capture:
+            return frozen(1.5 * capture * np.sign(offset[axis]) * (np.arange(2) == axis))
+        if self.turn(T_base_place) > MOST_TURN or float(np.hypot(*offset)) > MOST_OFFSET:
+            return None
+        return offset
 
     def turn(self, T_base_place: Array) -> float:
         """Smallest rotation, rad, about a place's axis between the cube's sides and the place's axes."""

@@ -63,6 +63,7 @@ def test_noise_of_the_look_is_cured_by_more_images(task: Task, table: ReachTable
     assert measure is not None
     assert measure.insertion == data["insertion_then"]
     assert measure.words == data["measure"]
+    assert data["photographs"] == 20  # for a run that takes them by itself
     # a quarter of the noise's variance, which five images may have underestimated by one standard deviation
     variance = (1.0 + np.sqrt(2.0 / 4.0)) / 4.0
     really = least_insertion(budgets.of(task.cell, _noisy(task, 0.55 * np.sqrt(variance))))
@@ -86,6 +87,13 @@ def test_of_several_measures_that_suffice_the_best_is_named(task: Task, table: R
     measure = best_measure(task.cell, _noisy(task, 0.6), Budgets(partial(_budgets, task, table)), 0.9)
     assert measure is not None
     assert measure.words.startswith("look with 10 images")
+
+
+def test_images_that_do_not_suffice_are_not_taken(task: Task, table: ReachTable) -> None:
+    budgets = Budgets(partial(_budgets, task, table))
+    with pytest.raises(ImpossibleError) as refused:
+        require_insertion(task.cell, _noisy(task, 0.1, rest_mm=0.9), budgets)
+    assert "photographs" not in refused.value.data
 
 
 def test_a_weak_calibration_is_cured_by_more_poses(task: Task, table: ReachTable) -> None:

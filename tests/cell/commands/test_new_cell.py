@@ -129,7 +129,10 @@ def test_what_may_be_added_reads_too(tmp_path: Path) -> None:
     new_cell_step(tmp_path / "mine", "crs93", None, Console(as_json=True))
     file = tmp_path / "mine/cell.toml"
     text = re.sub(
-        r"^# (\w+ = (?!\[\.)|\[(?:look|solver|accuracy|recovery))", r"\1", file.read_text(), flags=re.MULTILINE
+        r"^# (\w+ = (?!\[\.)|\[(?:look|solver|accuracy|recovery))",
+        r"\1",
+        file.read_text(),
+        flags=re.MULTILINE,
     )
     file.write_text(text)
     cell = read_cell(file)

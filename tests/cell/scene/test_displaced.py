@@ -7,7 +7,7 @@ import pytest
 
 from arm.io.storage import data_file
 from arm.numerics.products import mul
-from arm.se3 import apply, frozen, inverse, rot_x, rot_z, transform
+from arm.se3 import apply, frozen, inverse, rot_x, rot_z, rotation, transform
 from cell.files.task import read_task
 from cell.scene.bodies import T_hole_cube
 from cell.scene.build import build_scene, hole_station
@@ -55,6 +55,7 @@ def test_a_leaning_cube_tells_by_its_bottom_where_it_was_released() -> None:
     centre = apply(inverse(HOLE.T_base_hole), leaning.T_base_cube[:3, 3])
     assert np.hypot(*centre[:2]) > 2.5e-3
     assert np.hypot(*leaning.offset(TASK.cell, HOLE.T_base_hole)) < 0.3e-3
+    assert leaning.release_offset(TASK.cell, HOLE.T_base_hole) is not None
     aside = _beside(T_hole_released("aside", size))
     assert aside.offset(TASK.cell, HOLE.T_base_hole) == pytest.approx((0.025, 0.0))
     assert aside.describe(TASK.cell, HOLE.T_base_hole) == (
@@ -62,6 +63,40 @@ def test_a_leaning_cube_tells_by_its_bottom_where_it_was_released() -> None:
     )
     turned = _beside(T_hole_released("rim", size)).describe(TASK.cell, HOLE.T_base_hole)
     assert "rotated by 45 deg" in turned
+
+
+# poses of cubes after releases in contact physics: offset in mm and its direction in deg, centre, normal of the top
+JAMMED = (
+    (3.18, 180.0, (-4.50, -0.15, 16.23), (0.243, 0.0, 0.970), 0.5),
+    (4.36, -67.7, (-0.30, -4.64, 16.26), (0.0, 0.244, 0.970), -0.9),
+    (2.69, 103.8, (-0.42, 3.56, 16.12), (-0.002, -0.238, 0.971), 1.1),
+    (3.02, -131.7, (-0.80, -1.78, 15.86), (0.0, 0.225, 0.974), -2.3),
+    (2.56, -5.3, (3.37, -0.04, 16.10), (-0.234, 0.001, 0.972), -0.2),
+    (3.90, 40.7, (-0.57, 1.70, 15.98), (-0.009, -0.228, 0.974), 1.1),
+    (3.18, 0.0, (1.21, 0.01, 15.86), (-0.218, 0.0, 0.976), 0.0),
+)
+
+
+@pytest.mark.parametrize(("off", "towards", "centre", "normal", "yaw"), JAMMED)
+def test_a_jammed_cube_tells_the_direction_of_its_release(
+    off: float, towards: float, centre: tuple[float, ...], normal: tuple[float, ...], yaw: float
+) -> None:
+    """What remains along the axis of the jam after the correction is within the capture of 2 mm."""
+    axis = np.cross((0.0, 0.0, 1.0), normal)
+    R = rotation(axis / np.linalg.norm(axis) * np.arcsin(np.linalg.norm(axis))) @ rot_z(np.radians(yaw))
+    found = _beside(transform(R, 1e-3 * np.array(centre))).release_offset(TASK.cell, HOLE.T_base_hole)
+    assert found is not None
+    (jammed,) = np.flatnonzero(found)
+    released = 1e-3 * off * np.array([np.cos(np.radians(towards)), np.sin(np.radians(towards))])
+    assert abs(released[jammed] - found[jammed]) < 1.5e-3
+
+
+@pytest.mark.parametrize(("fault", "known"), [("rim", False), ("aside", False), ("high", True)])
+def test_only_an_upright_cube_that_was_not_pushed_stands_where_it_was_released(
+    fault: str, known: bool
+) -> None:
+    cube = _beside(T_hole_released(fault, TASK.cell.cube_size))
+    assert (cube.release_offset(TASK.cell, HOLE.T_base_hole) is not None) is known
 
 
 def test_a_scene_holds_displaced_cubes_as_obstacles_that_touch_what_they_stand_on() -> None:

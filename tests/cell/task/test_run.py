@@ -5,14 +5,18 @@ from __future__ import annotations
 import errno
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
-from arm.errors import A465Error, ExecutionStopped, InputError
+from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from cell.console import OutputLost
+from cell.cubes.recovery import Recovery
 from cell.task.run import TaskRun
 from driver.emulator import Emulator
 from tasks.full_disks import execute
+from vision.observation import Observation
 
 pytestmark = pytest.mark.xdist_group("logs")
 
@@ -45,3 +49,37 @@ def test_an_output_that_is_lost_while_the_end_is_told_does_not_hide_how_the_run_
         execute(emulator.open_pty(), place / "images")
     assert not isinstance(ended.value, OutputLost)
     assert json.loads((place / "runs/task2-1/report.json").read_text())["error"]["exit_code"] == 4
+
+
+@pytest.mark.parametrize("known", [None, 20])
+def test_a_run_that_may_recover_takes_the_images_that_suffice_once(
+    monkeypatch: pytest.MonkeyPatch, known: int | None
+) -> None:
+    """What a second, longer look does not cure is refused."""
+    looks: list[int | None] = []
+    run = TaskRun.__new__(TaskRun)
+    run.recovery, run.photographs, run.remarks = Recovery(cast(Any, None), 3), known, []
+    run.console = cast(Any, SimpleNamespace(step=lambda text: None))
+    first, longer = Observation(), Observation()
+
+    def require(self: TaskRun, seen: Observation, plan: Any) -> None:
+        if seen is first:
+            raise ImpossibleError("too likely to miss", photographs=20)
+
+    def look(self: TaskRun, why: str) -> Observation:
+        looks.append(self.photographs)
+        return longer
+
+    monkeypatch.setattr(TaskRun, "require_accuracy", require)
+    monkeypatch.setattr(TaskRun, "look", look)
+    if known is None:
+        assert run._certain(first, cast(Any, None)) is longer
+        assert looks == [20]
+        assert run._certain(longer, cast(Any, None)) is longer
+    else:
+        with pytest.raises(ImpossibleError, match="too likely to miss"):
+            run._certain(first, cast(Any, None))
+        assert looks == []
+    run.recovery.most, run.photographs = 0, None
+    with pytest.raises(ImpossibleError, match="too likely to miss"):
+        run._certain(first, cast(Any, None))
