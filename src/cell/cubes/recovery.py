@@ -17,6 +17,7 @@ from cell.cubes.confirm_placed import Release, T_base_of, seated
 from cell.cubes.locate import locate_displaced
 from cell.cubes.search import Search
 from cell.files.task import Task
+from cell.report.cubes import UNDECIDED
 from cell.scene.build import RELEASE_GAP, cube_name, hole_station, table_station
 from cell.scene.displaced import BESIDE, DisplacedCube, is_displaced
 from plan.scene import Station
@@ -176,8 +177,8 @@ class Recovery:
         self.stuck[cube.name] = self.displaced.pop(cube.name)
 
     def target(self, cube: DisplacedCube) -> str:
-        """Where a cube was to go; its own hole if that was never decided."""
-        return self.targets.get(cube.name, cube.name.removeprefix(cube_name("")))
+        """Where a cube was to go, as far as that was decided."""
+        return self.targets.get(cube.name, UNDECIDED)
 
     def goals(
         self, cube: DisplacedCube, observation: Observation, free: Callable[[], Sequence[Station]]

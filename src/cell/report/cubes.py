@@ -17,6 +17,7 @@ from cell.sim.cell import angle_to_square
 if TYPE_CHECKING:
     from cell.sim.cell import SimulatedCell
 
+UNDECIDED = "-"  # target of a cube that could not be taken
 RELEASED = ("placed", "unseated", "set down", "fallen")  # events of a cube that is released
 HEADER = ("cube", "from", "to", "placed", "planned s", "clearance mm", "error mm", "tilt deg")
 
@@ -26,7 +27,7 @@ class CubeRow:
     """Result of one cube.
 
     Attributes:
-        source, target: names of the places.
+        source, target: names of the places; the target may be `UNDECIDED`.
         placed: whether a look has confirmed it at its target.
         at: where it was at the end, as far as that is known: a place, or beside one.
         motion_s: duration of its planned motions, s.
@@ -47,6 +48,11 @@ class CubeRow:
     tilt_error: float | None = None
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    @property
+    def way(self) -> str:
+        """Its source and, if that was decided, its target, in words."""
+        return self.source if self.target == UNDECIDED else f"{self.source} to {self.target}"
 
     def add_fault(self, fault: str, remark: str) -> None:
         """Add what went wrong, and a remark about it."""

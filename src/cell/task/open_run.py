@@ -22,7 +22,7 @@ from cell.cubes.confirm_placed import Release
 from cell.cubes.recovery import Recovery
 from cell.files.observation import require_boards
 from cell.files.task import Task
-from cell.report.cubes import CubeRow, print_rows
+from cell.report.cubes import UNDECIDED, CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture, run_page
 from cell.scene.build import cube_name
 from cell.scene.displaced import BESIDE
@@ -201,7 +201,7 @@ class OpenRun:
         if row is None:
             row = CubeRow(transfer["from"].removeprefix(BESIDE), transfer["to"])
             self.rows.append(row)
-        elif transfer["to"] != row.source:  # else it is put back
+        elif transfer["to"] not in (row.source, UNDECIDED):  # else it is put back, or stays
             row.target = transfer["to"]
         return row
 

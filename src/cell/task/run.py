@@ -305,7 +305,7 @@ class TaskRun(CheckedRun):
         report = self.report()
         wrong = [row for row in self.rows if not row.placed]
         if wrong:
-            listed = "; ".join(f"{row.source} to {row.target} {'; '.join(row.remarks[-1:])}" for row in wrong)
+            listed = "; ".join(f"{row.way}: {'; '.join(row.remarks[-1:])}" for row in wrong)
             raise ExecutionStopped(
                 f"{len(wrong)} of {len(self.rows)} cubes not confirmed: {listed}", **report
             )
