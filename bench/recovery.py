@@ -88,7 +88,8 @@ def run_of(seed: int, faultless: bool) -> Outcome:
         begin = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
             run = _run(Path(folder), seed, rng, faultless)
-        if not isinstance(run.error, ImpossibleError) or run.error.data.get("cubes"):
+        moved = run.simulated is not None and bool(run.simulated.events)
+        if moved or not isinstance(run.error, ImpossibleError):
             return _outcome(run, seed, refused, time.process_time() - begin)
     raise ValueError(f"seed {seed}: {run.error}")
 
