@@ -1,0 +1,81 @@
+"""A cube that is not seated is located where it is, and nothing is located where there is no such cube."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from displaced.loose import KINDS, WITHIN, LooseScene, error_of, loose_scene
+from vision.loose.locate import LooseCube, NotLocated, locate_cube
+from vision.occupancy.cube_top import EmptyPlace
+from vision.occupancy.seated import CubeWidth
+
+
+def _located(scene: LooseScene, within: float = WITHIN) -> LooseCube | NotLocated:
+    return locate_cube(
+        scene.images,
+        scene.camera,
+        scene.T_base_place,
+        scene.width,
+        within,
+        scene.pocket,
+        scene.others,
+        scene.empty,
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "world", "seed"),
+    [
+        *((kind, "realistic", 1) for kind in KINDS),
+        *(pytest.param(k, w, s, marks=pytest.mark.slow) for k in KINDS for w in ("ideal",) for s in (2, 3)),
+    ],
+)
+def test_it_is_located_as_accurately_as_it_says(kind: str, world: str, seed: int) -> None:
+    scene = loose_scene(seed, kind, world, width_std=1e-5, with_empty=seed % 2 == 1)
+    found = _located(scene)
+    assert isinstance(found, LooseCube), found
+    error = error_of(found.T_base_cube, scene.T_base_cube)
+    assert np.linalg.norm(error[:3]) < 1.5e-3
+    assert np.degrees(np.linalg.norm(error[3:])) < 1.5
+    assert (np.abs(error) < 4.0 * np.sqrt(np.diag(found.covariance))).all()
+
+
+def test_no_cube_and_a_cube_at_no_known_rest_are_not_located() -> None:
+    for kind, seed in (("gone", 4), ("odd", 5)):
+        assert isinstance(_located(loose_scene(seed, kind)), NotLocated)
+
+
+def test_a_known_cube_and_one_too_far_away_are_not_located() -> None:
+    scene = loose_scene(1, "aside")
+    known = locate_cube(
+        scene.images, scene.camera, scene.T_base_place, scene.width, WITHIN, scene.pocket, [scene.T_base_cube]
+    )
+    assert isinstance(known, NotLocated)
+    away = float(np.linalg.norm(scene.T_base_cube[:3, 3] - scene.T_base_place[:3, 3]))
+    assert isinstance(_located(scene, 0.6 * away), NotLocated)
+
+
+def test_what_the_images_of_the_empty_place_show_too_is_no_cube() -> None:
+    scene = loose_scene(1, "aside")
+    empty = EmptyPlace(scene.images, scene.camera, scene.T_base_place)
+    found = _located(replace(scene, empty=empty))
+    assert isinstance(found, NotLocated)
+    assert "empty" in found.reason
+
+
+def test_a_height_that_the_width_does_not_tell_is_not_claimed() -> None:
+    scene = loose_scene(1, "high")
+    found = locate_cube(
+        scene.images,
+        scene.camera,
+        scene.T_base_place,
+        CubeWidth(scene.width.value, 1e-4),
+        WITHIN,
+        scene.pocket,
+        scene.others,
+    )
+    assert isinstance(found, NotLocated)
+    assert "too uncertain" in found.reason
