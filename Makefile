@@ -3,6 +3,7 @@
 # make test-all    the same, and the slow tests
 # make docs    builds docs/_build/html
 # make mcap    adds what `a465 export --format mcap` needs
+# make contact adds what `a465 run --cell mujoco` needs (MuJoCo, 42 MB)
 # make basler  adds what a Basler camera needs (pypylon, 85 MB)
 VENV := .venv
 # A Python with pip: the one of VENV has none, and may be the first that is found if VENV is active.
@@ -32,7 +33,7 @@ require_version = @"$(1)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 
 	{ echo "a465 needs Python 3.11 or later, and $(1) is $$("$(1)" --version 2>&1); give another: make PYTHON=python3.11$(2)"; \
 	exit 2; }
 
-.PHONY: run test test-all docs mcap basler lint clean
+.PHONY: run test test-all docs mcap contact basler lint clean
 
 run: $(AT)/installed
 	$(BIN)/a465 run $(TASK)
@@ -50,6 +51,9 @@ docs: $(AT)/installed-docs
 
 mcap: $(AT)/installed
 	$(PIP) --editable '.[mcap]'
+
+contact: $(AT)/installed
+	$(PIP) --editable '.[contact]'
 
 basler: $(AT)/installed
 	$(PIP) --editable '.[basler]'

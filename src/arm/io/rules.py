@@ -1,4 +1,4 @@
-"""Rules for the values of files. A value in mm, us, mm/s, deg or deg/s is converted to m, s, m/s, rad or rad/s."""
+"""Rules for the values of files. A value in mm, us, mm/s, N/mm, deg or deg/s is converted to SI units and rad."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ _SI: dict[str, Callable[[Any], Any]] = {
     "mm": lambda v: v / 1e3,
     "mm/s": lambda v: v / 1e3,
     "s/mm": lambda v: v * 1e3,
+    "N/mm": lambda v: v * 1e3,
     "us": lambda v: v / 1e6,
     "deg": np.radians,
     "deg/s": np.radians,

@@ -14,7 +14,7 @@ from typer import Argument, Option
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
-from cell.cli.options import NO_PORT, answering, examples, refuse, refuse_given, refuse_swapped
+from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given, refuse_swapped
 from cell.cli.tools import tools
 from cell.console import Console, OutputLost, say_on_stderr
 from driver.line.signals import interruptible
@@ -66,6 +66,7 @@ def run(
     camera: shared.Camera = None,
     speed: shared.Speed = None,
     time_scale: shared.TimeScale = None,
+    cell: shared.SimulatedAs = shared.CellKind.IDEAL,
     output: Annotated[
         Path | None, Option("-o", "--output", help="New folder of the run; default: runs/TASK-1, -2, ...")
     ] = None,
@@ -82,6 +83,8 @@ def run(
 ) -> None:
     if port is None:
         refuse_given(context, ("unseen", "homed", "free"), NO_PORT)
+    else:
+        refuse_given(context, ("cell",), WITH_PORT)
     with answering("starting", as_json) as console:
         from cell.commands.run import run_task
         from cell.session.budget import budget_of
@@ -91,7 +94,8 @@ def run(
 
     allowed = budget_of(budget, give_up)
     confirm = None if port is None else FreeCell(Consent(unseen, console), port, homed or free, console)
-    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
+    contact = cell == shared.CellKind.MUJOCO
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
     with _watched(console, live, live_port) as watcher:
         _finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
 
@@ -294,6 +298,7 @@ def execute(
     budget: shared.Budget = None,
     give_up: shared.GiveUp = None,
     time_scale: shared.TimeScale = None,
+    cell: shared.SimulatedAs = shared.CellKind.IDEAL,
     yes: Annotated[
         str | None, Option(help="With --port: the code shown in the plan's preview; default: ask.")
     ] = None,
@@ -309,6 +314,8 @@ def execute(
         refuse_given(context, ("budget", "give_up"), "needs --resume: executing a plan needs no search")
     if port is None:
         refuse_given(context, ("yes", "homed", "free"), NO_PORT)
+    else:
+        refuse_given(context, ("cell",), WITH_PORT)
     with answering("starting", as_json) as console:
         from cell.commands.run import execute_plan, resume_plan
         from cell.session.budget import budget_of
@@ -320,7 +327,8 @@ def execute(
     if port is not None:
         approval = Approval(plan, yes, console, resumes=resume)
         confirm = FreeCell(approval, port, homed or resume or free, console)
-    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload)
+    contact = cell == shared.CellKind.MUJOCO
+    where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
     with _watched(console, live, live_port) as watcher:
         if resume:
             allowed = budget_of(budget, give_up)

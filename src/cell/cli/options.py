@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from enum import StrEnum
 from pathlib import Path
 from textwrap import wrap
 from typing import Annotated
@@ -43,6 +44,20 @@ _RECORDED = f"Camera: {SELECTORS} {RECORDING} {TRIED}"
 LookCamera = Annotated[str | None, Option(help=_RECORDED, metavar="SELECTOR")]
 _SCALE = "Simulated cell only: at most this many emulated seconds per second; default: 10."
 TimeScale = Annotated[float | None, Option(help=_SCALE)]
+
+
+class CellKind(StrEnum):
+    """Kinds of simulated cells."""
+
+    IDEAL = "ideal"
+    MUJOCO = "mujoco"
+
+
+_CELL = (
+    "Simulated cell: ideal grips and seats, or MuJoCo's contact physics "
+    "(pip install 'a465[contact]'). Default: ideal."
+)
+SimulatedAs = Annotated[CellKind, Option("--cell", help=_CELL, show_default=False)]
 Advice = Annotated[bool, Option(help="After a refusal, search for a change that would help.")]
 _BUDGET = (
     "Search effort in nominal seconds; when it is spent, the best complete plan so far is used. Effort is counted, not "
@@ -68,6 +83,7 @@ _PRELOAD = (
 Preload = Annotated[bool, Option("--preload", help=_PRELOAD)]
 _FREE = "With --port: home without asking. You state that the arm can home freely with the boards in place."
 Free = Annotated[bool, Option("--free", help=_FREE)]
+WITH_PORT = "cannot be combined with --port: it is for the simulated cell"
 NO_PORT = "needs --port: the simulated cell asks for no confirmation"
 
 

@@ -13,6 +13,7 @@ from cell.doctor.finding import NOTE, OK, REINSTALL, WRONG, CheckResult
 
 EXTRAS = {
     "mcap": ("a465 export --format mcap", "make mcap, or pip install 'a465[mcap]'"),
+    "contact": ("a465 run --cell mujoco", "make contact, or pip install 'a465[contact]'"),
     "basler": ("Basler cameras", "make basler, or pip install 'a465[basler]'"),
 }
 

@@ -16,7 +16,7 @@ from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, rot_z, rotation, transform
-from cell.files.world_errors import ArmKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
+from cell.files.world_errors import ArmKeys, ContactKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
 from render.surface import Print
 from vision.camera.model import Camera, read_camera
 
@@ -66,6 +66,7 @@ class World(WorldValues):
             are seated.
         grasps: how the first grasps of a cube in a pocket end, each one of `GRASPS`; later ones hold it.
         image, table, prints, made, arm: errors of the cell, see `cell.files.world_errors`.
+        contact: constants of contact physics, see there.
     """
 
     file: Path
@@ -79,6 +80,7 @@ class World(WorldValues):
     prints: PrintKeys
     made: MadeKeys
     arm: ArmKeys
+    contact: ContactKeys
 
 
 def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float) -> Array:
@@ -114,7 +116,7 @@ class TrueBoardKeys(Keys):
     cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
 
 
-class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, WorldValues):
+class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, ContactKeys, WorldValues):
     """Keys of a world file."""
 
     camera: Path | None = key("camera", path(), None)
@@ -161,4 +163,5 @@ def read_world(path: Path, marker_size: float) -> World:
         prints=PrintKeys(**keys.values_of(PrintKeys)),
         made=MadeKeys(**keys.values_of(MadeKeys)),
         arm=ArmKeys(**keys.values_of(ArmKeys)),
+        contact=ContactKeys(**keys.values_of(ContactKeys)),
     )

@@ -64,3 +64,15 @@ class ArmKeys(Keys):
     backlash: Array = key("arm.backlash_deg", numbers(6, "deg", 0, 2), [0] * 6)
     warm_up: Array = key("arm.warm_up_deg", numbers(6, "deg", -2, 2), [0] * 6)
     warm_up_s: float = key("arm.warm_up_s", number("s", 1, 1e6), 1800)
+
+
+class ContactKeys(Keys):
+    """Keys of ``[contact]``: what contact physics needs to know; all are assumed."""
+
+    jaw_friction: float = key("contact.jaw_friction", number("", 0.05, 2), 0.8)
+    friction: float = key("contact.friction", number("", 0.05, 2), 0.2)
+    stand_friction: float = key("contact.stand_friction", number("", 0.05, 2), 0.8)
+    jaw_force: float = key("contact.jaw_force_n", number("N", 1, 100), 20)
+    cube_mass: float = key("contact.cube_mass_kg", number("kg", 0.005, 2), 0.04)
+    plate_mass: float = key("contact.plate_mass_kg", number("kg", 0.05, 20), 0.4)
+    hand_stiffness: float = key("contact.hand_stiffness_n_mm", number("N/mm", 1, 200), 20)

@@ -49,6 +49,7 @@ class WhichCell:
         time_scale: maximum controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
         homed: whether the unit was homed before and kept its positions; it is not homed again.
         preload: whether each motion is loaded and verified before it begins (`driver.execution.preload`).
+        contact: whether the simulated cell has contact physics (`cell.contact`).
     """
 
     port: str | None = None
@@ -59,6 +60,7 @@ class WhichCell:
     time_scale: float | None = None
     homed: bool = False
     preload: bool = False
+    contact: bool = False
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,7 @@ def require_openable(task: Task, where: WhichCell) -> None:
     """Check that options are consistent and that what they name exists, without opening anything.
 
     Raises:
-        InputError: an option is wrong, or world file, folder or camera name is missing.
+        InputError: an option is wrong, or world file, folder, camera name or the library of `contact` is missing.
     """
     live = task.cell.live_camera
     port, images, camera, time_scale = where.port, where.images, where.camera, where.time_scale
@@ -163,6 +165,14 @@ def require_openable(task: Task, where: WhichCell) -> None:
     if time_scale is not None and port is not None:
         why = f"--time-scale {time_scale:g} is for the simulated cell; the unit on {port} has its own time"
         raise InputError(why, time_scale=time_scale)
+    if where.contact:
+        if port is not None:
+            raise InputError(
+                "--cell mujoco is for the simulated cell; there is none with --port", option="--cell"
+            )
+        from cell.contact.model import load_mujoco
+
+        load_mujoco()
     require_one_camera(images, camera)
     for option, given in (("--images", images), ("--camera", camera)):
         if port is None and given is not None:
@@ -193,7 +203,10 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
     if where.port is None:
         from driver.emulator import Emulator
 
-        simulated, time_scale = simulated_cell(task, where.world), where.time_scale or TIME_SCALE
+        simulated, time_scale = (
+            simulated_cell(task, where.world, where.contact),
+            where.time_scale or TIME_SCALE,
+        )
         stepped = SteppedClock(time_scale)  # independent of the host's load
         with Emulator(task.cell.nominal_unit, stepped, plant=simulated) as emulator:
             frames = join(simulated, emulator)
@@ -212,22 +225,27 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
         yield Connection(mars, source, 1.0)
 
 
-def simulated_cell(task: Task, world: Path | None) -> SimulatedCell:
+def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> SimulatedCell:
     """The simulated cell of a task and its world file, as the plant of an emulated unit.
 
     Raises:
-        InputError: there is no world file, or it is wrong.
+        InputError: there is no world file, or it is wrong; `contact`, and MuJoCo is not installed.
     """
     from cell.files.world import read_world
     from cell.sim.cell import SimulatedCell
 
     cell = task.cell
-    return SimulatedCell(cell, read_world(world_file(task, world), cell.boards[0].marker_size))
+    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    if not contact:
+        return SimulatedCell(cell, truth)
+    from cell.contact.cell import ContactCell
+
+    return ContactCell(cell, truth)
 
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:
     """Give a simulated cell the time and motion of its emulated unit; return the camera that sees the unit's arm."""
-    simulated.now_ms = emulator.now_ms
+    simulated.now_ms, simulated.record = emulator.now_ms, emulator.record
     simulated.follow(emulator.last_motion)
     return _camera(simulated, emulator.counts)
 

@@ -42,19 +42,26 @@ class JointErrors:
         self.depends_on_arrival = any(bool(np.any(values)) for values in keys)
 
     def at(self, q: Array, arrival: Arrival, now_ms: int) -> Array:
-        """Errors (6,) rad at positions `q` (6,) rad, reached by `arrival`, at the emulated time `now_ms`.
+        """Errors (6,) rad at positions `q` (6,) rad, reached by `arrival`, at the emulated time `now_ms`."""
+        errors = self.steady(q, now_ms)
+        if self.depends_on_arrival:
+            for part in self.of_arrival(arrival):
+                errors += part
+        return errors
 
-        The scatter depends on the seed and on the time of the arrival alone.
-        """
+    def steady(self, q: Array, now_ms: int) -> Array:
+        """The part of them that any arrival has in common."""
         arm = self._arm
         errors: Array = arm.eccentricity * np.sin(q + self._phase)
         errors[1:3] += arm.sag * leverage(q)
         errors += arm.warm_up * -np.expm1(-now_ms / 1e3 / arm.warm_up_s)
-        if self.depends_on_arrival:
-            errors -= 0.5 * arm.backlash * np.array(arrival.directions)
-            rng = np.random.default_rng([self._seed, _SCATTER, arrival.time_ms])
-            errors += arm.scatter * rng.standard_normal(6)
         return errors
+
+    def of_arrival(self, arrival: Arrival) -> tuple[Array, Array]:
+        """The parts that differ from one to the next: backlash, and scatter by the seed and the time of the arrival."""
+        rng = np.random.default_rng([self._seed, _SCATTER, arrival.time_ms])
+        backlash = -0.5 * self._arm.backlash * np.array(arrival.directions)
+        return backlash, self._arm.scatter * rng.standard_normal(6)
 
 
 def leverage(q: Array) -> Array:

@@ -148,7 +148,7 @@ class SimulatedCamera:
     def grab(self, count: int) -> list[Image]:
         """`count` frames, (h, w) grey."""
         simulated, counts = self._simulated, self._counts()
-        boards = [PlacedBoard(b.board, b.T_base_board, b.prints) for b in simulated.world.boards]
         bodies = simulated.bodies(counts, simulated.true_robot(simulated.jaw_opening))
+        boards = [PlacedBoard(b.board, b.T_base_board, b.prints) for b in simulated.world.boards]
         others = simulated.targets(counts)
         return self._camera.images(count, simulated.now_ms(), bodies, boards, self._dictionary, others)

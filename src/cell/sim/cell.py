@@ -28,6 +28,7 @@ from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from cell.sim.arm import Arrival, JointErrors
 from cell.sim.made import cube_sizes, made_board, target_print
 from cell.sim.release_faults import PUSH, T_hole_released
+from driver.emulator.unit.record import Record, no_record
 from render.light import Light
 from render.target import TargetSolid
 
@@ -62,7 +63,7 @@ class CellEvent:
     """An event of a cube.
 
     Attributes:
-        what: gripped, pushed, missed, placed or unseated in a pocket, set down, fallen.
+        what: gripped, pushed, missed, placed or unseated in a pocket, set down, fallen; with contact physics also lost.
         cube: its name, or "" if the jaws found none.
         T_base_cube: pose of its centre at the event.
         message: one line for people.
@@ -102,7 +103,10 @@ class SimulatedCell:
         history: states, in order, to judge a run afterwards.
         now_ms: returns the emulated time; set by the owner of the controller.
         arrival: returns how the arm came to where it is; see `follow`.
+        record: returns where the arm was since a time in ms; set by the owner of the controller.
     """
+
+    kind = "the simulated cell"
 
     def __init__(self, cell: Cell, world: World) -> None:
         self.cell = cell
@@ -113,6 +117,7 @@ class SimulatedCell:
         self.events: list[CellEvent] = []
         self.now_ms: Callable[[], int] = lambda: 0
         self.arrival: Callable[[], Arrival] = Arrival
+        self.record: Callable[[int], Record] = no_record
         self._joint_errors = JointErrors(world)
         self._lock = threading.RLock()
         self._robot = self.true_robot(cell.gripper.opening)
@@ -137,6 +142,9 @@ class SimulatedCell:
                 else replace(c, T_base_cube=frozen(mul(T_base_tool, c.T_tool_cube)))
                 for c in self._cubes
             ]
+
+    def catch_up(self) -> None:
+        """Bring the truth up to the present: here nothing moves but the arm, and the jaws when they are told to."""
 
     def hold(self, hand: HandTarget) -> None:
         """Put a target into the gripper, with the mounting error of a person."""
@@ -179,6 +187,7 @@ class SimulatedCell:
 
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
         """All visible bodies with the arm at `counts`."""
+        self.catch_up()
         found = list(self.cell.fixed)
         for b in self.world.boards:
             found.append(plate_body(b.board.name, b.T_base_board))

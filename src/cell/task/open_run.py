@@ -97,8 +97,9 @@ class OpenRun:
 
     def introduce(self) -> None:
         """Report the task, the cell and the speed, and identify the controller."""
-        simulated = f"the simulated cell, time scale {self.connection.time_scale:g}"
-        where = "the real cell" if self.connection.simulated is None else simulated
+        simulated, where = self.connection.simulated, "the real cell"
+        if simulated is not None:
+            where = f"{simulated.kind}, time scale {self.connection.time_scale:g}"
         speed = f"speed {self.speed * self.control.ceiling:g}"
         self.console.step(f"task {self.task.name}: {self.task.kind} on {where}, {speed}")
         task_file = os.path.relpath(self.task.file, self.folder)

@@ -126,7 +126,7 @@ class Interpreter:
         if base != "AP" or not axis:
             raise NotUnderstoodError
         if axis == machine.unit.gripper.axis:
-            return [f"{name}={machine.jaws.adc}"]
+            return [f"{name}={machine.jaws_adc()}"]
         if axis not in machine.unit.axes:
             return [f"{name}=0"]
         return [f"{name}={machine.actual()[machine.unit.axes.index(axis)]}"]

@@ -171,10 +171,10 @@ class Emulator:
         """Return the emulated ms of the arm's last motion and the sign of each axis's, in counts; zeros before any."""
         return self.machine.recorder.last_motion()
 
-    def record(self) -> Record:
-        """Return the position at every executed ms in which the arm moved, so far."""
+    def record(self, after_ms: int = -1) -> Record:
+        """Return the position at every executed ms after `after_ms` in which the arm moved, so far."""
         self._catch_up()
-        return self.machine.recorder.record()
+        return self.machine.recorder.record(after_ms)
 
     def _catch_up(self) -> None:
         """Execute the motion up to now; in stepped time this is done on demand."""

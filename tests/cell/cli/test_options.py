@@ -13,6 +13,7 @@ from cell.cli.options import examples
 
 EXECUTE, COLLECT = ("execute", "PLAN", "TASK"), ("calibrate", "hand-eye", "DATA", "--collect", "TASK")
 NO_PLANNING = "needs --resume: executing a plan needs no search"
+WITH_PORT = "cannot be combined with --port: it is for the simulated cell"
 NO_PORT = "needs --port: the simulated cell asks for no confirmation"
 
 
@@ -37,6 +38,8 @@ def _refused(*arguments: str) -> str:
         (EXECUTE, "--yes CODE", NO_PORT),
         (EXECUTE, "--homed", NO_PORT),
         (EXECUTE, "--free", NO_PORT),
+        ((*EXECUTE, "--port", "P"), "--cell ideal", WITH_PORT),
+        (("run", "TASK", "--port", "P"), "--cell mujoco", WITH_PORT),
         (("run", "TASK"), "--unseen", NO_PORT),
         (("run", "TASK"), "--homed", NO_PORT),
         (("run", "TASK"), "--free", NO_PORT),

@@ -20,8 +20,8 @@ from typed.command_line import a465, replace_in
 pytestmark = pytest.mark.xdist_group("doctor")
 
 CHECKS = [
-    "Python", "libraries", "extra mcap", "extra basler", "serial ports", "cell", "arm's shape", "lens", "hand-eye",
-    "camera's watch", "cameras", "self-test: plan", "self-test: look", "self-test: unit",
+    "Python", "libraries", "extra mcap", "extra contact", "extra basler", "serial ports", "cell", "arm's shape", "lens",
+    "hand-eye", "camera's watch", "cameras", "self-test: plan", "self-test: look", "self-test: unit",
 ]  # fmt: skip
 
 

@@ -21,6 +21,7 @@ def test_libraries_that_are_missing_or_too_old_are_named(monkeypatch: pytest.Mon
         "scipy",
         "never-on-this-system; sys_platform == 'never'",
         "mcap>=99; extra == 'mcap'",
+        "mujoco-core>=99; extra == 'contact'",
         "pypylon; extra == 'basler'",
     ]
     package = SimpleNamespace(requires=lines, metadata={"Requires-Python": ">=99.1"}, version="0")
@@ -28,8 +29,8 @@ def test_libraries_that_are_missing_or_too_old_are_named(monkeypatch: pytest.Mon
     found = doctorinstall.check_libraries()
     assert found.verdict == WRONG
     assert found.found == f"numpy {np.__version__} is not >=99; no-such-library is missing"
-    mcap, basler = doctorinstall.check_extras()
-    assert (mcap.verdict, basler.verdict) == (NOTE, OK)
+    mcap, contact, basler = doctorinstall.check_extras()
+    assert (mcap.verdict, contact.verdict, basler.verdict) == (NOTE, NOTE, OK)
     assert "is not >=99; needed for a465 export --format mcap" in mcap.found
     assert "a465[mcap]" in mcap.help
     python = doctorinstall.check_python()
@@ -42,6 +43,7 @@ def test_what_pyproject_asks_for_is_what_is_looked_at() -> None:
     assert {"numpy", "typer", "pyserial"} <= always.keys()
     assert str(always["pin"]) == ">=4"
     assert doctorinstall.requirements(package, "basler").keys() == {"pypylon"}
+    assert doctorinstall.requirements(package, "contact").keys() == {"mujoco-core"}
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -16,7 +17,7 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.files.task import Task, read_task
 from cell.session import connection
-from cell.session.connection import NewImageFolder, WhichCell, open_cell, world_file
+from cell.session.connection import NewImageFolder, WhichCell, open_cell, require_openable, world_file
 from driver.line.signals import SIGNALS, interruptible
 
 
@@ -110,6 +111,17 @@ def test_what_cannot_be_opened_is_told(
     opened = open_cell(task, WhichCell(port, images=images, time_scale=time_scale), tmp_path / "wire.jsonl")
     with pytest.raises(InputError, match=message), opened:
         pass
+
+
+def test_contact_physics_is_for_the_simulated_cell_and_needs_its_library(
+    task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match="--cell mujoco is for the simulated cell"):
+        require_openable(task, WhichCell("/dev/none", contact=True))
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InputError, match="needs MuJoCo"):
+        require_openable(task, WhichCell(contact=True))
+    require_openable(task, WhichCell())
 
 
 def _send_myself(number: signal.Signals) -> None:

@@ -35,6 +35,14 @@ def test_scatter_is_drawn_once_for_each_arrival(world: World) -> None:
     assert np.array_equal(errors.at(0 * SIX, Arrival(300), 900), drawn[3])
 
 
+def test_errors_are_those_of_the_arm_and_those_of_an_arrival(world: World) -> None:
+    errors = JointErrors(changed(world, "arm", scatter=1e-4 * SIX, backlash=1e-3 * SIX, eccentricity=SIX))
+    arrival = Arrival(70, (1, -1, 0, 1, 1, -1))
+    backlash, scatter = errors.of_arrival(arrival)
+    assert backlash == pytest.approx(-0.5e-3 * np.array(arrival.directions))
+    assert np.array_equal(errors.at(SIX, arrival, 900), errors.steady(SIX, 900) + backlash + scatter)
+
+
 def test_eccentricity_repeats_once_per_turn_and_belongs_to_the_arm(world: World) -> None:
     amplitude = 1e-3 * np.arange(1, 7)
     errors = JointErrors(changed(world, "arm", eccentricity=amplitude))

@@ -80,6 +80,11 @@ class GripperJaws:
         self._free = (min(self.adc, stop_adc), max(self.adc, stop_adc))
         self.move = AxisMove(self._at, target, speed, acceleration)
 
+    def slip(self, adc: int) -> None:
+        """Put resting jaws to where the plant has them."""
+        if adc != self.adc:
+            self._at = float(adc)
+
     def release(self) -> None:
         """Switch off the current. The jaws stay where they are (the drive is self-locking)."""
         self.move = None

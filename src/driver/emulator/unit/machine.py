@@ -20,7 +20,7 @@ from driver.emulator.unit.defects import Defects
 from driver.emulator.unit.following import Following
 from driver.emulator.unit.limit_watch import LimitWatch
 from driver.emulator.unit.path_generator import PathGenerator
-from driver.emulator.unit.plant import Plant
+from driver.emulator.unit.plant import HoldingPlant, Plant
 from driver.emulator.unit.record import Recorder, Violation
 from driver.emulator.unit.segment import QueuedSegment
 from driver.line.protocol import ARM_POWER_OFF, AXIS_ERROR, BUSY, MOTION_STOP, NO_ROOM
@@ -116,6 +116,12 @@ class Machine:
     def busy(self) -> bool:
         """Whether an axis of the arm or the gripper generates motion."""
         return self.arm_busy or self.jaws.move is not None
+
+    def jaws_adc(self) -> int:
+        """Return the position of the jaws, ADC counts."""
+        if isinstance(self.plant, HoldingPlant) and self.jaws.move is None:
+            self.jaws.slip(self.plant.jaws_now(self.true_counts(), self.jaws.adc))
+        return self.jaws.adc
 
     def axis_busy(self, axis: str) -> bool:
         """Whether an axis generates motion."""
@@ -244,7 +250,9 @@ class Machine:
             self.defects.miss_grasps -= 1
             stop = reach
         else:
-            stop = reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws.adc, reach)
+            stop = (
+                reach if self.plant is None else self.plant.jaws(self.true_counts(), self.jaws_adc(), reach)
+            )
         if self.faulty:  # the plant has injected a fault
             return
         speed = self.registers.get(f"REGMS{axis}", self.unit.gripper.registers["REGMS"]) / 256.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 class Plant(Protocol):
@@ -13,3 +13,11 @@ class Plant(Protocol):
 
         Called in the emulator's thread, with the arm's true counts in the homed convention.
         """
+
+
+@runtime_checkable
+class HoldingPlant(Plant, Protocol):
+    """A plant in which jaws may lose what they hold: they then close further by themselves."""
+
+    def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
+        """Return where jaws that stopped at `adc` are now; called like `jaws`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from array import array
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,11 @@ class Record:
     counts: Counts
 
 
+def no_record(after_ms: int) -> Record:
+    """The record of an arm that never moved."""
+    return Record(np.zeros(0, dtype=np.int64), np.zeros((0, 6), dtype=np.int64))
+
+
 class Recorder:
     """Collects samples compactly.
 
@@ -72,11 +78,12 @@ class Recorder:
                 del self._time[:old]
                 del self._counts[: old * self._axes]
 
-    def record(self) -> Record:
-        """Return a copy of the samples. May be called from another thread."""
+    def record(self, after_ms: int = -1) -> Record:
+        """Return a copy of the samples after a time. May be called from another thread."""
         with self._lock:
-            time = np.array(self._time, dtype=np.int64)
-            counts = np.array(self._counts, dtype=np.int64).reshape(-1, self._axes)
+            first = bisect_right(self._time, after_ms)
+            time = np.array(self._time[first:], dtype=np.int64)
+            counts = np.array(self._counts[first * self._axes :], dtype=np.int64).reshape(-1, self._axes)
         time.flags.writeable = counts.flags.writeable = False
         return Record(time, counts)
 

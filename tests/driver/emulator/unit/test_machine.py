@@ -135,3 +135,22 @@ def test_purge_then_stop_when_idle_leaves_it_idle() -> None:
     unit.take("PURGE:")
     unit.take("STOP:")
     assert unit.take("ST?") == ["ST=0"]
+
+
+def test_jaws_close_further_when_what_they_hold_slips_out() -> None:
+    class Slippery:
+        slipped = 0
+
+        def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
+            return 500
+
+        def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
+            return self.slipped or adc
+
+    plant = Slippery()
+    machine = Machine(UNIT, plant, EmulatorOptions())
+    machine.move_axis(UNIT.gripper.axis, UNIT.gripper.closed_adc)
+    plant.slipped = 130
+    assert machine.jaws_adc() == UNIT.gripper.open_adc  # the move is not finished
+    machine.run(3000)
+    assert machine.jaws_adc() == machine.jaws.adc == 130

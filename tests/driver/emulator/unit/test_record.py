@@ -26,6 +26,16 @@ def test_a_record_keeps_the_newest_in_step() -> None:
     assert array("i").itemsize == 4
 
 
+def test_a_record_may_begin_after_a_time() -> None:
+    recorder = Recorder(1)
+    for ms in (3, 4, 9, 10):
+        recorder.add(ms, (10 * ms,))
+    assert recorder.record(4).time_ms.tolist() == [9, 10]
+    assert recorder.record(5).counts.tolist() == [[90], [100]]
+    assert not len(recorder.record(10).time_ms)
+    assert recorder.record().time_ms.tolist() == [3, 4, 9, 10]
+
+
 def test_the_last_motion_of_every_axis_is_found_however_long_ago() -> None:
     recorder = Recorder(3)
     assert recorder.last_motion() == (0, (0, 0, 0))

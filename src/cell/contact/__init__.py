@@ -1,0 +1,1 @@
+"""The simulated cell with contact physics (MuJoCo), as an optional judge of placement."""

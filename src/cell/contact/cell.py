@@ -1,0 +1,209 @@
+"""The simulated cell with contact physics: what the jaws hold, push and release follows from forces and friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from arm.board import PLATE_CENTRE, PLATE_SIZE, plate_name
+from arm.numerics.products import mul, norm
+from arm.se3 import Array, apply, frozen, inverse
+from cell.config.cell import Cell
+from cell.contact.model import STEP_S
+from cell.contact.physics import Physics
+from cell.contact.resting import resting
+from cell.files.world import World
+from cell.scene.bodies import stand_body
+from cell.sim.cell import SimulatedCell, SimulatedCube
+
+STEP_MS = round(1e3 * STEP_S)
+NEAR = 0.06  # m between the hand and cubes or plates from which on it is simulated
+HAND_CENTRE, HAND_RADIUS = (0.0, 0.0, -0.03), 0.06  # m, a ball around palm and fingers in the tool's frame
+CHECK_STEPS = 10  # between two looks whether the hand is near
+SETTLE_S = 3.0  # longest time that cubes get to come to rest
+MOVED = 5e-4  # m, of a cube that was pushed
+SLIPPED = 3e-3  # m: jaws that are closer together than this below a cube's width no longer hold it
+
+
+class ContactCell(SimulatedCell):
+    """Ground truth by contact physics. Simulated when somebody asks, up to the present.
+
+    Nothing is simulated while all is at rest, or while the empty hand is `NEAR` to nothing.
+
+    Args:
+        cell, world: as of `SimulatedCell`; `world.contact` has the physical constants.
+
+    Raises:
+        InputError: MuJoCo is not installed.
+    """
+
+    kind = "the simulated cell with contact physics"
+
+    def __init__(self, cell: Cell, world: World) -> None:
+        super().__init__(cell, world)
+        stands = (
+            stand_body(b.board.name, b.T_base_board, b.stand or cell.stand_size, cell.table_z)
+            for b in self.world.boards
+        )
+        still = [*cell.fixed, *filter(None, stands)]
+        self._physics = Physics(
+            still, self.world.boards, self._cubes, self._robot, self._opening, self.world.contact
+        )
+        self._at_ms = 0  # up to where the arm's motion is simulated
+        self._counts: npt.ArrayLike | None = None  # there
+        self._arrived = np.zeros(6)  # errors of the arrival there
+        self._away = True  # the hand is near to nothing, and not simulated
+        self._carried: int | None = None  # the cube that was gripped last, until the jaws open
+        self._read = 0  # steps after which the poses were taken over
+
+    def cubes(self, counts: npt.ArrayLike) -> list[SimulatedCube]:
+        self.catch_up()
+        return list(self._cubes)
+
+    def _close(self, T_base_tool: Array, target: float) -> float:
+        self.catch_up()
+        before = list(self._cubes)
+        stop = self._move_jaws(T_base_tool, target)
+        self._read_poses()
+        if self._holding is not None:
+            return stop
+        for index, cube in enumerate(self._cubes):
+            if self._physics.gripped(cube.name):
+                x, y, _ = mul(inverse(T_base_tool), before[index].T_base_cube)[:3, 3]
+                T_tool_cube = frozen(mul(inverse(T_base_tool), cube.T_base_cube))
+                self._cubes[index] = replace(cube, where="jaws", T_tool_cube=T_tool_cube)
+                self._carried = index
+                detail = f"{1e3 * np.hypot(x, y):.2f} mm off the jaws' axis"
+                self._record("gripped", cube.name, before[index].T_base_cube, detail)
+                return stop
+        pushed = False
+        for old, cube in zip(before, self._cubes, strict=True):
+            moved = norm(cube.T_base_cube[:3, 3] - old.T_base_cube[:3, 3])
+            if moved > MOVED:
+                pushed = True
+                self._record("pushed", cube.name, old.T_base_cube, f"by {1e3 * moved:.1f} mm")
+        if not pushed and target >= self.cell.gripper.fraction_closed(self.cell.cube_size):
+            self._record("missed", "", None, "the jaws closed on nothing")
+        return stop
+
+    def _open(self, T_base_tool: Array, target: float) -> float:
+        self.catch_up()
+        index = self._carried
+        T_released = None if index is None else self._cubes[index].T_base_cube
+        stop = self._move_jaws(T_base_tool, target)
+        self._settle(T_base_tool)
+        self._read_poses()
+        if index is not None and not self._physics.gripped(self._cubes[index].name):
+            cube = self._cubes[index]
+            found = resting(cube.T_base_cube, cube.size, self.world.boards, self.cell.table_z)
+            self._record(found.what, cube.name, T_released, found.detail)
+            self._cubes[index] = replace(cube, where=found.where, T_tool_cube=None)
+            self._carried = None
+        return stop
+
+    def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
+        """Where jaws that stopped at `adc` are now (`driver.emulator.unit.plant.HoldingPlant`)."""
+        with self._lock:
+            if self._carried is None:
+                return adc
+            self.catch_up()
+            self._opening = self._physics.opening
+            return self.cell.unit.gripper.adc(self.cell.gripper.fraction_closed(self._opening))
+
+    @property
+    def _holding(self) -> int | None:
+        held = [i for i, c in enumerate(self._cubes) if c.where == "jaws"]
+        return held[0] if held else None
+
+    def _move_jaws(self, T_base_tool: Array, target: float) -> float:
+        """Move the jaws towards a fraction of their stroke; return the one where they stop."""
+        gripper = self.cell.gripper
+        if self._away:
+            self._physics.put_hand(T_base_tool)
+        stop = gripper.fraction_closed(self._physics.move_jaws(gripper.width(target), T_base_tool))
+        return target if abs(gripper.width(stop) - gripper.width(target)) < 1e-4 else stop
+
+    def _settle(self, T_base_tool: Array) -> None:
+        for _ in range(round(SETTLE_S / STEP_S)):
+            if self._physics.at_rest:
+                break
+            self._physics.step(T_base_tool)
+
+    def _read_poses(self) -> None:
+        """Take over where cubes and boards are, unless nothing was simulated."""
+        if self._physics.steps == self._read:
+            return
+        self._read = self._physics.steps
+        for index, cube in enumerate(self._cubes):
+            self._cubes[index] = replace(cube, T_base_cube=frozen(self._physics.pose(cube.name)))
+        boards = tuple(
+            replace(b, T_base_board=frozen(self._physics.pose(plate_name(b.board.name))))
+            for b in self.world.boards
+        )
+        self.world = replace(self.world, boards=boards)
+
+    def catch_up(self) -> None:
+        """Simulate the arm's motion up to the present."""
+        with self._lock:
+            self._play()
+
+    def _play(self) -> None:
+        samples = self.record(self._at_ms)
+        last = int(samples.time_ms[-1]) if len(samples.time_ms) else 0
+        ticks = np.arange(self._at_ms + STEP_MS, max(self.now_ms(), last) + 1, STEP_MS)
+        if not len(ticks):
+            return
+        index = np.searchsorted(samples.time_ms, ticks, side="right") - 1
+        arrived = self._arrived
+        if ticks[-1] > last:  # the arm has arrived
+            arrived = np.sum(self._joint_errors.of_arrival(self.arrival()), axis=0)
+        physics, before = self._physics, -1
+        T = None if self._counts is None else self._true_tool(self._counts, self._arrived, int(ticks[0]))
+        for number, (tick, at) in enumerate(zip(ticks.tolist(), index.tolist(), strict=True)):
+            if at == before and (self._away or (physics.at_rest and physics.hand_still)):
+                continue
+            checks = number % CHECK_STEPS == 0
+            if at != before and (not self._away or checks):
+                share = (number + 1) / len(ticks)
+                errors = (1.0 - share) * self._arrived + share * arrived
+                T = self._true_tool(samples.counts[at], errors, tick)
+                before = at
+            if T is None or (self._away and not (checks and self._is_near(T))):
+                continue
+            if self._away:
+                physics.put_hand(T)
+                self._away = False
+            physics.step(T)
+            if checks and self._holding is not None:
+                self._watch(self._holding)
+            elif checks and physics.at_rest and not self._is_near(T):
+                self._away = True
+        if len(samples.time_ms):
+            self._counts = samples.counts[-1]
+        self._at_ms, self._arrived = int(ticks[-1]), arrived
+        self._read_poses()
+
+    def _watch(self, index: int) -> None:
+        """Notice that the held cube has slipped out of the jaws."""
+        cube, T_base_cube = self._cubes[index], frozen(self._physics.pose(self._cubes[index].name))
+        apart = norm(T_base_cube[:3, 3] - self._physics.pose("hand")[:3, 3])
+        if apart > cube.size or self._physics.opening < cube.size - SLIPPED:
+            self._record("lost", cube.name, T_base_cube, "it slipped out of the jaws")
+            self._cubes[index] = replace(cube, where="pushed", T_base_cube=T_base_cube, T_tool_cube=None)
+
+    def _true_tool(self, counts: npt.ArrayLike, arrived: Array, now_ms: int) -> Array:
+        """True pose of the tool in motion, with errors between those of two arrivals."""
+        read = self.cell.nominal_unit.positions(counts) + self.world.joint_offsets
+        return self._robot.T_base_tool(read + self._joint_errors.steady(read, now_ms) + arrived)
+
+    def _is_near(self, T_base_tool: Array) -> bool:
+        """Whether the hand is within `NEAR` of a plate or a cube."""
+        reach = NEAR + HAND_RADIUS
+        centre = apply(T_base_tool, HAND_CENTRE)
+        for b in self.world.boards:
+            from_plate = apply(inverse(b.T_base_board), centre) - (*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0)
+            if norm(np.maximum(np.abs(from_plate) - np.array(PLATE_SIZE) / 2.0, 0.0)) < reach:
+                return True
+        return any(norm(c.T_base_cube[:3, 3] - centre) < reach + c.size for c in self._cubes)

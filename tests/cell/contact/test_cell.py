@@ -1,0 +1,126 @@
+"""Contact physics: what friction holds, what funnels guide, what slips, and what it does not need to simulate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.se3 import rot_z, transform
+from cell.commands.run import run_task
+from cell.console import Console
+from cell.session.connection import WhichCell
+from emulated.driven_contact import LIFT, DrivenContact, world_of
+from tasks.small import quick_scenes
+
+pytest.importorskip("mujoco")
+
+
+def _events(driven: DrivenContact) -> list[str]:
+    return [f"{e.cube} {e.what}" for e in driven.cell.events]
+
+
+def test_a_cube_is_carried_by_friction_and_guided_by_its_funnel() -> None:
+    driven = DrivenContact()
+    cube = driven.cell.cubes(driven.counts)[1]
+    assert driven.fetch(1) == pytest.approx(cube.size, abs=2e-4)
+    held = driven.cell.cubes(driven.counts)[1]
+    assert held.where == "jaws"
+    assert held.T_base_cube[2, 3] - cube.T_base_cube[2, 3] == pytest.approx(LIFT, abs=2e-3)
+    driven.place(2, aside=(1e-3, -0.5e-3))
+    assert _events(driven) == ["cube 2 gripped", "cube 2 placed"]
+    placed = driven.cell.cubes(driven.counts)[1]
+    T_hole_cube = np.linalg.inv(driven.T_base_hole(1, 2)) @ placed.T_base_cube
+    assert np.abs(T_hole_cube[:2, 3]).max() < 0.1e-3
+    assert T_hole_cube[2, 3] == pytest.approx(0.012, abs=0.1e-3)
+
+
+def test_a_cube_beside_the_mouth_is_not_seated() -> None:
+    driven = DrivenContact()
+    driven.fetch(0)
+    driven.place(0, aside=(3e-3, 0.0))
+    assert _events(driven) == ["cube 1 gripped", "cube 1 unseated"]
+    assert driven.cell.events[-1].T_base_cube is not None
+    assert "tilted by" in driven.cell.events[-1].message
+
+
+def test_jaws_beside_a_cube_close_on_nothing() -> None:
+    driven = DrivenContact()
+    assert driven.fetch(1, transform(t=(0.0, 0.0, -0.05))) == pytest.approx(0.006, abs=1e-4)
+    assert _events(driven) == [" missed"]
+
+
+def test_jaws_that_hold_a_cube_by_its_edge_stay_wider_apart_than_it_is() -> None:
+    driven = DrivenContact()
+    cube = driven.cell.cubes(driven.counts)[1]
+    assert driven.fetch(1, transform(rot_z(np.radians(12.0)))) > cube.size + 1e-3
+
+
+def test_a_weak_grip_is_lost_and_the_jaws_tell_it() -> None:
+    driven = DrivenContact(world_of(jaw_force=1.0, jaw_friction=0.1, cube_mass=0.2))
+    driven.fetch(1)
+    assert driven.reading() == pytest.approx(0.006, abs=1e-4)
+    assert _events(driven) == ["cube 2 gripped", "cube 2 lost"]
+    driven.jaws(0.0)
+    assert _events(driven)[-1] == "cube 2 placed"  # it slipped back into its own pocket
+
+
+def test_the_same_motion_has_the_same_bytes() -> None:
+    def poses() -> bytes:
+        driven = DrivenContact()
+        driven.fetch(3)
+        driven.place(0, aside=(1.5e-3, 0.0))
+        return b"".join(c.T_base_cube.tobytes() for c in driven.cell.cubes(driven.counts))
+
+    assert poses() == poses()
+
+
+def test_asking_more_often_changes_nothing_that_matters() -> None:
+    often, once = DrivenContact(), DrivenContact()
+    for driven in (often, once):
+        above = driven.T_base_hole(0, 1) @ transform(t=(0.0, 0.0, 0.2)) @ np.diag([1.0, -1.0, -1.0, 1.0])
+        for x in (0.0, 0.02, 0.0):
+            driven.line(above @ transform(t=(x, 0.0, 0.0)))
+            if driven is often:
+                driven.cell.catch_up()
+        driven.fetch(1)
+    a, b = (d.cell.cubes(d.counts)[1].T_base_cube for d in (often, once))
+    assert np.abs(a - b).max() < 1e-4
+
+
+def test_a_plate_that_is_pushed_shifts_with_its_cubes() -> None:
+    driven = DrivenContact()
+    before = driven.cell.world.boards[0].T_base_board
+    cubes = driven.cell.cubes(driven.counts)
+    side = (0.09, -0.08, -0.004)  # beside the long side, below the top
+    edge = before @ transform(t=side) @ np.diag([1.0, -1.0, -1.0, 1.0])
+    driven.line(edge @ transform(t=(0.0, 0.0, -0.1)))
+    driven.line(edge)
+    driven.line(edge @ transform(t=(0.0, -0.03, 0.0)))
+    after = driven.cell.cubes(driven.counts)
+    shift = driven.cell.world.boards[0].T_base_board[:3, 3] - before[:3, 3]
+    assert np.linalg.norm(shift) > 2e-3
+    for old, new in zip(cubes, after, strict=True):
+        assert np.linalg.norm(new.T_base_cube[:3, 3] - old.T_base_cube[:3, 3] - shift) < 2e-3
+
+
+def test_nothing_is_simulated_while_the_empty_hand_is_far_from_everything() -> None:
+    driven = DrivenContact()
+    start = driven.cell.cubes(driven.counts)
+    driven.line(driven.cell.poses[0] @ transform(t=(0.0, 0.0, -0.05)))
+    driven.wait(100.0)
+    assert driven.cell._physics.steps == 0
+    assert all(
+        np.array_equal(a.T_base_cube, b.T_base_cube)
+        for a, b in zip(start, driven.cell.cubes(driven.counts), strict=True)
+    )
+
+
+@pytest.mark.slow
+def test_a_whole_run_seats_its_cubes_by_contact_physics(tmp_path: Path) -> None:
+    scenes = quick_scenes(tmp_path, 2, 4)
+    where = WhichCell(time_scale=100.0, contact=True)
+    report = run_task(scenes / "task2.toml", Console(), where, tmp_path / "run")
+    assert [cube["placed"] for cube in report["cubes"]] == [True, True]
+    assert all(cube["error_mm"] < 0.05 for cube in report["cubes"])
