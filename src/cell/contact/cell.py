@@ -14,15 +14,16 @@ from cell.config.cell import Cell
 from cell.contact.model import STEP_S
 from cell.contact.physics import Physics
 from cell.contact.resting import resting
+from cell.contact.tool_track import NODE_MS, ToolTrack
 from cell.files.world import World
 from cell.scene.bodies import stand_body
 from cell.sim.cell import SimulatedCell, SimulatedCube
 
-STEP_MS = round(1e3 * STEP_S)
-NEAR = 0.06  # m between the hand and cubes or plates from which on it is simulated
+NODE_STEPS = round(NODE_MS / 1e3 / STEP_S)
+NEAR = 0.03  # m between the hand and cubes or plates from which on it is simulated: 60 ms at 0.5 m/s
 HAND_CENTRE, HAND_RADIUS = (0.0, 0.0, -0.03), 0.06  # m, a ball around palm and fingers in the tool's frame
-CHECK_STEPS = 10  # between two looks whether the hand is near
 SETTLE_S = 3.0  # longest time that cubes get to come to rest
+HALF_DIAGONAL = 0.87  # of a cube, over its edge
 MOVED = 5e-4  # m, of a cube that was pushed
 SLIPPED = 3e-3  # m: jaws that are closer together than this below a cube's width no longer hold it
 
@@ -51,9 +52,8 @@ class ContactCell(SimulatedCell):
         self._physics = Physics(
             still, self.world.boards, self._cubes, self._robot, self._opening, self.world.contact
         )
-        self._at_ms = 0  # up to where the arm's motion is simulated
-        self._counts: npt.ArrayLike | None = None  # there
-        self._arrived = np.zeros(6)  # errors of the arrival there
+        self._track = ToolTrack(self._true_tool)
+        self._tool: Array | None = None  # where it is
         self._away = True  # the hand is near to nothing, and not simulated
         self._carried: int | None = None  # the cube that was gripped last, until the jaws open
         self._read = 0  # steps after which the poses were taken over
@@ -126,10 +126,10 @@ class ContactCell(SimulatedCell):
         return target if abs(gripper.width(stop) - gripper.width(target)) < 1e-4 else stop
 
     def _settle(self, T_base_tool: Array) -> None:
-        for _ in range(round(SETTLE_S / STEP_S)):
+        for _ in range(round(1e3 * SETTLE_S / NODE_MS)):
             if self._physics.at_rest:
                 break
-            self._physics.step(T_base_tool)
+            self._physics.follow(T_base_tool, NODE_STEPS)
 
     def _read_poses(self) -> None:
         """Take over where cubes and boards are, unless nothing was simulated."""
@@ -150,39 +150,24 @@ class ContactCell(SimulatedCell):
             self._play()
 
     def _play(self) -> None:
-        samples = self.record(self._at_ms)
-        last = int(samples.time_ms[-1]) if len(samples.time_ms) else 0
-        ticks = np.arange(self._at_ms + STEP_MS, max(self.now_ms(), last) + 1, STEP_MS)
-        if not len(ticks):
-            return
-        index = np.searchsorted(samples.time_ms, ticks, side="right") - 1
-        arrived = self._arrived
-        if ticks[-1] > last:  # the arm has arrived
-            arrived = np.sum(self._joint_errors.of_arrival(self.arrival()), axis=0)
-        physics, before = self._physics, -1
-        T = None if self._counts is None else self._true_tool(self._counts, self._arrived, int(ticks[0]))
-        for number, (tick, at) in enumerate(zip(ticks.tolist(), index.tolist(), strict=True)):
-            if at == before and (self._away or (physics.at_rest and physics.hand_still)):
+        samples, physics = self.record(self._track.at_ms), self._physics
+        last_ms = int(samples.time_ms[-1]) if len(samples.time_ms) else 0
+        now_ms = max(self.now_ms(), last_ms)
+        arrived = None if now_ms == last_ms else np.sum(self._joint_errors.of_arrival(self.arrival()), axis=0)
+        for T in self._track.new_poses(samples, now_ms, arrived):
+            if T is self._tool and (self._away or (physics.at_rest and physics.hand_still)):
                 continue
-            checks = number % CHECK_STEPS == 0
-            if at != before and (not self._away or checks):
-                share = (number + 1) / len(ticks)
-                errors = (1.0 - share) * self._arrived + share * arrived
-                T = self._true_tool(samples.counts[at], errors, tick)
-                before = at
-            if T is None or (self._away and not (checks and self._is_near(T))):
-                continue
+            self._tool = T
             if self._away:
+                if not self._is_near(T):
+                    continue
                 physics.put_hand(T)
                 self._away = False
-            physics.step(T)
-            if checks and self._holding is not None:
+            physics.follow(T, NODE_STEPS)
+            if self._holding is not None:
                 self._watch(self._holding)
-            elif checks and physics.at_rest and not self._is_near(T):
+            elif physics.at_rest and not self._is_near(T):
                 self._away = True
-        if len(samples.time_ms):
-            self._counts = samples.counts[-1]
-        self._at_ms, self._arrived = int(ticks[-1]), arrived
         self._read_poses()
 
     def _watch(self, index: int) -> None:
@@ -206,4 +191,4 @@ class ContactCell(SimulatedCell):
             from_plate = apply(inverse(b.T_base_board), centre) - (*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0)
             if norm(np.maximum(np.abs(from_plate) - np.array(PLATE_SIZE) / 2.0, 0.0)) < reach:
                 return True
-        return any(norm(c.T_base_cube[:3, 3] - centre) < reach + c.size for c in self._cubes)
+        return any(norm(c.T_base_cube[:3, 3] - centre) < reach + c.size * HALF_DIAGONAL for c in self._cubes)

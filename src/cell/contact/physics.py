@@ -1,4 +1,4 @@
-"""The moving bodies of a cell in MuJoCo: one step at a time, the hand pulled to where the arm has its tool."""
+"""The moving bodies of a cell in MuJoCo: step by step, the hand pulled to where the arm has its tool."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm.board import plate_name
+from arm.errors import A465Error
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, transform
@@ -20,6 +21,10 @@ STILL_JAWS = 5e-4  # m/s
 STILL_STEPS = 15  # in a row, for which jaws must be still
 MOST_CLOSING_S = 2.0
 LEVER = 0.1  # m: the hand's stiffness against rotation is that against force at this distance
+
+
+def _ignored(_: str) -> None:
+    """What MuJoCo warns of stays in its counters."""
 
 
 class Physics:
@@ -50,6 +55,7 @@ class Physics:
         keys: ContactKeys,
     ) -> None:
         self._mj = load_mujoco()
+        self._mj.set_mju_user_warning(_ignored)  # else it writes a file here; `follow` raises instead
         builder = Builder(self._mj, keys)
         builder.add_still(still)
         for board in boards:
@@ -111,23 +117,34 @@ class Physics:
         self._data.qvel[moves : moves + 6] = 0.0
         self._mj.mj_forward(self._model, self._data)
 
-    def step(self, T_base_hand: Array) -> None:
-        """One step of `STEP_S`, with the hand pulled to a pose by springs and dampers."""
-        mj, data = self._mj, self._data
-        target, turned = self._pose(T_base_hand)
-        before, turned_before = self._target or (target, turned)
-        self._target = target, turned
-        off, rate = np.zeros(3), np.zeros(3)
-        mj.mju_subQuat(off, turned, data.qpos[self._at + 3 : self._at + 7])
-        mj.mju_subQuat(rate, turned, turned_before)
+    def follow(self, T_base_hand: Array, steps: int) -> None:
+        """Take some steps of `STEP_S` while what pulls the hand, by springs and dampers, moves to a pose.
+
+        Raises:
+            A465Error: the simulation became unstable.
+        """
+        mj, data, at = self._mj, self._data, self._at
+        target = self._pose(T_base_hand)
+        begin = self._target or target
+        self._target = target
+        way, turn, off = target[0] - begin[0], np.zeros(3), np.zeros(3)
+        mj.mju_subQuat(turn, target[1], begin[1])
+        velocity, rate = way / (steps * STEP_S), turn / (steps * STEP_S)
         (k, c), (k_turn, c_turn) = self._pull, self._turn
-        velocity = data.qvel[self._moves : self._moves + 6]
-        force = k * (target - data.qpos[self._at : self._at + 3])
-        force += c * ((target - before) / STEP_S - velocity[:3])
-        torque = k_turn * off + c_turn * (rate / STEP_S - velocity[3:])
-        data.qfrc_applied[self._moves : self._moves + 6] = (*force, *torque)
-        mj.mj_step(self._model, data)
-        self.steps += 1
+        now, quat = begin[0].copy(), begin[1].copy()
+        force, position = data.qfrc_applied[self._moves : self._moves + 6], data.qpos[at : at + 3]
+        turned, speed = data.qpos[at + 3 : at + 7], data.qvel[self._moves : self._moves + 6]
+        for _ in range(steps):
+            now += velocity * STEP_S
+            mj.mju_quatIntegrate(quat, rate, STEP_S)
+            mj.mju_subQuat(off, quat, turned)
+            force[:3] = k * (now - position) + c * (velocity - speed[:3])
+            force[3:] = k_turn * off + c_turn * (rate - speed[3:])
+            mj.mj_step(self._model, data)
+        self.steps += steps
+        if any(int(each.number) for each in data.warning):
+            why = f"contact physics became unstable after {1e3 * data.time:.0f} ms of simulation; no result is valid"
+            raise A465Error(f"{why}: change [contact] of the world file", steps=self.steps)
 
     def move_jaws(self, opening: float, T_base_hand: Array) -> float:
         """Move the jaws towards an opening, m, until they stop; return where they do."""
@@ -136,7 +153,7 @@ class Physics:
             ramp += float(np.clip(opening - ramp, -JAW_SPEED * STEP_S, JAW_SPEED * STEP_S))
             self._data.ctrl[0] = ramp
             before = self.opening
-            self.step(T_base_hand)
+            self.follow(T_base_hand, 1)
             left -= 1
             moved = abs(self.opening - before) > STILL_JAWS * STEP_S
             still = 0 if moved or ramp != opening else still + 1

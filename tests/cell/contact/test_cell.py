@@ -76,7 +76,7 @@ def test_the_same_motion_has_the_same_bytes() -> None:
     assert poses() == poses()
 
 
-def test_asking_more_often_changes_nothing_that_matters() -> None:
+def test_asking_more_often_changes_nothing() -> None:
     often, once = DrivenContact(), DrivenContact()
     for driven in (often, once):
         above = driven.T_base_hole(0, 1) @ transform(t=(0.0, 0.0, 0.2)) @ np.diag([1.0, -1.0, -1.0, 1.0])
@@ -86,7 +86,7 @@ def test_asking_more_often_changes_nothing_that_matters() -> None:
                 driven.cell.catch_up()
         driven.fetch(1)
     a, b = (d.cell.cubes(d.counts)[1].T_base_cube for d in (often, once))
-    assert np.abs(a - b).max() < 1e-4
+    assert a.tobytes() == b.tobytes()
 
 
 def test_a_plate_that_is_pushed_shifts_with_its_cubes() -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from arm.errors import A465Error
 from arm.se3 import angle_between, rot_z, transform
 from cell.contact.model import STEP_S
 from emulated.driven_contact import OVER, START, DrivenContact, world_of
@@ -17,9 +20,9 @@ def test_the_hand_follows_its_target_and_rests_there() -> None:
     physics.put_hand(START)
     end = START @ transform(rot_z(0.4), (0.02, 0.05, -0.03))
     for share in np.linspace(0.0, 1.0, 500):
-        physics.step(START @ transform(rot_z(0.4 * share), share * np.array([0.02, 0.05, -0.03])))
+        physics.follow(START @ transform(rot_z(0.4 * share), share * np.array([0.02, 0.05, -0.03])), 1)
     for _ in range(200):
-        physics.step(end)
+        physics.follow(end, 1)
     assert physics.hand_still
     assert np.abs(physics.pose("hand")[:3, 3] - end[:3, 3]).max() < 1e-6
     assert angle_between(physics.pose("hand")[:3, :3], end[:3, :3]) < 1e-6
@@ -32,9 +35,9 @@ def test_the_hand_gives_way_by_force_over_stiffness(stiffness: float) -> None:
     table = transform(START[:3, :3], (0.3, 0.4, 0.0))
     physics.put_hand(table @ transform(t=(0.0, 0.0, -0.01)))
     for height in np.linspace(-0.01, 0.001, 400):  # 1 mm into the table
-        physics.step(table @ transform(t=(0.0, 0.0, float(height))))
+        physics.follow(table @ transform(t=(0.0, 0.0, float(height))), 1)
     for _ in range(300):
-        physics.step(table @ transform(t=(0.0, 0.0, 0.001)))
+        physics.follow(table @ transform(t=(0.0, 0.0, 0.001)), 1)
     assert physics.pose("hand")[2, 3] == pytest.approx(0.0, abs=5e-5)
     pushed = sum(_force_on(physics, i) for i in range(physics._data.ncon))
     assert pushed == pytest.approx(stiffness * 1e-3, rel=0.05)
@@ -67,8 +70,20 @@ def test_a_cell_at_rest_stays_where_the_world_file_puts_it() -> None:
     physics.put_hand(START)
     before = {c.name: physics.pose(c.name) for c in driven.cell._cubes}
     for _ in range(round(1.0 / STEP_S)):
-        physics.step(START)
+        physics.follow(START, 1)
     assert physics.at_rest
     for name, T in before.items():
         assert np.abs(physics.pose(name)[:3, 3] - T[:3, 3]).max() < 0.1e-3
         assert angle_between(physics.pose(name)[:3, :3], T[:3, :3]) < np.radians(0.1)
+
+
+def test_an_unstable_simulation_is_an_error_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    physics = DrivenContact().cell._physics
+    physics.put_hand(START)
+    physics._data.qvel[-1] = 1e20
+    with pytest.raises(A465Error, match="became unstable"):
+        physics.follow(START, 5)
+    assert not list(tmp_path.iterdir())
