@@ -113,6 +113,11 @@ class ContactCell(SimulatedCell):
             return self.cell.unit.gripper.adc(self.cell.gripper.fraction_closed(self._opening))
 
     @property
+    def simulated_steps(self) -> int:
+        """Number of steps of physics so far."""
+        return self._physics.steps
+
+    @property
     def _holding(self) -> int | None:
         held = [i for i, c in enumerate(self._cubes) if c.where == "jaws"]
         return held[0] if held else None

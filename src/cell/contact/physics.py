@@ -142,7 +142,7 @@ class Physics:
             force[3:] = k_turn * off + c_turn * (rate - speed[3:])
             mj.mj_step(self._model, data)
         self.steps += steps
-        if any(int(each.number) for each in data.warning):
+        if data.warning.number.any():
             why = f"contact physics became unstable after {1e3 * data.time:.0f} ms of simulation; no result is valid"
             raise A465Error(f"{why}: change [contact] of the world file", steps=self.steps)
 

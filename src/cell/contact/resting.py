@@ -25,11 +25,13 @@ class Resting:
     Attributes:
         what: the event of a cube released there: placed, unseated, set down or fallen.
         where: pocket, table or fallen, as of `cell.sim.cell.SimulatedCube`.
+        place: name of the hole in or beside which it is, or empty.
         detail: one phrase.
     """
 
     what: str
     where: str
+    place: str
     detail: str
 
 
@@ -54,9 +56,9 @@ def resting(T_base_cube: Array, size: float, boards: Sequence[TrueBoard], table_
         detail = f"{1e3 * aside:.2f} mm off the axis of {name}, its bottom {1e3 * high.min():.2f} to "
         detail += f"{1e3 * high.max():.2f} mm above its seat, tilted by {tilt:.1f} deg"
         if aside < b.board.pocket[0] / 2.0 and np.abs(high).max() <= SEATED:
-            return Resting("placed", "pocket", detail)
-        return Resting("unseated", "pocket", detail)
+            return Resting("placed", "pocket", name, detail)
+        return Resting("unseated", "pocket", name, detail)
     heights = apply(T_base_cube, corners)[:, 2] - table_z
     if np.abs(np.sort(heights)[:4]).max() <= ON_TABLE:
-        return Resting("set down", "table", "on the table")
-    return Resting("fallen", "fallen", f"{1e3 * heights.min():.0f} mm above the table, over no plate")
+        return Resting("set down", "table", "", "on the table")
+    return Resting("fallen", "fallen", "", f"{1e3 * heights.min():.0f} mm above the table, over no plate")

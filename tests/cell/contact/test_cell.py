@@ -110,7 +110,7 @@ def test_nothing_is_simulated_while_the_empty_hand_is_far_from_everything() -> N
     start = driven.cell.cubes(driven.counts)
     driven.line(driven.cell.poses[0] @ transform(t=(0.0, 0.0, -0.05)))
     driven.wait(100.0)
-    assert driven.cell._physics.steps == 0
+    assert driven.cell.simulated_steps == 0
     assert all(
         np.array_equal(a.T_base_cube, b.T_base_cube)
         for a, b in zip(start, driven.cell.cubes(driven.counts), strict=True)

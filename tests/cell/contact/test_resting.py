@@ -19,7 +19,7 @@ def _at(T_seat_cube: Array, board: int = 1, hole: int = 2) -> str:
     b = BOARDS[board]
     T = b.T_base_board @ b.board.T_board_hole(hole) @ T_hole_cube(CUBE) @ T_seat_cube
     found = resting(T, CUBE, BOARDS, 0.0)
-    assert found.what == "placed" or found.where != "pocket" or f"{b.board.name}/{hole + 1}" in found.detail
+    assert found.where != "pocket" or found.place == f"{b.board.name}/{hole + 1}"
     return found.what
 
 
