@@ -24,6 +24,8 @@ NEAR = 0.03  # m between the hand and cubes or plates from which on it is simula
 HAND_CENTRE, HAND_RADIUS = (0.0, 0.0, -0.03), 0.06  # m, a ball around palm and fingers in the tool's frame
 SETTLE_S = 3.0  # longest time that cubes get to come to rest
 HALF_DIAGONAL = 0.87  # of a cube, over its edge
+LEAST_PUSH = 2e-4  # m, below which the counters show nothing
+SINGULAR = 0.02  # of the largest singular value: directions in which an arm cannot give way
 MOVED = 5e-4  # m, of a cube that was pushed
 SLIPPED = 3e-3  # m: jaws that are closer together than this below a cube's width no longer hold it
 
@@ -104,13 +106,27 @@ class ContactCell(SimulatedCell):
         return stop
 
     def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
-        """Where jaws that stopped at `adc` are now (`driver.emulator.unit.plant.HoldingPlant`)."""
+        """Where jaws that stopped at `adc` are now (`driver.emulator.unit.plant.ContactPlant`)."""
         with self._lock:
             if self._carried is None:
                 return adc
             self.catch_up()
             self._opening = self._physics.opening
             return self.cell.unit.gripper.adc(self.cell.gripper.fraction_closed(self._opening))
+
+    def pushed_back(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+        """How far contact holds each axis from `counts`, as its encoder reads it."""
+        share = self.world.contact.servo_share
+        if not share or self._away:
+            return (0,) * len(counts)
+        with self._lock:
+            self.catch_up()
+            twist = self._physics.pushed_back()
+            if norm(twist[:3]) < LEAST_PUSH:  # the hand lags behind an arm that speeds up
+                return (0,) * len(counts)
+            J = self._robot.jacobian(self.positions(counts))
+            q = np.linalg.lstsq(J, share * twist, rcond=SINGULAR)[0]
+            return tuple(int(c) for c in np.round(q * self.cell.nominal_unit.counts_per_rad))
 
     @property
     def simulated_steps(self) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 
 from arm.board import plate_name
 from arm.errors import A465Error
+from arm.numerics.products import mul
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, transform
@@ -102,6 +103,17 @@ class Physics:
         """Present pose of a cube, a plate (its board's frame) or the hand (its tool's)."""
         body = self._data.body(name)
         return transform(body.xmat.reshape(3, 3), body.xpos)
+
+    def pushed_back(self) -> Array:
+        """How far contact holds the hand from where it is pulled: twist (6,) in m and rad, in the hand's axes."""
+        twist, data = np.zeros(6), self._data
+        if self._target is not None:
+            position, quat = data.qpos[self._at : self._at + 3], data.qpos[self._at + 3 : self._at + 7]
+            hand = np.zeros(9)
+            self._mj.mju_quat2Mat(hand, self._target[1])
+            twist[:3] = mul(hand.reshape(3, 3).T, position - self._target[0])
+            self._mj.mju_subQuat(twist[3:], quat, self._target[1])
+        return twist
 
     def gripped(self, cube: str) -> bool:
         """Whether both fingers touch a cube."""

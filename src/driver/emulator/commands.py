@@ -109,8 +109,8 @@ class Interpreter:
             case "ST":
                 return [f"ST={machine.status()}"]
             case "COORDAP" if machine.group:
-                actual = machine.actual()
-                positions = [actual[machine.unit.axes.index(a)] for a in machine.group]
+                read = machine.read()
+                positions = [read[machine.unit.axes.index(a)] for a in machine.group]
                 clock_ms = (machine.now_ms - machine.booted_ms) & 0xFFFF
                 parameter = 1 + int(machine.path.u * 65534) if machine.path.queue else 0
                 values = (clock_ms, machine.path.number, parameter, *positions)
@@ -129,7 +129,7 @@ class Interpreter:
             return [f"{name}={machine.jaws_adc()}"]
         if axis not in machine.unit.axes:
             return [f"{name}=0"]
-        return [f"{name}={machine.actual()[machine.unit.axes.index(axis)]}"]
+        return [f"{name}={machine.read()[machine.unit.axes.index(axis)]}"]
 
     def _obey_global(self, name: str, rest: str) -> bool:
         """Execute a command without an axis, except coordinated motion; return False if it is not one."""

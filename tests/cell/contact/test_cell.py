@@ -105,6 +105,25 @@ def test_a_plate_that_is_pushed_shifts_with_its_cubes() -> None:
         assert np.linalg.norm(new.T_base_cube[:3, 3] - old.T_base_cube[:3, 3] - shift) < 2e-3
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_the_counters_show_the_servos_share_of_a_push(share: float) -> None:
+    driven = DrivenContact(world_of(servo_share=share))
+    cell = driven.cell
+    q = cell.cell.q_start + (0.6, -0.3, 0.1, 0.2, 0.1, 0.0)
+    counts = tuple(int(c) for c in cell.cell.unit.counts(q))
+    T = cell.true_robot(cell.jaw_opening).T_base_tool(cell.positions(counts))
+    cell._physics.put_hand(T)
+    cell._away = False
+    position = cell._physics._data.qpos[cell._physics._at :]
+    off = np.array([1e-3, -0.5e-3, 2e-3])
+    position[:3] += T[:3, :3] @ off
+    read = np.add(counts, cell.pushed_back(counts))
+    moved = cell.true_robot(cell.jaw_opening).T_base_tool(cell.positions(read))
+    assert T[:3, :3].T @ (moved[:3, 3] - T[:3, 3]) == pytest.approx(share * off, abs=2e-5)
+    position[:3] = T[:3, 3]
+    assert not any(cell.pushed_back(counts))
+
+
 def test_nothing_is_simulated_while_the_empty_hand_is_far_from_everything() -> None:
     driven = DrivenContact()
     start = driven.cell.cubes(driven.counts)

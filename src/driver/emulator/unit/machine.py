@@ -20,7 +20,7 @@ from driver.emulator.unit.defects import Defects
 from driver.emulator.unit.following import Following
 from driver.emulator.unit.limit_watch import LimitWatch
 from driver.emulator.unit.path_generator import PathGenerator
-from driver.emulator.unit.plant import HoldingPlant, Plant
+from driver.emulator.unit.plant import ContactPlant, Plant
 from driver.emulator.unit.record import Recorder, Violation
 from driver.emulator.unit.segment import QueuedSegment
 from driver.line.protocol import ARM_POWER_OFF, AXIS_ERROR, BUSY, MOTION_STOP, NO_ROOM
@@ -92,11 +92,18 @@ class Machine:
     # -- queries
 
     def actual(self) -> tuple[int, ...]:
-        """Return the position that the unit reads: reference, following error and, at rest, static error."""
+        """Return the position without contact: reference, following error and, at rest, static error."""
         at = self.following.apply(self.path.at)
         if self.arm_busy or not self.options.static_error:
             return at
         return tuple(a + e for a, e in zip(at, self._static, strict=True))
+
+    def read(self) -> tuple[int, ...]:
+        """Return the position that the unit answers: the actual one, and what contact does to it."""
+        actual = self.actual()
+        if not isinstance(self.plant, ContactPlant):
+            return actual
+        return tuple(map(operator.add, actual, self.plant.pushed_back(self.true_counts())))
 
     def true_counts(self) -> tuple[int, ...]:
         """Return the true position of the arm, in the homed convention."""
@@ -119,7 +126,7 @@ class Machine:
 
     def jaws_adc(self) -> int:
         """Return the position of the jaws, ADC counts."""
-        if isinstance(self.plant, HoldingPlant) and self.jaws.move is None:
+        if isinstance(self.plant, ContactPlant) and self.jaws.move is None:
             self.jaws.slip(self.plant.jaws_now(self.true_counts(), self.jaws.adc))
         return self.jaws.adc
 

@@ -16,8 +16,11 @@ class Plant(Protocol):
 
 
 @runtime_checkable
-class HoldingPlant(Plant, Protocol):
-    """A plant in which jaws may lose what they hold: they then close further by themselves."""
+class ContactPlant(Plant, Protocol):
+    """A plant that acts on jaws and arm: all methods are called like `jaws`."""
 
     def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
-        """Return where jaws that stopped at `adc` are now; called like `jaws`."""
+        """Return where jaws that stopped at `adc` are now: they close further when what they hold slips out."""
+
+    def pushed_back(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+        """Return how far contact holds each axis from `counts`, where it would be without, as its encoder reads it."""

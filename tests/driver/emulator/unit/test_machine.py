@@ -137,7 +137,7 @@ def test_purge_then_stop_when_idle_leaves_it_idle() -> None:
     assert unit.take("ST?") == ["ST=0"]
 
 
-def test_jaws_close_further_when_what_they_hold_slips_out() -> None:
+def test_contact_moves_jaws_and_what_the_counters_say() -> None:
     class Slippery:
         slipped = 0
 
@@ -147,6 +147,9 @@ def test_jaws_close_further_when_what_they_hold_slips_out() -> None:
         def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
             return self.slipped or adc
 
+        def pushed_back(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+            return (7, 0, 0, 0, 0, -2)
+
     plant = Slippery()
     machine = Machine(UNIT, plant, EmulatorOptions())
     machine.move_axis(UNIT.gripper.axis, UNIT.gripper.closed_adc)
@@ -154,3 +157,9 @@ def test_jaws_close_further_when_what_they_hold_slips_out() -> None:
     assert machine.jaws_adc() == UNIT.gripper.open_adc  # the move is not finished
     machine.run(3000)
     assert machine.jaws_adc() == machine.jaws.adc == 130
+    assert np.subtract(machine.read(), machine.actual()).tolist() == [7, 0, 0, 0, 0, -2]
+    unit = Interpreter(machine)
+    unit.take(f"COORDGRP:{','.join(UNIT.axes)}")
+    said = unit.take("COORDAP?")[0].split(",")[3:]
+    assert [int(c) for c in said] == list(machine.read())
+    assert unit.take(f"AP{UNIT.axes[0]}?") == [f"AP{UNIT.axes[0]}={machine.read()[0]}"]
