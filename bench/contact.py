@@ -8,6 +8,8 @@ in a direction drawn for each run; in between the error grows as the tool goes f
 gripped well and placed badly, and images show the truth. A cube is seated if `cell.contact.resting` says so at the end;
 "told" is what the run said. Without recovery no look comes before all cubes have been released, because a run ends at
 the first that is not seated. CPU and steps are means of a run. CPU is process time, with planning, images and unit.
+With --alone neither arm nor camera nor unit takes part: the tool carries one cube at a time on straight lines, from a
+hole to a hole, both drawn, and is off at the second.
 """
 
 from __future__ import annotations
@@ -40,6 +42,7 @@ from cell.contact.resting import resting
 from cell.files.task import Task, read_task
 from cell.files.world import read_world
 from cell.session.connection import WhichCell, world_file
+from emulated.driven_contact import DrivenContact, world_of
 from tasks.small import small_scenes
 from typed.command_line import replace_in
 
@@ -89,7 +92,7 @@ class Ran:
     steps: int
 
 
-def ran(error_mm: float, seed: int, recovers: bool) -> Ran:
+def ran(error_mm: float, seed: int, recovers: bool, speed: float = 0.5) -> Ran:
     """Run the task once in a folder of its own."""
     angle = np.random.default_rng([seed, 20]).uniform(0.0, 2.0 * np.pi)
     error = 1e-3 * error_mm * np.array([np.cos(angle), np.sin(angle)])
@@ -115,7 +118,10 @@ def ran(error_mm: float, seed: int, recovers: bool) -> Ran:
         ):
             try:
                 report = run_task(
-                    task.file, Console(), WhichCell(time_scale=100.0, contact=True), Path(folder) / "run"
+                    task.file,
+                    Console(),
+                    WhichCell(speed=speed, time_scale=100.0, contact=True),
+                    Path(folder) / "run",
                 )
             except A465Error as refused:
                 end, report = str(refused), refused.data
@@ -135,6 +141,28 @@ def judged(simulated: ContactCell, report: dict[str, object], end: str, cpu_s: f
     return Ran(len(full), released, len(told), len(set(told) - full), end, cpu_s, simulated.simulated_steps)
 
 
+def alone(errors_mm: list[float], seeds: range, settings: list[str]) -> None:
+    """Print a row per error: cubes that the tool alone, on straight lines, grips, carries and releases."""
+    keys = {name: float(value) for name, value in (one.split("=") for one in settings)}
+    print("| error, mm | cubes | seated | lost | CPU s a cube |\n|---|---|---|---|---|")
+    for error_mm in errors_mm:
+        ends, began = Counter[str](), time.process_time()
+        for seed in seeds:
+            rng = np.random.default_rng([seed, 21])
+            angle, source, target = rng.uniform(0.0, 2.0 * np.pi), int(rng.integers(4)), int(rng.integers(4))
+            driven = DrivenContact(world_of(contact=keys))
+            driven.fetch(source)
+            driven.place(target, (1e-3 * error_mm * np.cos(angle), 1e-3 * error_mm * np.sin(angle)))
+            ends.update(event.what for event in driven.cell.events)
+        cpu_s = (time.process_time() - began) / len(seeds)
+        share = 100 * ends["placed"] / len(seeds)
+        print(
+            f"| {error_mm:g} | {len(seeds)} | {ends['placed']} ({share:.0f} %) | {ends['lost']} | "
+            f"{cpu_s:.2f} |",
+            flush=True,
+        )
+
+
 def main() -> None:
     """Print a row per error, and how runs ended."""
     parser = argparse.ArgumentParser(
@@ -144,14 +172,23 @@ def main() -> None:
     parser.add_argument("--errors", type=float, nargs="+", default=[0.0, 1.0, 2.0, 3.0], help="mm")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--recovery", action="store_true", help="look after each cube, and recover")
+    parser.add_argument("--speed", type=float, default=0.5, help="as of a465 run")
+    parser.add_argument("--alone", action="store_true", help="one cube at a time, by the tool alone")
+    parser.add_argument(
+        "--set", nargs="*", default=[], help="with --alone: KEY=VALUE of [contact], in SI units"
+    )
     options = parser.parse_args()
-    print(f"{run_conditions()}; recovery {'on' if options.recovery else 'off'}\n")
+    if options.alone:
+        print(f"{run_conditions()}; one cube at a time; {' '.join(options.set) or 'constants as shipped'}\n")
+        alone(options.errors, range(options.first_seed, options.first_seed + options.runs), options.set)
+        return
+    print(f"{run_conditions()}; speed {options.speed:g}, recovery {'on' if options.recovery else 'off'}\n")
     print("| error, mm | cubes | released | seated | told as placed | not seated of these | CPU s | steps |")
     print("|---|---|---|---|---|---|---|---|")
     ends = Counter[str]()
     for error_mm in options.errors:
         runs = [
-            ran(error_mm, seed, options.recovery)
+            ran(error_mm, seed, options.recovery, options.speed)
             for seed in range(options.first_seed, options.first_seed + options.runs)
         ]
         ends.update(f"{error_mm:g} mm: {run.end[:120]}" for run in runs)

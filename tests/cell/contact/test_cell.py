@@ -58,7 +58,7 @@ def test_jaws_that_hold_a_cube_by_its_edge_stay_wider_apart_than_it_is() -> None
 
 
 def test_a_weak_grip_is_lost_and_the_jaws_tell_it() -> None:
-    driven = DrivenContact(world_of(jaw_force=1.0, jaw_friction=0.1, cube_mass=0.2))
+    driven = DrivenContact(world_of(contact={"jaw_force": 1.0, "jaw_friction": 0.1, "cube_mass": 0.2}))
     driven.fetch(1)
     assert driven.reading() == pytest.approx(0.006, abs=1e-4)
     assert _events(driven) == ["cube 2 gripped", "cube 2 lost"]
@@ -107,7 +107,7 @@ def test_a_plate_that_is_pushed_shifts_with_its_cubes() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_the_counters_show_the_servos_share_of_a_push(share: float) -> None:
-    driven = DrivenContact(world_of(servo_share=share))
+    driven = DrivenContact(world_of(contact={"servo_share": share}))
     cell = driven.cell
     q = cell.cell.q_start + (0.6, -0.3, 0.1, 0.2, 0.1, 0.0)
     counts = tuple(int(c) for c in cell.cell.unit.counts(q))

@@ -26,7 +26,7 @@ def test_without_mujoco_one_line_says_what_to_install(monkeypatch: pytest.Monkey
 def test_the_model_is_the_true_cell() -> None:
     mujoco = pytest.importorskip("mujoco")
     cell = read_cell(data_file("scenes/cell.toml"))
-    truth = SimulatedCell(cell, world_of("scenes/realistic/task2.world.toml", cube_mass=0.1))
+    truth = SimulatedCell(cell, world_of("scenes/realistic/task2.world.toml", {"cube_mass": 0.1}))
     builder = Builder(mujoco, truth.world.contact)
     for cube in truth.cubes(cell.unit.counts(cell.q_start)):
         builder.add_cube(cube)

@@ -30,7 +30,7 @@ def test_the_hand_follows_its_target_and_rests_there() -> None:
 
 @pytest.mark.parametrize("stiffness", [1e4, 5e4])
 def test_the_hand_gives_way_by_force_over_stiffness(stiffness: float) -> None:
-    driven = DrivenContact(world_of(hand_stiffness=stiffness))
+    driven = DrivenContact(world_of(contact={"hand_stiffness": stiffness}))
     physics = driven.cell._physics
     table = transform(START[:3, :3], (0.3, 0.4, 0.0))
     physics.put_hand(table @ transform(t=(0.0, 0.0, -0.01)))
@@ -51,7 +51,7 @@ def _force_on(physics: object, contact: int) -> float:
 
 @pytest.mark.parametrize("force", [5.0, 40.0])
 def test_jaws_press_with_their_force(force: float) -> None:
-    driven = DrivenContact(world_of(jaw_force=force))
+    driven = DrivenContact(world_of(contact={"jaw_force": force}))
     physics, grip = driven.cell._physics, driven.T_base_hole(0, 1) @ OVER
     physics.put_hand(grip)
     assert physics.move_jaws(0.006, grip) == pytest.approx(0.04, abs=3e-4)

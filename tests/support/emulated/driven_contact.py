@@ -22,10 +22,10 @@ LIFT = 0.12  # m
 START = transform(rot_x(np.pi), (0.3, 0.4, 0.4))  # far from all boards
 
 
-def world_of(name: str = "scenes/task2.world.toml", **contact: float) -> World:
+def world_of(name: str = "scenes/task2.world.toml", contact: Mapping[str, float] | None = None) -> World:
     """A world file, with some constants of contact physics replaced."""
     world = read_world(data_file(name), 0.036)
-    keys: Mapping[str, float] = {**vars(world.contact), **contact}
+    keys: Mapping[str, float] = {**vars(world.contact), **(contact or {})}
     return replace(world, contact=type(world.contact)(**keys))
 
 
