@@ -55,7 +55,7 @@ def resting(T_base_cube: Array, size: float, boards: Sequence[TrueBoard], table_
         tilt = np.degrees(np.arccos(np.clip(np.abs(T_board_cube[2, :3]).max(), -1.0, 1.0)))
         detail = f"{1e3 * aside:.2f} mm off the axis of {name}, its bottom {1e3 * high.min():.2f} to "
         detail += f"{1e3 * high.max():.2f} mm above its seat, tilted by {tilt:.1f} deg"
-        if aside < b.board.pocket[0] / 2.0 and np.abs(high).max() <= SEATED:
+        if np.abs(high).max() <= SEATED:
             return Resting("placed", "pocket", name, detail)
         return Resting("unseated", "pocket", name, detail)
     heights = apply(T_base_cube, corners)[:, 2] - table_z

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
-from arm.se3 import Array, rot_x, rot_z, transform
+from arm.se3 import Array, inverse, rot_x, rot_z, rotation, transform
 from cell.contact.resting import SEATED, resting
 from cell.files.world import read_world
 from cell.scene.bodies import T_hole_cube
@@ -33,12 +33,18 @@ def test_a_cube_is_placed_up_to_the_limit_of_its_lowest_corners() -> None:
     assert _at(transform(t=(0.0, 0.0, 0.98 * SEATED))) == "placed"
     assert _at(transform(t=(0.0, 0.0, 1.02 * SEATED))) == "unseated"
     assert _at(transform(t=(0.0, 0.0, -1.02 * SEATED))) == "unseated"
-    limit = SEATED / (CUBE / 2.0)  # rad, of a tilt about a horizontal axis through its middle
-    assert (
-        _at(transform(t=(0, 0, -CUBE / 2)) @ transform(rot_x(0.98 * limit)) @ transform(t=(0, 0, CUBE / 2)))
-        == "placed"
-    )
-    assert _at(transform(rot_x(1.05 * limit))) == "unseated"
+
+
+@pytest.mark.parametrize(("corner", "reach"), [((0.0, 1.0), 1.0), ((1.0, 1.0), np.sqrt(2.0))])
+def test_a_cube_is_placed_while_its_highest_corner_is_low(corner: tuple[float, float], reach: float) -> None:
+    x, y = corner
+    stays = transform(
+        t=(-x * CUBE / 2.0, -y * CUBE / 2.0, -CUBE / 2.0)
+    )  # edge or corner about which it leans
+    for share, what in ((0.97, "placed"), (1.03, "unseated")):
+        angle = share * SEATED / (reach * CUBE)
+        leaning = rotation(np.array([y, -x, 0.0]) / np.hypot(x, y) * angle)
+        assert _at(stays @ transform(leaning) @ inverse(stays)) == what
 
 
 @pytest.mark.parametrize("aside", [(0.006, 0.0), (0.0, -0.025), (0.015, 0.015)])
