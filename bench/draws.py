@@ -19,7 +19,7 @@ from cell.config.cell_file import read_cell
 from cell.files.task import Task, read_task
 from cell.files.world import board_placement
 from cell.scene.build import build_scene
-from cell.task.planning import hole_stations, reach_of
+from cell.scene.places import hole_stations, reach_of
 from plan.cartesian.line import follow_line
 from plan.cartesian.reachability import GraspCandidate
 from plan.collision.bezier import curve_of_waypoints

@@ -9,7 +9,8 @@ from cell.commands.steps import look_step
 from cell.console import Console
 from cell.files.observation import read_observation
 from cell.files.task import read_task
-from cell.task.planning import Rest, plan_rest, reach_of
+from cell.scene.places import reach_of
+from cell.task.planning import Rest, plan_rest
 
 task_file = data_file("scenes/task2.toml")
 look_step(task_file, None, None, Path("runs/example-look.json"), None, Console())

@@ -26,13 +26,13 @@ from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
 from cell.files.task import Task, read_task
+from cell.scene.places import reach_of
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import (
     Rest,
     plan_otherwise,
     plan_rest,
-    reach_of,
     request_of,
     require_above_table,
     without_holes,

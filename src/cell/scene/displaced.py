@@ -10,7 +10,7 @@ import numpy as np
 from arm.board import plate_name
 from arm.numerics.products import mul, norm
 from arm.poses import HolePose
-from arm.se3 import Array, apply, frozen, inverse, transform
+from arm.se3 import Array, apply, frozen, inverse, rotation, transform
 from cell.config.cell import Cell
 from cell.scene.bodies import T_hole_cube
 from cell.scene.build import grips_over, padded_cube
@@ -54,6 +54,38 @@ class DisplacedCube:
         T_base_seat = mul(self.T_base_cube, inverse(T_hole_cube(cell.cube_size)))
         grips = grips_over(T_base_seat, cell.grip_height)
         return Station(self.place, grips, frozenset((support_of(self.near),)))
+
+    def tilted_grips(self, cell: Cell, T_base_place: Array, share: float) -> list[tuple[Station, Array]]:
+        """Grips of a leaning cube by jaws that lean less than it does.
+
+        Where the jaws close along the axis about which the cube leans, they hold it at any angle about that axis. So
+        the tool may stay nearer to the plate's normal. It grips higher, so that the palm clears the raised side.
+
+        Args:
+            cell: the cell.
+            T_base_place: pose of the place that the cube is nearest to.
+            share: of the leaning that the tool leaves out, 0 to 1.
+
+        Returns:
+            For each grip the station, and the rotation T_tool_leaning from a tool pose for a cube that is held straight
+            to the tool pose for the cube that is held so.
+        """
+        normal = T_base_place[:3, 2] @ self.T_base_cube[:3, :3]
+        axis = np.cross((0.0, 0.0, 1.0), normal)  # from the cube's normal to the place's, in the cube's frame
+        lean = float(np.arcsin(np.clip(norm(axis), 0.0, 1.0)))
+        if lean < np.arcsin(LEANS):
+            return []
+        turn = rotation(axis / norm(axis) * share * lean)
+        raised = transform(t=(0.0, 0.0, np.sin(share * lean) * cell.cube_size / 2.0))
+        turned = mul(mul(self.T_base_cube, transform(turn)), mul(raised, inverse(self.T_base_cube)))
+        found = []
+        for T_base_tool in self.station(cell).T_base_tool:
+            closing = self.T_base_cube[:3, :3].T @ T_base_tool[:3, 1]
+            if abs(float(closing @ axis)) > 0.9 * norm(axis):
+                T = frozen(mul(turned, T_base_tool))
+                station = Station(self.place, (T,), frozenset((support_of(self.near),)))
+                found.append((station, frozen(mul(inverse(T_base_tool), T))))
+        return found
 
     def offset(self, cell: Cell, T_base_place: Array) -> Array:
         """Offset (2,) m of the middle of its bottom from a place's axis, in the place's plane."""

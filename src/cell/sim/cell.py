@@ -33,7 +33,7 @@ from render.light import Light
 from render.target import TargetSolid
 
 GRIP_OFFSET = 3e-3  # largest offset between jaws and cube in a grip, m
-GRIP_ANGLE = np.radians(3.0)  # largest angle between jaws and cube in a grip
+GRIP_ANGLE = np.radians(3.0)  # largest angle between the jaws' travel and a cube's face in a grip
 LEAST_GRIP = 5e-3  # least depth of the finger tips below the cube's top in a grip, m
 CAPTURE_TILT = np.radians(4.0)  # a released cube with more tilt does not slide into a pocket
 DROP = 0.010  # largest height, m, from which a released cube lands upright
@@ -227,7 +227,7 @@ class SimulatedCell:
             if max(abs(x), abs(y)) > self.cell.gripper.opening / 2.0 or abs(z) > cube.size:
                 continue
             depth = cube.size / 2.0 - z  # of the tips below the cube's top
-            offset, angle = float(np.hypot(x, y)), angle_to_square(T_tool_cube[:3, :3])
+            offset, angle = float(np.hypot(x, y)), angle_to_jaws(T_tool_cube[:3, :3])
             if offset <= GRIP_OFFSET and angle <= GRIP_ANGLE and depth >= LEAST_GRIP:
                 fault = self._grasp_faults.pop(0) if self._grasp_faults and cube.where == "pocket" else "held"
                 if fault != "held":
@@ -372,6 +372,11 @@ def between_jaws(T_tool_cube: Array) -> Array:
     angle = float(np.arctan2(norm(axis), normal[1]))
     turned = mul(rotation(axis * (angle / norm(axis) if norm(axis) > 0.0 else 0.0)), T_tool_cube[:3, :3])
     return transform(turned, T_tool_cube[:3, 3] * (1.0, 0.0, 1.0))
+
+
+def angle_to_jaws(R: Array) -> float:
+    """Angle, rad, between the jaws' travel (y) and a cube's R (3, 3), however it is rotated about that axis."""
+    return float(np.arccos(np.clip(np.abs(R[1]).max(), -1.0, 1.0)))
 
 
 def angle_to_square(R: Array) -> float:

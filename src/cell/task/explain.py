@@ -17,7 +17,8 @@ from arm.se3 import apply, inverse
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task
-from cell.task.planning import Rest, empty_request, hole_stations, reach_of, request_of
+from cell.scene.places import hole_stations, reach_of
+from cell.task.planning import Rest, empty_request, request_of
 from plan.advice.changes import Request
 from plan.advice.search import Advice, advise
 from plan.failure import START_BLOCKED, Failure, Rejected, failure_in

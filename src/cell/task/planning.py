@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from itertools import cycle
@@ -10,30 +10,30 @@ from typing import Any
 
 from arm.errors import ImpossibleError
 from arm.io.storage import sha256
+from arm.numerics.products import mul
 from arm.plan_file import Plan
 from arm.poses import HolePose
-from arm.se3 import Array
+from arm.se3 import Array, frozen
 from cell.accuracy.clearances import erring_clearances
-from cell.files.task import HOLES, Task
+from cell.cubes.confirm_placed import T_base_of
+from cell.files.task import Task
 from cell.scene.build import (
-    RELEASE_GAP,
     build_scene,
     cube_name,
-    free_table_stations,
-    hole_station,
     unseen_scene,
 )
 from cell.scene.displaced import DisplacedCube, is_displaced, is_hidden, with_displaced
 from cell.scene.options import options_of
+from cell.scene.places import hole_stations, reachable_places, unused_holes
 from plan.advice.changes import Request
-from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.program.go_to import plan_joint_motion
-from plan.program.setting import planned_limits
 from plan.scene import Scene, Station, Transfer
 from vision.observation import Observation
 from vision.occupancy.classify import HoleState, Occupancy
+
+SHORTEST_LINE = 0.045  # m, of an approach or retract: a cube and its pocket's depth
 
 
 def plan_fingerprint(task: Task) -> dict[str, Any]:
@@ -80,50 +80,6 @@ def require_above_table(task: Task, observation: Observation) -> None:
         f"or the camera pose, is wrong{start}",
         below_mm=below,
     )
-
-
-def hole_stations(task: Task, observation: Observation) -> tuple[Station, ...]:
-    """Holes that the task uses as stations; at the target, cubes are released slightly above the hole."""
-    gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
-    unused = _unused(task)
-    return tuple(
-        hole_station(task.cell, hole, gaps[board.name])
-        for board in observation.boards
-        if board.name in gaps
-        for hole in board.pose.holes
-        if hole.name not in unused
-    )
-
-
-def _unused(task: Task) -> Set[str]:
-    """Holes of the target board that no cube may be put into."""
-    left_out = set(HOLES) - set(task.to_holes)
-    return set() if task.to_board is None else {f"{task.to_board.name}/{number}" for number in left_out}
-
-
-def reach_of(task: Task, observation: Observation, speed: float | None = None) -> ReachTable:
-    """The planner's table of reach for all holes of the task's boards, over all branches and the cube's four yaws.
-
-    Args:
-        task, observation: with the boards.
-        speed: for which to plan, which matters near singular configurations; default: the cell's.
-    """
-    return _reach(task, hole_stations(task, observation), speed)
-
-
-def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
-    cell = task.cell
-    options = options_of(task, cell.speed if speed is None else speed)
-    return reach_stations(cell.robot(), planned_limits(cell.limits, options, cell.unit), stations, options)
-
-
-def reachable_places(task: Task, observation: Observation, speed: float | None = None) -> tuple[Station, ...]:
-    """The places on the table that no board covers and the arm can reach, in order of preference."""
-    stations = free_table_stations(task, observation.poses)
-    if not stations:
-        return ()
-    table = _reach(task, stations, speed)
-    return tuple(s for s in stations if table[s.name].ok)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +169,7 @@ def request_of(rest: Rest) -> Request:
 
 def _too_few(cubes: int, goals: Sequence[Station], rest: Rest) -> ImpossibleError:
     """The error for more cubes than free places."""
-    to_board, filled, unused = rest.task.to_board, set(rest.done.values()), _unused(rest.task)
+    to_board, filled, unused = rest.task.to_board, set(rest.done.values()), unused_holes(rest.task)
     target = None if to_board is None else rest.observation.board(to_board.name)
     notes, cure = "", "clear the target board, or give the task file more places"
     if target is not None:
@@ -254,24 +210,53 @@ def hidden_holes(rest: Rest) -> list[str]:
 def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> Plan:
     """Plan to take a displaced cube from where it is to the best of some stations.
 
+    The jaws are aligned with the cube. If they cannot reach it so, they come and go on shorter lines, or lean less than
+    it does.
+
     Args:
         rest: what is left of the task; `cube` is one of its displaced cubes.
         cube: the cube to move.
         goals: stations to choose from.
 
     Raises:
-        ImpossibleError: there is no plan.
+        ImpossibleError: there is no plan; says why the jaws cannot be aligned with the cube.
     """
-    pick = cube.station(rest.task.cell)
-    request = replace(
-        empty_request(rest),
-        transfers=(Transfer(cube.name, pick, goals[0]),),
-        places=tuple(goals[1:]),
-    )
-    plan = request.plan(plan_fingerprint(rest.task), _named(rest.task))
-    if plan is None:
-        raise ImpossibleError(f"no plan moves {cube.name}", cube=cube.name)
-    return plan
+    cell, request = rest.task.cell, empty_request(rest)
+    provenance, named = plan_fingerprint(rest.task), _named(rest.task)
+    refused: ImpossibleError | None = None
+    for pick, places in _recovery_grips(rest, cube, goals):
+        for offset in dict.fromkeys((cell.offset, max(0.5 * cell.offset, SHORTEST_LINE))):
+            asked = replace(
+                request,
+                transfers=(Transfer(cube.name, pick, places[0]),),
+                places=tuple(places[1:]),
+                options=replace(request.options, offset=offset),
+            )
+            try:
+                if (plan := asked.plan(provenance, named)) is not None:
+                    return plan
+            except ImpossibleError as error:
+                refused = refused or error
+    raise refused or ImpossibleError(f"no plan moves {cube.name}", cube=cube.name)
+
+
+def _recovery_grips(
+    rest: Rest, cube: DisplacedCube, goals: Sequence[Station]
+) -> Iterator[tuple[Station, Sequence[Station]]]:
+    """Stations to take a displaced cube from, each with the goals for a cube that is held so."""
+    cell, T_base_place = rest.task.cell, T_base_of(rest.task, rest.observation, cube.near)
+    yield cube.station(cell), goals
+    if T_base_place is None:
+        return
+    for share in (0.5, 1.0):
+        for pick, T_tool_leaning in cube.tilted_grips(cell, T_base_place, share):
+            yield (
+                pick,
+                [
+                    replace(goal, T_base_tool=tuple(frozen(mul(T, T_tool_leaning)) for T in goal.T_base_tool))
+                    for goal in goals
+                ],
+            )
 
 
 def free_goals(rest: Rest) -> tuple[Station, ...]:
@@ -283,7 +268,7 @@ def free_goals(rest: Rest) -> tuple[Station, ...]:
     if target is None:
         name = task.to_board.name
         raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
-    stations, kept_out = {s.name: s for s in hole_stations(task, observation)}, filled | _unused(task)
+    stations, kept_out = {s.name: s for s in hole_stations(task, observation)}, filled | unused_holes(task)
     return tuple(stations[h.name] for h in target.holes("empty") if h.name not in kept_out)
 
 

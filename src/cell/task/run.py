@@ -20,6 +20,7 @@ from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
 from cell.scene.build import T_base_cube_on_table, cube_name
 from cell.scene.displaced import DisplacedCube
+from cell.scene.places import reach_of
 from cell.session.budget import spending
 from cell.session.grasp_monitor import GraspMonitor, grip_fault
 from cell.session.speed import tool_words
@@ -33,7 +34,6 @@ from cell.task.planning import (
     plan_otherwise,
     plan_recovery,
     plan_rest,
-    reach_of,
     skipped_cubes,
 )
 from driver.execution.progress import StreamOptions

@@ -8,7 +8,8 @@ from arm.io.storage import data_file
 from arm.plan_file import Plan
 from cell.config.cell import Cell
 from cell.files.task import Task, read_task
-from cell.task.planning import Rest, plan_rest, reach_of
+from cell.scene.places import reach_of
+from cell.task.planning import Rest, plan_rest
 from plan.cartesian.reachability import ReachTable
 from tasks.true_look import true_look
 from vision.observation import Observation

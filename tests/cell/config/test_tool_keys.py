@@ -20,8 +20,9 @@ from cell.export.urdf import describe
 from cell.files.observation import read_observation
 from cell.files.task import read_task
 from cell.scene.options import options_of
+from cell.scene.places import reach_of
 from cell.task.plan_matches import replayed
-from cell.task.planning import Rest, plan_rest, reach_of
+from cell.task.planning import Rest, plan_rest
 from driver.mars.startup import gripper_lines
 from tasks.small import leave_cubes
 from typed.command_line import a465, replace_in

@@ -65,6 +65,7 @@ def test_a_leaning_cube_tells_by_its_bottom_where_it_was_released() -> None:
     assert "rotated by 45 deg" in turned
 
 
+CORNERS = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
 # poses of cubes after releases in contact physics: offset in mm and its direction in deg, centre, normal of the top
 JAMMED = (
     (3.18, 180.0, (-4.50, -0.15, 16.23), (0.243, 0.0, 0.970), 0.5),
@@ -97,6 +98,39 @@ def test_only_an_upright_cube_that_was_not_pushed_stands_where_it_was_released(
 ) -> None:
     cube = _beside(T_hole_released(fault, TASK.cell.cube_size))
     assert (cube.release_offset(TASK.cell, HOLE.T_base_hole) is not None) is known
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+@pytest.mark.parametrize("quarter", range(4))
+def test_jaws_may_lean_less_than_a_cube_whose_faces_they_still_hold(share: float, quarter: int) -> None:
+    """Moved as T_tool_leaning says at the target, too, they release it straight."""
+    cell, turn = TASK.cell, transform(rot_z(quarter * np.pi / 2))
+    cube = _beside(mul(turn, T_hole_released("half", cell.cube_size)))
+    straight, grips = cube.station(cell), cube.tilted_grips(cell, HOLE.T_base_hole, share)
+    assert len(grips) == 2
+    for station, T_tool_leaning in grips:
+        (T,) = station.T_base_tool
+        T_tool_cube = inverse(T) @ cube.T_base_cube
+        assert np.abs(T_tool_cube[1, :3]).max() == pytest.approx(1.0)  # the jaws close on two faces
+        tilt = np.arccos(np.clip(-T[:3, 2] @ HOLE.T_base_hole[:3, 2], -1.0, 1.0))
+        assert np.degrees(tilt) == pytest.approx(8.0 * (1.0 - share), abs=1e-5)
+        assert abs(T_tool_cube[1, 3]) < 1e-12  # between them
+        highest = min((T_tool_cube @ (*corner, 1.0))[2] for corner in cell.cube_size / 2 * CORNERS)
+        seated = (inverse(straight.T_base_tool[0]) @ cube.T_base_cube)[2, 3] - cell.cube_size / 2
+        assert highest > seated - 0.2e-3  # of its corners, as far from the palm as in a straight grip
+        goal = hole_station(cell, HOLE).T_base_tool[1]
+        released = goal @ T_tool_leaning @ T_tool_cube
+        assert released[:3, :3].T @ HOLE.T_base_hole[:3, 2] == pytest.approx((0.0, 0.0, 1.0), abs=1e-9)
+        assert np.allclose(
+            released[:3, 3], (HOLE.T_base_hole @ T_hole_cube(cell.cube_size))[:3, 3], atol=1e-9
+        )
+
+
+def test_a_straight_cube_needs_no_tilted_grips() -> None:
+    assert (
+        _beside(T_hole_released("rim", TASK.cell.cube_size)).tilted_grips(TASK.cell, HOLE.T_base_hole, 1.0)
+        == []
+    )
 
 
 def test_a_scene_holds_displaced_cubes_as_obstacles_that_touch_what_they_stand_on() -> None:

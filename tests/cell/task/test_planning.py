@@ -12,14 +12,13 @@ from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import Plan
 from cell.files.task import TablePlaces, Task, read_task
+from cell.scene.places import reach_of, reachable_places
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
     Rest,
     plan_otherwise,
     plan_rest,
     plan_to_start,
-    reach_of,
-    reachable_places,
     request_of,
     require_above_table,
     skipped_cubes,

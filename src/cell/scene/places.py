@@ -1,0 +1,57 @@
+"""Holes and places that a task uses, as stations, and the arm's reach of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Set
+
+from cell.files.task import HOLES, Task
+from cell.scene.build import RELEASE_GAP, free_table_stations, hole_station
+from cell.scene.options import options_of
+from plan.cartesian.reachability import ReachTable, reach_stations
+from plan.program.setting import planned_limits
+from plan.scene import Station
+from vision.observation import Observation
+
+
+def hole_stations(task: Task, observation: Observation) -> tuple[Station, ...]:
+    """Holes that the task uses as stations; at the target, cubes are released slightly above the hole."""
+    gaps = {b.name: 0.0 if b is task.from_board else RELEASE_GAP for b in task.boards}
+    unused = unused_holes(task)
+    return tuple(
+        hole_station(task.cell, hole, gaps[board.name])
+        for board in observation.boards
+        if board.name in gaps
+        for hole in board.pose.holes
+        if hole.name not in unused
+    )
+
+
+def unused_holes(task: Task) -> Set[str]:
+    """Holes of the target board that no cube may be put into."""
+    left_out = set(HOLES) - set(task.to_holes)
+    return set() if task.to_board is None else {f"{task.to_board.name}/{number}" for number in left_out}
+
+
+def reach_of(task: Task, observation: Observation, speed: float | None = None) -> ReachTable:
+    """The planner's table of reach for all holes of the task's boards, over all branches and the cube's four yaws.
+
+    Args:
+        task, observation: with the boards.
+        speed: for which to plan, which matters near singular configurations; default: the cell's.
+    """
+    return _reach(task, hole_stations(task, observation), speed)
+
+
+def _reach(task: Task, stations: Iterable[Station], speed: float | None) -> ReachTable:
+    cell = task.cell
+    options = options_of(task, cell.speed if speed is None else speed)
+    return reach_stations(cell.robot(), planned_limits(cell.limits, options, cell.unit), stations, options)
+
+
+def reachable_places(task: Task, observation: Observation, speed: float | None = None) -> tuple[Station, ...]:
+    """The places on the table that no board covers and the arm can reach, in order of preference."""
+    stations = free_table_stations(task, observation.poses)
+    if not stations:
+        return ()
+    table = _reach(task, stations, speed)
+    return tuple(s for s in stations if table[s.name].ok)

@@ -1,0 +1,43 @@
+"""Which holes a task uses, and where the tool is there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from arm.io.storage import data_file
+from arm.se3 import inverse
+from cell.files.task import read_task
+from cell.scene.build import RELEASE_GAP
+from cell.scene.places import hole_stations, reach_of, unused_holes
+from tasks.true_look import true_look
+
+TASK = read_task(data_file("scenes/task2.toml"))
+
+
+def test_holes_that_the_task_leaves_out_are_no_stations() -> None:
+    task = replace(TASK, to_holes=(1, 3))
+    assert unused_holes(task) == {"03-04/2", "03-04/4"}
+    names = [station.name for station in hole_stations(task, true_look(TASK))]
+    assert names == ["01-02/1", "01-02/2", "01-02/3", "01-02/4", "03-04/1", "03-04/3"]
+    assert unused_holes(TASK) == set()
+
+
+def test_cubes_are_gripped_in_their_seats_and_released_above_them() -> None:
+    seen = true_look(TASK)
+    heights = {
+        station.name[:5]: float((inverse(hole.T_base_hole) @ station.T_base_tool[0])[2, 3])
+        for board in seen.boards
+        for hole in board.pose.holes
+        for station in hole_stations(TASK, seen)
+        if station.name == hole.name
+    }
+    grip = TASK.cell.grip_height
+    assert np.allclose([heights["01-02"], heights["03-04"]], [grip, grip + RELEASE_GAP])
+
+
+def test_reach_is_of_every_hole_that_the_task_uses() -> None:
+    table = reach_of(replace(TASK, to_holes=(2,)), true_look(TASK))
+    assert len(table.holes) == 5
+    assert all(hole.ok for hole in table.holes)
