@@ -7,7 +7,7 @@ Each run is `a465 run` on scenes/realistic with a seed of its own and its boards
 demonstration's. Boards for which the task is refused before anything moves are drawn again, and counted. With faults,
 every first grasp of a cube misses. Two second grasps leave the cube beside its pocket, and so do two releases: leaning
 in one of four directions, rotated on the rim, too high, or flat on the plate 24 to 35 mm aside with any yaw, where it
-hides no marker and touches no cube. A cube has three attempts after the first.
+hides no marker, touches no cube and is wholly in view. A cube has three attempts after the first.
 
 A cube is told as placed if the report says so, and seated if it truly is in the pocket that the report names.
 """
@@ -39,7 +39,7 @@ from arm.board import PLATE_CENTRE, PLATE_SIZE, Board, seat_depth
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.numerics.products import mul, norm
-from arm.se3 import Array, frozen, inverse, rot_z, transform
+from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.files.world import TrueBoard
 from cell.sim.cell import SimulatedCell
 from cell.sim.release_faults import T_hole_released
@@ -134,11 +134,15 @@ class _Left:
         self._rng = rng
 
     def __call__(self, cell: SimulatedCell, fault: str, b: TrueBoard, hole: int, size: float) -> Array:
-        T_board_hole = b.board.T_board_hole(hole)
-        T_hole_cube = self._in_hole(fault, size, seat_depth(size, b.board.pocket))
-        while fault == "aside" and not _has_room(b.board, mul(T_board_hole, T_hole_cube)[:2, 3], hole):
-            T_hole_cube = self._in_hole(fault, size, seat_depth(size, b.board.pocket))
-        return frozen(mul(mul(b.T_base_board, T_board_hole), T_hole_cube))
+        while True:
+            T_board_cube = mul(
+                b.board.T_board_hole(hole), self._in_hole(fault, size, seat_depth(size, b.board.pocket))
+            )
+            T_base_cube = frozen(mul(b.T_base_board, T_board_cube))
+            if _in_view(cell, T_base_cube, size) and (
+                fault != "aside" or _has_room(b.board, T_board_cube[:2, 3], hole)
+            ):
+                return T_base_cube
 
     def _in_hole(self, fault: str, size: float, depth: float) -> Array:
         T, rng, quarter = T_hole_released(fault, size, depth), self._rng, np.pi / 2.0
@@ -151,6 +155,14 @@ class _Left:
             return np.asarray(mul(transform(t=(0.0, 0.0, rng.uniform(-2.5e-3, 0.0))), T))
         away, towards, yaw = rng.uniform(0.024, 0.035), *rng.uniform(-np.pi, np.pi, 2)
         return np.asarray(transform(rot_z(yaw), (away * np.cos(towards), away * np.sin(towards), T[2, 3])))
+
+
+def _in_view(cell: SimulatedCell, T_base_cube: Array, size: float) -> bool:
+    """Whether a cube and what is 3 mm around it are in the image; one that is not cannot be located."""
+    camera, half = cell.world.camera or cell.cell.nominal_camera, size / 2.0
+    corners = [(x, y, half) for x in (-half - 3e-3, half + 3e-3) for y in (-half - 3e-3, half + 3e-3)]
+    pixels = camera.project_base(apply(T_base_cube, corners))
+    return bool(((pixels > 0.0) & (pixels < np.array(camera.size) - 1.0)).all())
 
 
 def _has_room(board: Board, xy: Array, hole: int) -> bool:
