@@ -51,6 +51,7 @@ class Recovery:
     widths: dict[str, CubeWidth] = field(default_factory=dict)
     not_located: dict[str, str] = field(default_factory=dict)
     _empty: dict[str, Observation] = field(default_factory=dict)
+    _seen: dict[str, Observation] = field(default_factory=dict)  # in which a cube was located
 
     @property
     def cubes(self) -> tuple[DisplacedCube, ...]:
@@ -82,10 +83,30 @@ class Recovery:
                 self.task, observation, cube, [hole.name], None, self.cubes, self.empty_look(hole.name)
             )
             if isinstance(found, DisplacedCube) and not self._is_known(found):
-                self.displaced[cube] = found
+                self.displaced[cube], self._seen[cube] = found, observation
                 lines.append(
                     f"{cube} is {found.describe(self.task.cell, hole.T_base_hole)}; it is taken from there"
                 )
+        return lines
+
+    def locate_again(self, observation: Observation) -> list[str]:
+        """Update where cubes are that an earlier look located, because their board may have moved since.
+
+        Returns:
+            A line for each that is not located any more; it is left alone, and taken to be where it was.
+        """
+        lines = []
+        for cube in self.cubes:
+            if self._seen.get(cube.name) is observation:
+                continue
+            others = [other for other in self.cubes if other.name != cube.name]
+            width = self.widths.get(cube.name)
+            found = locate_displaced(self.task, observation, cube.name, [cube.near], width, others)
+            if isinstance(found, DisplacedCube):
+                (self.displaced if cube.name in self.displaced else self.stuck)[cube.name] = found
+            elif cube.name in self.displaced:
+                self.leave(cube)
+                lines.append(f"{cube.name} is left {cube.place}: not located any more {found}")
         return lines
 
     def _is_known(self, found: DisplacedCube) -> bool:
@@ -160,7 +181,7 @@ class Recovery:
         where = (
             f"{cube} is {found.describe(self.task.cell, T_base_place)}" if T_base_place is not None else ""
         )
-        self.displaced[cube] = found
+        self.displaced[cube], self._seen[cube] = found, observation
         return f"{where}; {self._count(cube)}"
 
     def goes_on(self, cube: str) -> bool:

@@ -108,6 +108,10 @@ class TaskRun(CheckedRun):
         """Take displaced cubes again, each by a plan of its own; return the last observation."""
         recovery = self.recovery
         while recovery.displaced:
+            for line in recovery.locate_again(observation):
+                self.tell(line)
+            if not recovery.displaced:
+                break
             cube = next(iter(recovery.displaced.values()))
             try:
                 plan = self._plan_recovery(cube, observation)

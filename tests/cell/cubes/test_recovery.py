@@ -169,6 +169,26 @@ def test_a_survey_locates_each_cube_once_and_only_at_doubtful_holes_of_the_sourc
     assert len(recovery.displaced) == 1
 
 
+def test_cubes_of_an_earlier_look_are_located_again_and_left_alone_if_that_fails(
+    found: dict[str, Any],
+) -> None:
+    recovery = Recovery(TASK, 3)
+    found["cube"] = first = _beside(HOME)
+    recovery.after_miss(SEEN, CUBE, HOME)
+    assert recovery.locate_again(SEEN) == []  # it was located in this one
+    assert recovery.displaced == {CUBE: first}
+    found["cube"] = moved = _beside(HOME, "half")
+    later = replace(SEEN)
+    assert recovery.locate_again(later) == []
+    assert recovery.displaced == {CUBE: moved}
+    found["cube"] = "nothing shows"
+    (line,) = recovery.locate_again(replace(SEEN))
+    assert line == f"{CUBE} is left beside {HOME}: not located any more nothing shows"
+    assert recovery.stuck == {CUBE: moved}
+    assert not recovery.displaced
+    assert recovery.locate_again(replace(SEEN)) == []
+
+
 def test_only_looks_that_show_a_place_certainly_empty_are_kept_for_it() -> None:
     recovery = Recovery(TASK, 3)
     recovery.keep_empty(SEEN)
