@@ -179,6 +179,7 @@ class Release:
         T_base_tool: pose of the tool at its release.
         width: of the cube, if known.
         empty: the last look with an empty target; None: `before`.
+        disturbed: the jaws closed on it before and did not hold it, so it may not have been seated at its source.
     """
 
     row: CubeRow
@@ -188,6 +189,7 @@ class Release:
     T_base_tool: Array
     width: CubeWidth | None = None
     empty: Observation | None = None
+    disturbed: bool = False
 
     def judge(self, task: Task, after: Observation) -> tuple[Release, Unconfirmed | None]:
         """Judge it by a look.
@@ -196,7 +198,8 @@ class Release:
             The release with the measured width of the cube, and why it is not confirmed; None if it is.
         """
         width = self.width
-        if self.source not in self.before.moved_since and not self.source.startswith(BESIDE):
+        was_seated = not self.disturbed and not self.source.startswith(BESIDE)
+        if was_seated and self.source not in self.before.moved_since:  # then its top tells its width
             width = width_at(task, self.before, self.source, after) or width
         why = confirm(task, self.before, after, self.source, self.target, width, self.empty)
         self.row.placed = why is None and self.target == self.row.target

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from arm.errors import ImpossibleError
-from cell.cubes.confirm_placed import Release, T_base_of, seated
+from cell.cubes.confirm_placed import Release, T_base_of, seated, width_at
 from cell.cubes.locate import locate_displaced
 from cell.cubes.search import Search
 from cell.files.task import Task
@@ -114,6 +114,12 @@ class Recovery:
         return any(
             abs(found.T_base_cube[:3, 3] - other.T_base_cube[:3, 3]).max() < half for other in self.cubes
         )
+
+    def keep_width(self, before: Observation, cube: str, place: str) -> None:
+        """Measure the width of a cube in the last look before the jaws closed on it: later it may not be seated."""
+        if self.most and cube not in self.widths and not self.tried[cube] and place not in before.moved_since:
+            width = width_at(self.task, before, place)
+            self.widths |= {} if width is None else {cube: width}
 
     def after_miss(self, observation: Observation, cube: str, place: str) -> str | None:
         """Take stock of a cube that the jaws did not hold; None without attempts.

@@ -58,6 +58,7 @@ class CheckedRun(OpenRun):
                 cell.robot(cell.cube_size).T_base_tool(cell.unit.positions(last.path.end)),
                 self.widths.get(cube) or self.recovery.widths.get(cube),
                 self.recovery.empty_look(target),
+                disturbed=self.recovery.tried[cube] > 0,
             )
         )
 
@@ -78,6 +79,7 @@ class CheckedRun(OpenRun):
         scene = self.rest(observation, q).scene
         self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
         self.go_to_start(observation)
+        self.recovery.keep_width(observation, transfer["cube"], transfer["from"])
         before, after = observation.state(row.source), self.look("after a missed cube")
         words = self.recovery.after_miss(after, transfer["cube"], transfer["from"])
         if words is not None:

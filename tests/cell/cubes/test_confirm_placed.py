@@ -177,12 +177,13 @@ def test_a_cube_is_not_measured_in_photographs_that_show_its_source_as_it_was_be
     task: Any = SimpleNamespace()
     before: Any = SimpleNamespace(moved_since=frozenset({"a/1"} if moved else {"a/2", "b/1"}))
     row = CubeRow("a/1", "b/2")
-    for source in ("a/1", "beside b/2"):
-        release = Release(row, source, "b/2", before, np.eye(4), before_known)
+    for source, disturbed in (("a/1", False), ("a/1", True), ("beside b/2", False)):
+        release = Release(row, source, "b/2", before, np.eye(4), before_known, disturbed=disturbed)
         judged, why = release.judge(task, before)
         assert why is None
         assert judged.width is used[-1]
-        assert used.pop() == (before_known if moved or source != "a/1" else measured)
+        seated = not (moved or disturbed or source != "a/1")
+        assert used.pop() == (measured if seated else before_known)
         assert row.placed
 
 

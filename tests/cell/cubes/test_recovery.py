@@ -200,6 +200,26 @@ def test_only_looks_that_show_a_place_certainly_empty_are_kept_for_it() -> None:
     assert recovery.empty_look("01-02/1") is None
 
 
+def test_a_width_is_measured_before_the_jaws_disturb_a_cube_and_never_after(
+    found: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    widths = iter([CubeWidth(0.0401, 1e-5), CubeWidth(0.0412, 1e-5)])
+    monkeypatch.setattr("cell.cubes.recovery.width_at", lambda *_: next(widths))
+    recovery = Recovery(TASK, 3)
+    recovery.keep_width(
+        replace(SEEN, moved_since=frozenset({HOME})), CUBE, HOME
+    )  # it shows another cube there
+    assert recovery.widths == {}
+    recovery.keep_width(SEEN, CUBE, HOME)
+    recovery.after_miss(SEEN, CUBE, HOME)
+    recovery.keep_width(SEEN, CUBE, HOME)
+    assert recovery.widths == {CUBE: CubeWidth(0.0401, 1e-5)}
+    undisturbed = Recovery(TASK, 3)
+    undisturbed.tried[CUBE] = 1
+    undisturbed.keep_width(SEEN, CUBE, HOME)
+    assert undisturbed.widths == {}
+
+
 def test_a_measured_width_is_kept_for_the_next_attempt(found: dict[str, Any]) -> None:
     recovery = Recovery(TASK, 3)
     recovery.after_release(SEEN, CUBE, _release())
