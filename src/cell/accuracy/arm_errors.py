@@ -95,22 +95,16 @@ def _board_of(body: str) -> str:
 def _largest(error: LinearError, body: Body, sigmas: float) -> float:
     """Largest displacement of a point of a box by an error of its own frame within so many standard deviations, m.
 
-    To first order a point p moves by v + w x p. Over the ellipsoid of v and w the longest such motion is convex in p,
-    so it is at a corner. The rest is at most |w| |v| / 2 + |w|^2 |p| / 2.
+    A twist (v, w) moves a point p along a screw, at the constant speed |v + w x p|, so by no more than that. Over the
+    ellipsoid of v and w the largest such speed is convex in p, so it is at a corner.
     """
     if not isinstance(body.shape, Box):
         raise InputError(f"{body.name!r} must be a box", name=body.name)
     half, C = np.array(body.shape.size) / 2.0, error.covariance
     corners = half * np.array(list(product((-1.0, 1.0), repeat=3)))
     J = np.array([np.hstack([np.eye(3), -skew(corner)]) for corner in corners])
-    longest = _longest(np.concatenate([J @ C @ np.swapaxes(J, 1, 2), [C[:3, :3], C[3:, 3:]]]))
-    v, w = sigmas * longest[-2:]
-    return float(sigmas * longest[:-2].max() + w * v / 2.0 + w**2 * np.linalg.norm(half) / 2.0)
-
-
-def _longest(covariances: Array) -> Array:
-    """Largest standard deviation in any direction, of each covariance (m, 3, 3)."""
-    return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0)))
+    speeds = np.linalg.eigvalsh(J @ C @ np.swapaxes(J, 1, 2))[:, -1]
+    return sigmas * float(np.sqrt(max(float(speeds.max()), 0.0)))
 
 
 def _length_behind(cell: Cell) -> Array:

@@ -42,8 +42,6 @@ def rests_of(session: Session) -> tuple[Rest, ...]:
 
 
 def _sent_to(motion: LoggedMotion) -> tuple[int, ...] | None:
-    if motion.stopped_s is not None:
-        return None
     if motion.target is not None:
         return motion.target
     return motion.path.end if motion.path is not None and motion.start_exact else None

@@ -14,6 +14,7 @@ from arm.io.storage import data_file
 from arm.plan_file import Plan, touching_pairs, write_plan
 from arm.robot.shapes import Body
 from arm.se3 import Array, transform
+from cell.accuracy import clearances
 from cell.accuracy.arm_errors import arm_errors, body_errors
 from cell.accuracy.clearances import erring_clearances
 from cell.files.task import Task, read_task
@@ -106,6 +107,20 @@ def test_boards_and_cubes_take_off_what_they_may_be_off(task: Task, seen: Observ
             gaps.append(min(world.distance(here + q_off).value for here in q) - proved)
     assert min(gaps) > -1e-5
     assert min(gaps) < 5e-3
+
+
+def test_a_cube_in_the_jaws_and_what_it_may_touch_both_take_off(
+    task: Task, seen: Observation, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cube = next(move.held for move in plan.moves if move.held is not None)
+    found = []
+    for off in (0.0, 1e-3):
+        monkeypatch.setattr(
+            clearances, "body_errors", lambda *_, off=off: {cube: off, "plate 01-02": 2.0 * off}
+        )
+        found.append(erring_clearances(task.cell, plan, seen))
+    for move, before, after in zip(plan.moves, *found, strict=True):
+        assert before - after == pytest.approx(3e-3 if move.held == cube else 2e-3, abs=1e-9)
 
 
 def _shifted(by: float, rng: np.random.Generator) -> Array:

@@ -151,6 +151,20 @@ def test_a_hole_that_is_entered_uncertainly_is_left_out(task: Task, seen: Observ
     assert not refused
 
 
+def test_before_there_is_a_plan_as_few_holes_as_needed_are_left_out(task: Task, seen: Observation) -> None:
+    """The budgets of a look are those of every hole that may be used, so more than of cubes."""
+    insertions = {1: 0.9, 2: 0.998, 3: 0.9985, 4: 0.999}
+
+    def of(without: frozenset[str]) -> tuple[PlacementBudget, ...]:
+        return tuple(
+            _placement(f"03-04/{n}", p) for n, p in insertions.items() if f"03-04/{n}" not in without
+        )
+
+    budgets = Budgets(lambda cell, look: of(frozenset()), lambda look, without: of(without))
+    measure = best_measure(task.cell, seen, budgets, 0.997)
+    assert measure == Measure("put the cubes into other holes of board 03-04 (to_holes = [2, 3, 4])", 0.998)
+
+
 def test_no_other_holes_are_offered_if_there_are_too_few_good_ones(task: Task, seen: Observation) -> None:
     refused: list[frozenset[str]] = []
     assert (
