@@ -124,6 +124,8 @@ def ran(error_mm: float, seed: int, recovers: bool, speed: float = 0.5) -> Ran:
                     Path(folder) / "run",
                 )
             except A465Error as refused:
+                if refused.data.get("reason") == "interrupted":
+                    raise
                 end, report = str(refused), refused.data
         cpu_s = time.process_time() - began
     return judged(simulated, report, end, cpu_s)

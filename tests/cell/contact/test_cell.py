@@ -11,7 +11,7 @@ from arm.se3 import rot_z, transform
 from cell.commands.run import run_task
 from cell.console import Console
 from cell.session.connection import WhichCell
-from emulated.driven_contact import LIFT, DrivenContact, world_of
+from emulated.driven_contact import LIFT, OVER, SHUT, DrivenContact, world_of
 from tasks.small import quick_scenes
 
 pytest.importorskip("mujoco")
@@ -55,6 +55,19 @@ def test_jaws_that_hold_a_cube_by_its_edge_stay_wider_apart_than_it_is() -> None
     driven = DrivenContact()
     cube = driven.cell.cubes(driven.counts)[1]
     assert driven.fetch(1, transform(rot_z(np.radians(12.0)))) > cube.size + 1e-3
+
+
+def test_jaws_that_only_move_a_cube_have_pushed_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven = DrivenContact()
+    driven.fetch(1)
+    driven.line(
+        driven.T_base_hole(0, 1) @ OVER @ transform(t=(0.0, 0.06, -0.012))
+    )  # over the plate, beside holes
+    driven.jaws(0.0)
+    monkeypatch.setattr(driven.cell._physics, "gripped", lambda _: False)
+    driven.line(driven.cell.poses[-1] @ transform(t=(0.0, 0.004, 0.0)))
+    driven.jaws(SHUT)
+    assert _events(driven)[-1] == "cube 2 pushed"
 
 
 def test_a_weak_grip_is_lost_and_the_jaws_tell_it() -> None:

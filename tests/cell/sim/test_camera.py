@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,12 @@ import numpy as np
 import pytest
 
 from arm.io.storage import data_file
-from cell.files.world import World
-from cell.sim.camera import TrueCamera, drift, shaken
+from arm.se3 import transform
+from cell.config.cell_file import read_cell
+from cell.files.world import World, read_world
+from cell.sim.camera import SimulatedCamera, TrueCamera, drift, shaken
+from cell.sim.cell import SimulatedCell
+from pictures.boards import smaller
 from pictures.rendered import changed, corners, marker_camera, nominal_board, world_with
 from render.renderer import PlacedBoard
 from vision.camera.model import Camera, Image, read_camera
@@ -114,3 +119,24 @@ def test_blur_widens_edges(world: World) -> None:
         for b in (0.7, 1.4)
     ]
     assert steep[1] < 0.7 * steep[0]
+
+
+def test_an_image_shows_the_boards_where_they_are_by_then() -> None:
+    task = read_cell(data_file("scenes/cell.toml"))
+    truth = read_world(data_file("scenes/task2.world.toml"), 0.036)
+    push = transform(t=(0.01, 0.02, 0.0))
+    pushed = replace(
+        truth, boards=tuple(replace(b, T_base_board=push @ b.T_base_board) for b in truth.boards)
+    )
+
+    class Catching(SimulatedCell):
+        def catch_up(self) -> None:
+            self.world = SimulatedCell(task, pushed).world
+
+    def image(simulated: SimulatedCell) -> Image:
+        simulated._cubes = []
+        counts = task.unit.counts(task.q_start)
+        camera = smaller(task.nominal_camera, 0.25)
+        return SimulatedCamera(simulated, camera, lambda: counts, task.dictionary).grab(1)[0]
+
+    assert np.array_equal(image(Catching(task, truth)), image(SimulatedCell(task, pushed)))
