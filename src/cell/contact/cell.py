@@ -58,6 +58,9 @@ class ContactCell(SimulatedCell):
         self._tool: Array | None = None  # where it is
         self._away = True  # the hand is near to nothing, and not simulated
         self._carried: int | None = None  # the cube that was gripped last, until the jaws open
+        self._told = [
+            c.T_base_cube for c in self._cubes
+        ]  # where they were when they last were pushed or released
         self._read = 0  # steps after which the poses were taken over
 
     def cubes(self, counts: npt.ArrayLike) -> list[SimulatedCube]:
@@ -80,13 +83,7 @@ class ContactCell(SimulatedCell):
                 detail = f"{1e3 * np.hypot(x, y):.2f} mm off the jaws' axis"
                 self._record("gripped", cube.name, before[index].T_base_cube, detail)
                 return stop
-        pushed = False
-        for old, cube in zip(before, self._cubes, strict=True):
-            moved = norm(cube.T_base_cube[:3, 3] - old.T_base_cube[:3, 3])
-            if moved > MOVED:
-                pushed = True
-                self._record("pushed", cube.name, old.T_base_cube, f"by {1e3 * moved:.1f} mm")
-        if not pushed and target >= self.cell.gripper.fraction_closed(self.cell.cube_size):
+        if not self._tell_pushed() and target >= self.cell.gripper.fraction_closed(self.cell.cube_size):
             self._record("missed", "", None, "the jaws closed on nothing")
         return stop
 
@@ -97,12 +94,13 @@ class ContactCell(SimulatedCell):
         stop = self._move_jaws(T_base_tool, target)
         self._settle(T_base_tool)
         self._read_poses()
+        self._tell_pushed()
         if index is not None and not self._physics.gripped(self._cubes[index].name):
             cube = self._cubes[index]
             found = resting(cube.T_base_cube, cube.size, self.world.boards, self.cell.table_z)
             self._record(found.what, cube.name, T_released, found.detail)
             self._cubes[index] = replace(cube, where=found.where, T_tool_cube=None)
-            self._carried = None
+            self._carried, self._told[index] = None, cube.T_base_cube
         return stop
 
     def jaws_now(self, counts: tuple[int, ...], adc: int) -> int:
@@ -190,6 +188,17 @@ class ContactCell(SimulatedCell):
             elif physics.at_rest and not self._is_near(T):
                 self._away = True
         self._read_poses()
+        self._tell_pushed()
+
+    def _tell_pushed(self) -> bool:
+        """Record the cubes that moved without being carried; return whether there were any."""
+        pushed = False
+        for index, (cube, before) in enumerate(zip(self._cubes, self._told, strict=True)):
+            moved = norm(cube.T_base_cube[:3, 3] - before[:3, 3])
+            if index != self._carried and moved > MOVED:
+                self._record("pushed", cube.name, before, f"by {1e3 * moved:.1f} mm")
+                self._told[index], pushed = cube.T_base_cube, True
+        return pushed
 
     def _watch(self, index: int) -> None:
         """Notice that the held cube has slipped out of the jaws."""
