@@ -101,6 +101,8 @@ def ran(error_mm: float, seed: int, recovers: bool, speed: float = 0.5) -> Ran:
         replace_in(scenes / "task2.world.toml", "seed = 1", f"seed = {seed}")
         if not recovers:
             replace_in(scenes / "task2.toml", 'look_after = "each"', 'look_after = "never"')
+            with (scenes / "cell.toml").open("a") as cell_file:
+                cell_file.write("\n[recovery]\nattempts = 0\n")
         task = read_task(scenes / "task2.toml")
         simulated = ErringCell(task, error)
         places = [

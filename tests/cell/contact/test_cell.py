@@ -121,7 +121,7 @@ def test_the_counters_show_the_servos_share_of_a_push(share: float) -> None:
     read = np.add(counts, cell.pushed_back(counts))
     moved = cell.true_robot(cell.jaw_opening).T_base_tool(cell.positions(read))
     assert T[:3, :3].T @ (moved[:3, 3] - T[:3, 3]) == pytest.approx(share * off, abs=2e-5)
-    position[:3] = T[:3, 3]
+    position[:3] = T[:3, 3] + (0.0, 0.0, 1e-4)  # no push, but the lag of a hand that speeds up
     assert not any(cell.pushed_back(counts))
 
 
