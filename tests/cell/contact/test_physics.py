@@ -21,6 +21,9 @@ def test_the_hand_follows_its_target_and_rests_there() -> None:
     end = START @ transform(rot_z(0.4), (0.02, 0.05, -0.03))
     for share in np.linspace(0.0, 1.0, 500):
         physics.follow(START @ transform(rot_z(0.4 * share), share * np.array([0.02, 0.05, -0.03])), 1)
+    assert (
+        np.abs(physics.pose("hand")[:3, 3] - end[:3, 3]).max() < 0.1e-3
+    )  # it does not lag at constant speed
     for _ in range(200):
         physics.follow(end, 1)
     assert physics.hand_still
@@ -62,6 +65,14 @@ def test_jaws_press_with_their_force(force: float) -> None:
     assert physics.gripped("cube 2")
     assert not physics.gripped("cube 1")
     assert physics.move_jaws(0.05, grip) == pytest.approx(0.05, abs=1e-4)
+
+
+def test_a_cube_that_one_finger_touches_is_not_gripped() -> None:
+    driven = DrivenContact()
+    physics = driven.cell._physics
+    physics.put_hand(driven.T_base_hole(0, 1) @ OVER @ transform(t=(0.0, 0.0102, 0.0)))
+    assert any(physics._geoms["cube 2"] in pair for pair in physics._data.contact.geom.tolist())
+    assert not physics.gripped("cube 2")
 
 
 def test_a_cell_at_rest_stays_where_the_world_file_puts_it() -> None:
