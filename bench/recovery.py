@@ -6,8 +6,8 @@ python bench/recovery.py --runs 100 --faultless
 Each run is `a465 run` on scenes/realistic with a seed of its own and its boards within 5 mm and 5 degrees of the
 demonstration's. Boards for which the task is refused before anything moves are drawn again, and counted. With faults,
 every first grasp of a cube misses. Two second grasps leave the cube beside its pocket, and so do two releases: leaning
-in one of four directions, rotated on the rim, 4 mm too high, or flat on the plate 24 to 35 mm aside with any yaw, where it
-hides no marker, touches no cube and is wholly in view. A cube has three attempts after the first.
+in one of four directions, rotated on the rim, 4 mm too high, or flat on the plate 24 to 35 mm aside with any yaw, where
+it hides no marker, touches no cube and is wholly in view. A cube has three attempts after the first.
 
 A cube is told as placed if the report says so, and seated if it truly is in the pocket that the report names.
 """
