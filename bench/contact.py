@@ -2,7 +2,7 @@
 
 python bench/contact.py --runs 25 --errors 0 1 2 3
 
-Every run is `a465 run scenes/task2.toml --cell mujoco`, with half as many pixels along rows and columns. Over the board
+Every run is `a465 run scenes/task2.toml --cell mujoco`; without recovery with half as many pixels along rows and columns. Over the board
 that holds the cubes the true tool is where the arm reads. Over the other one it is off by the error, along the board,
 in a direction drawn for each run; in between the error grows as the tool goes from one board to the other. So a cube is
 gripped well and placed badly, and images show the truth. A cube is seated if `cell.contact.resting` says so at the end;
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import shutil
 import sys
 import tempfile
 import time
@@ -34,6 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import cell.session.connection
 from arm.board import PLATE_CENTRE
 from arm.errors import A465Error
+from arm.io.storage import data_file
 from arm.se3 import Array, apply, transform
 from cell.commands.run import run_task
 from cell.console import Console
@@ -97,7 +99,7 @@ def ran(error_mm: float, seed: int, recovers: bool, speed: float = 0.5) -> Ran:
     angle = np.random.default_rng([seed, 20]).uniform(0.0, 2.0 * np.pi)
     error = 1e-3 * error_mm * np.array([np.cos(angle), np.sin(angle)])
     with tempfile.TemporaryDirectory() as folder:
-        scenes = small_scenes(Path(folder))
+        scenes = full_scenes(Path(folder)) if recovers else small_scenes(Path(folder))
         replace_in(scenes / "task2.world.toml", "seed = 1", f"seed = {seed}")
         if not recovers:
             replace_in(scenes / "task2.toml", 'look_after = "each"', 'look_after = "never"')
@@ -131,6 +133,11 @@ def ran(error_mm: float, seed: int, recovers: bool, speed: float = 0.5) -> Ran:
                 end, report = str(refused), refused.data
         cpu_s = time.process_time() - began
     return judged(simulated, report, end, cpu_s)
+
+
+def full_scenes(folder: Path) -> Path:
+    """A copy of the scenes in `folder`/scenes: half as many pixels do not show where a leaning cube is."""
+    return Path(shutil.copytree(data_file("scenes"), folder / "scenes"))
 
 
 def judged(simulated: ContactCell, report: dict[str, object], end: str, cpu_s: float) -> Ran:
