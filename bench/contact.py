@@ -2,10 +2,11 @@
 
 python bench/contact.py --runs 25 --errors 0 1 2 3
 
-Every run is `a465 run scenes/task2.toml --cell mujoco`; without recovery with half as many pixels along rows and columns. Over the board
-that holds the cubes the true tool is where the arm reads. Over the other one it is off by the error, along the board,
-in a direction drawn for each run; in between the error grows as the tool goes from one board to the other. So a cube is
-gripped well and placed badly, and images show the truth. A cube is seated if `cell.contact.resting` says so at the end;
+Every run is `a465 run scenes/task2.toml --cell mujoco`; without recovery with half as many pixels along rows and
+columns. Over the board that holds the cubes the true tool is where the arm reads. Over the other one it is off by the
+error, along the board, in a direction drawn for each run; in between the error grows as the tool goes from one board to
+the other. So a cube is gripped well and placed badly, and images show the truth. A cube is seated if
+`cell.contact.resting` says so at the end;
 "told" is what the run said. Without recovery no look comes before all cubes have been released, because a run ends at
 the first that is not seated. CPU and steps are means of a run. CPU is process time, with planning, images and unit.
 With --alone neither arm nor camera nor unit takes part: the tool carries one cube at a time on straight lines, from a
