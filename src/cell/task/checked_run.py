@@ -10,12 +10,12 @@ from arm.plan_file import Move, Step
 from arm.se3 import Array
 from cell.cubes.confirm_placed import NOT_CONFIRMED, Release, Unconfirmed
 from cell.report.cubes import CubeRow
-from cell.scene.build import cube_name
+from cell.scene.build import cube_name, unseen_scene
 from cell.scene.displaced import BESIDE
 from cell.scene.options import options_of
 from cell.task.cube_cycles import CubeCycle
 from cell.task.open_run import TO_START, OpenRun
-from cell.task.planning import Rest, plan_to_start
+from cell.task.planning import Rest, plan_motion
 from plan.program.recovery import plan_retreat
 from vision.observation import Observation
 
@@ -37,8 +37,10 @@ class CheckedRun(OpenRun):
         )
 
     def go_to_start(self, observation: Observation | None) -> None:
-        """Go to q_start around the observed boards and cubes or, without an observation, around the zone for boards."""
-        plan = plan_to_start(self.task, observation, self.q_now(), self.speed, self.on_table)
+        """Go to q_start around all known boards and cubes or, without an observation, around the zone for boards."""
+        cell, q = self.task.cell, self.q_now()
+        scene = unseen_scene(cell) if observation is None else self.rest(observation, q).scene
+        plan = plan_motion(self.task, scene, q, cell.q_start, self.speed)
         if plan is not None:
             self.keep(plan, TO_START)
             self.execute(plan.steps)

@@ -17,11 +17,7 @@ from arm.se3 import Array, frozen
 from cell.accuracy.clearances import erring_clearances
 from cell.cubes.confirm_placed import T_base_of
 from cell.files.task import Task
-from cell.scene.build import (
-    build_scene,
-    cube_name,
-    unseen_scene,
-)
+from cell.scene.build import build_scene, cube_name
 from cell.scene.displaced import DisplacedCube, is_displaced, is_hidden, with_displaced
 from cell.scene.options import options_of
 from cell.scene.places import hole_stations, reachable_places, unused_holes
@@ -331,21 +327,6 @@ def skipped_cubes(plan: Plan | None) -> list[str]:
     """Say which cubes a plan leaves where they are, and why."""
     skipped = () if plan is None else plan.task.get("skipped", ())
     return [f"{entry['cube']} stays in {entry['from']}: {entry['reason']}" for entry in skipped]
-
-
-def plan_to_start(
-    task: Task, observation: Observation | None, q_from: Array, speed: float, on_table: Mapping[str, Array]
-) -> Plan | None:
-    """Plan a motion to q_start; return None if the arm is there.
-
-    It avoids the observed boards and cubes or, without an observation, the whole zone for boards.
-
-    Raises:
-        ImpossibleError: there is no such motion.
-    """
-    cell = task.cell
-    scene = unseen_scene(cell) if observation is None else build_scene(cell, observation, on_table)
-    return plan_motion(task, scene, q_from, cell.q_start, speed)
 
 
 def plan_motion(task: Task, scene: Scene, q_from: Array, q_to: Array, speed: float) -> Plan | None:

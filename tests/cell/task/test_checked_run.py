@@ -8,11 +8,27 @@ from typing import Any, cast
 import pytest
 
 from arm.errors import ExecutionStopped
+from arm.io.storage import data_file
+from arm.se3 import transform
+from cell.cubes.recovery import Recovery
+from cell.files.task import read_task
 from cell.report.cubes import CubeRow
+from cell.scene.displaced import DisplacedCube
 from cell.task.checked_run import CheckedRun
+from plan.scene import Scene
+from tasks.true_look import true_look
 from vision.observation import Observation
 
+TASK = read_task(data_file("scenes/task2.toml"))
 TRANSFER = {"cube": "cube 01-02/3", "from": "01-02/3", "to": "03-04/1"}
+
+
+def _run() -> CheckedRun:
+    run = CheckedRun.__new__(CheckedRun)
+    run.task, run.speed, run.recovery = TASK, 0.5, Recovery(TASK, 3)
+    run.done, run.on_table, run.given_up, run.remarks, run.rows = {}, {}, set(), [], []
+    run.console = cast(Any, SimpleNamespace(step=lambda text: None))
+    return run
 
 
 def test_jaws_that_missed_a_cube_and_do_not_open_stop_the_run() -> None:
@@ -25,3 +41,15 @@ def test_jaws_that_missed_a_cube_and_do_not_open_stop_the_run() -> None:
         ExecutionStopped, match="missed the cube of 01-02/3 and do not open: something blocks them"
     ):
         run.missed(cast(Any, None), TRANSFER, CubeRow("01-02/3", "03-04/1"), Observation(), "on nothing")
+
+
+def test_the_way_to_the_start_goes_around_displaced_cubes(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes: list[Scene] = []
+    monkeypatch.setattr(CheckedRun, "q_now", lambda self: TASK.cell.q_start)
+    monkeypatch.setattr("cell.task.checked_run.plan_motion", lambda task, scene, *_: scenes.append(scene))
+    run, seen = _run(), true_look(TASK)
+    beside = DisplacedCube("cube 01-02/2", "01-02/2", transform(t=(0.3, 0.1, 0.2)))
+    run.recovery.stuck = {beside.name: beside}
+    run.go_to_start(seen)
+    (scene,) = scenes
+    assert scene.cube(beside.name).T_base_body[:3, 3] == pytest.approx([0.3, 0.1, 0.2])

@@ -12,13 +12,14 @@ from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import Plan
 from cell.files.task import TablePlaces, Task, read_task
+from cell.scene.build import build_scene
 from cell.scene.places import reach_of, reachable_places
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
     Rest,
+    plan_motion,
     plan_otherwise,
     plan_rest,
-    plan_to_start,
     request_of,
     require_above_table,
     skipped_cubes,
@@ -118,10 +119,11 @@ def test_a_motion_to_the_start_keeps_its_clearance_with_errors(task2: Task) -> N
     calibrated = read_task(data_file("scenes/realistic/task2.toml"))
     seen = true_look(calibrated)
     q = calibrated.cell.q_start + np.radians([60.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    assert plan_to_start(calibrated, seen, q, 0.5, {}) is not None
+    scene, q_start = build_scene(calibrated.cell, seen), calibrated.cell.q_start
+    assert plan_motion(calibrated, scene, q, q_start, 0.5) is not None
     erring = replace(calibrated, cell=replace(calibrated.cell, following_error=np.radians(1.0)))
     with pytest.raises(ImpossibleError, match="for all errors of the arm within 3 standard deviations"):
-        plan_to_start(erring, seen, q, 0.5, {})
+        plan_motion(erring, scene, q, q_start, 0.5)
 
 
 def test_only_the_holes_that_the_task_file_names_are_filled(task2: Task) -> None:
