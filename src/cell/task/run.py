@@ -81,8 +81,9 @@ class TaskRun(CheckedRun):
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )
-        observation = self._certain(observation, plan)
-        hidden = unseen_places(self.task, observation, [c["to"] for c in plan.task["cubes"]])
+        observation, plan = self._certain(rest, plan)
+        targets = [] if plan is None else [c["to"] for c in plan.task["cubes"]]
+        hidden = unseen_places(self.task, observation, targets)
         if hidden:
             self.tell(hidden)
         return True
@@ -151,10 +152,11 @@ class TaskRun(CheckedRun):
 
     def _plan_rest(self, observation: Observation) -> tuple[Plan | None, Observation]:
         """Plan what is left, for this look or for a longer one; return the plan and its look."""
-        plan = self._planned(self.rest(observation, self.q_now()))
-        seen = observation if plan is None else self._certain(observation, plan)
-        if seen is not observation:
-            plan = self._planned(self.rest(seen, self.q_now()))
+        rest = self.rest(observation, self.q_now())
+        plan = self._planned(rest)
+        if plan is None:
+            return None, observation
+        seen, plan = self._certain(rest, plan)
         if plan is None:
             return None, seen
         cubes = plan.task["cubes"]
@@ -166,26 +168,30 @@ class TaskRun(CheckedRun):
         self.keep(plan, f"plan-{len(self.kept)}" if again else "plan")
         return plan, seen
 
-    def _certain(self, observation: Observation, plan: Plan) -> Observation:
-        """Require accurate placements; if more images in a look suffice for that, take them.
+    def _certain(self, rest: Rest, plan: Plan) -> tuple[Observation, Plan | None]:
+        """Require accurate placements; if more images in a look suffice for that, take them and plan anew.
 
         Returns:
-            The observation, or the longer look that makes the placements certain enough.
+            The observation, or the longer look that makes the placements certain enough, and the plan for it;
+            None if that look leaves nothing to move.
 
         Raises:
             ImpossibleError: as `require_accuracy`.
         """
         try:
-            self.require_accuracy(observation, plan)
+            self.require_accuracy(rest.observation, plan)
         except ImpossibleError as error:
             images = error.data.get("photographs")
             if images is None or not self.recovery.most or (self.photographs or 0) >= images:
                 raise
             self.tell(f"the placements are not certain enough: looking with {images} images")
             self.photographs = images
-            observation = self.look(f"with {images} images")
-            self.require_accuracy(observation, plan)
-        return observation
+            rest = replace(rest, observation=self.look(f"with {images} images"))
+            planned = self._planned(rest)
+            if planned is not None:
+                self.require_accuracy(rest.observation, planned)
+            return rest.observation, planned
+        return rest.observation, plan
 
     def require_accuracy(self, observation: Observation, plan: Plan, given: bool = False) -> None:
         """Say how accurate the placements are.

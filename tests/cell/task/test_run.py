@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import errno
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from cell.console import OutputLost
 from cell.cubes.recovery import Recovery
+from cell.task.planning import Rest
 from cell.task.run import TaskRun
 from driver.emulator import Emulator
 from tasks.full_disks import execute
@@ -55,14 +58,17 @@ def test_an_output_that_is_lost_while_the_end_is_told_does_not_hide_how_the_run_
 def test_a_run_that_may_recover_takes_the_images_that_suffice_once(
     monkeypatch: pytest.MonkeyPatch, known: int | None
 ) -> None:
-    """What a second, longer look does not cure is refused."""
+    """The plan for the longer look is judged, too. What a second, longer look does not cure is refused."""
     looks: list[int | None] = []
+    judged: list[tuple[Observation, str]] = []
     run = TaskRun.__new__(TaskRun)
     run.recovery, run.photographs, run.remarks = Recovery(cast(Any, None), 3), known, []
     run.console = cast(Any, SimpleNamespace(step=lambda text: None))
     first, longer = Observation(), Observation()
+    rest, plan = Rest(cast(Any, None), first, np.zeros(6), 0.5), cast(Any, "plan")
 
     def require(self: TaskRun, seen: Observation, plan: Any) -> None:
+        judged.append((seen, plan))
         if seen is first:
             raise ImpossibleError("too likely to miss", photographs=20)
 
@@ -72,14 +78,16 @@ def test_a_run_that_may_recover_takes_the_images_that_suffice_once(
 
     monkeypatch.setattr(TaskRun, "require_accuracy", require)
     monkeypatch.setattr(TaskRun, "look", look)
+    monkeypatch.setattr(TaskRun, "_planned", lambda self, rest: "plan for the longer look")
     if known is None:
-        assert run._certain(first, cast(Any, None)) is longer
+        assert run._certain(rest, plan) == (longer, "plan for the longer look")
         assert looks == [20]
-        assert run._certain(longer, cast(Any, None)) is longer
+        assert judged[-1] == (longer, "plan for the longer look")
+        assert run._certain(replace(rest, observation=longer), plan) == (longer, plan)
     else:
         with pytest.raises(ImpossibleError, match="too likely to miss"):
-            run._certain(first, cast(Any, None))
+            run._certain(rest, plan)
         assert looks == []
     run.recovery.most, run.photographs = 0, None
     with pytest.raises(ImpossibleError, match="too likely to miss"):
-        run._certain(first, cast(Any, None))
+        run._certain(rest, plan)
