@@ -60,12 +60,15 @@ def confirm(
     """
     reasons, source = [], source.removeprefix(BESIDE)
     state = after.state(source)
-    if source != target and state != "empty":
+    if (
+        source != target and state != "empty" and not _on_table(task, source)
+    ):  # a look says nothing of table places
         reasons.append(f"hole {source} looks {state or 'hidden'}, not empty")
     lost = bool(reasons)
-    if task.to_board is None and not _in_view(task, after, target):
+    on_table = _on_table(task, target)
+    if on_table and not _in_view(task, after, target):
         return Unconfirmed((*reasons, f"{target} {OUT_OF_VIEW}"), lost)
-    state = after.state(target) if task.to_board is not None else "cube"
+    state = "cube" if on_table else after.state(target)
     if state != "cube":
         reasons.append(f"hole {target} looks {state or 'hidden'}, not cube")
     seat = seated(task, after, target, width, empty or before)

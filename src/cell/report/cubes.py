@@ -15,7 +15,7 @@ from cell.files.task import Task
 from cell.sim.cell import angle_to_square
 
 if TYPE_CHECKING:
-    from cell.sim.cell import SimulatedCell
+    from cell.sim.cell import CellEvent, SimulatedCell
 
 UNDECIDED = "-"  # target of a cube that could not be taken
 RELEASED = ("placed", "unseated", "set down", "fallen")  # events of a cube that is released
@@ -32,7 +32,8 @@ class CubeRow:
         at: where it was at the end, as far as that is known: a place, or beside one.
         motion_s: duration of its planned motions, s.
         min_clearance: smallest clearance of its moves, m.
-        error: distance of its axis from the target's when the jaws opened, m; ground truth, simulated cell only.
+        error: distance of its axis from that of the place of its last release when the jaws opened, m; ground truth,
+            simulated cell only.
         tilt_error: tilt of its axis then, rad; ground truth, simulated cell only.
         faults: what went wrong, in order: "not gripped", "not confirmed", "not located", "stays" or "put back".
         remarks: further results, as text.
@@ -102,25 +103,35 @@ def print_rows(console: Console, rows: Sequence[CubeRow]) -> None:
             console.say(f"cube {number}: {remark}")
 
 
-def judge_release(task: Task, simulated: SimulatedCell, row: CubeRow) -> None:
-    """Compare the true pose of the last cube with its target, at the moment when the jaws opened."""
-    event = next(e for e in reversed(simulated.events) if e.what in RELEASED)
-    if event.T_base_cube is None:
+def judge_release(
+    task: Task, simulated: SimulatedCell, row: CubeRow, place: str, events: Sequence[CellEvent]
+) -> None:
+    """Compare the true pose of a cube with the place of its release, at the moment when the jaws opened.
+
+    Args:
+        task, simulated: the task and its cell.
+        row: of the cube.
+        place: where it was to be released: its target or, if it is put back, its hole.
+        events: of the cell since the jaws closed on the cube; none of them is a release if they held nothing.
+    """
+    event = next((e for e in reversed(events) if e.what in RELEASED), None)
+    if event is None or event.T_base_cube is None:
+        row.error = row.tilt_error = None
         return
-    T_base_place = _true_place(task, simulated, row.target)
+    T_base_place, on_table = _true_place(task, simulated, place), place.startswith("table/")
     T_place_cube = inverse(T_base_place) @ event.T_base_cube
     row.error = float(np.hypot(T_place_cube[0, 3], T_place_cube[1, 3]))
     row.tilt_error = float(np.arccos(np.clip(T_place_cube[2, 2], -1.0, 1.0)))
-    if task.places is not None:  # on the table nothing aligns the cube, so its rotation counts too
+    if on_table:  # on the table nothing aligns the cube, so its rotation counts too
         row.tilt_error = angle_to_square(T_place_cube[:3, :3])
-    wanted = "placed" if task.to_board is not None else "set down"
+    wanted = "set down" if on_table else "placed"
     if event.what != wanted:
         row.remarks.append(event.message)
 
 
-def _true_place(task: Task, simulated: SimulatedCell, target: str) -> Array:
-    board_name, _, number = target.partition("/")
-    if task.places is not None:
+def _true_place(task: Task, simulated: SimulatedCell, place: str) -> Array:
+    board_name, _, number = place.partition("/")
+    if board_name == "table" and task.places is not None:
         x, y = task.places.centres[int(number) - 1]
         return transform(t=(x, y, task.cell.table_z))
     for b in simulated.world.boards:

@@ -93,8 +93,12 @@ def _on_table(task: Task, plan: Plan, free: Collection[str] = ()) -> dict[str, A
     if task.places is None:
         return {}
     had = [c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]]
-    places = [p for p in had if p.startswith("table/")] + [t["to"] for t in plan.task["cubes"]]
-    return {cube_name(place): T_base_cube_on_table(task, place) for place in places if place not in free}
+    places = [*had, *(t["to"] for t in plan.task["cubes"])]
+    return {
+        cube_name(place): T_base_cube_on_table(task, place)
+        for place in places
+        if place.startswith("table/") and place not in free
+    }
 
 
 def carried_by(
@@ -268,7 +272,7 @@ def _take_stock(run: TaskRun, plan: Plan, observation: Observation) -> None:
     for transfer in plan.task["cubes"]:
         if observation.state(transfer["from"]) != "empty":
             continue
-        if task.places is not None:
+        if transfer["to"].startswith("table/"):
             run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
         if transfer["cube"] in run.done:
             continue  # released in this run, so the look has judged it

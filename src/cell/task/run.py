@@ -272,15 +272,17 @@ class TaskRun(CheckedRun):
         Raises:
             ExecutionStopped: the cube was lost or is not released, or a motion stopped.
         """
+        simulated = self.connection.simulated
+        before = 0 if simulated is None else len(simulated.events)
         with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, observation)):
             self._monitored(steps, transfer["cube"], grip)
         self.add_release(steps, transfer, row, observation)
         self.done[transfer["cube"]] = transfer["to"]
-        if self.task.places is not None:
+        if transfer["to"].startswith("table/"):
             self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
         known = len(row.remarks)
-        if self.connection.simulated is not None:
-            judge_release(self.task, self.connection.simulated, row)
+        if simulated is not None:
+            judge_release(self.task, simulated, row, transfer["to"], simulated.events[before:])
         remarks = "".join(f"; {remark}" for remark in row.remarks[known:])
         self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
 

@@ -206,3 +206,15 @@ def test_a_cube_from_beside_its_target_has_no_source_to_be_empty(
     looks: Any = SimpleNamespace(state={"a/1": state, "b/2": "cube"}.get, board=lambda name: None, images=())
     found = confirm(cast(Any, SimpleNamespace(to_board="b")), looks, looks, f"beside {beside}", "b/2", None)
     assert (found is None) is confirmed
+
+
+@pytest.mark.parametrize("state", ["cube", "empty"])
+def test_a_cube_that_is_put_back_from_the_table_is_looked_for_in_its_hole(
+    monkeypatch: pytest.MonkeyPatch, state: str
+) -> None:
+    monkeypatch.setattr(
+        "cell.cubes.confirm_placed.seated", lambda *_: SimpleNamespace(state="seated", reason="")
+    )
+    looks: Any = SimpleNamespace(state={"a/1": state}.get, board=lambda name: None, images=())
+    found = confirm(cast(Any, SimpleNamespace(to_board=None)), looks, looks, "beside table/3", "a/1", None)
+    assert found == (None if state == "cube" else Unconfirmed(("hole a/1 looks empty, not cube",), True))
