@@ -51,7 +51,7 @@ class Recovery:
     widths: dict[str, CubeWidth] = field(default_factory=dict)
     not_located: dict[str, str] = field(default_factory=dict)
     _empty: dict[str, Observation] = field(default_factory=dict)
-    _seen: dict[str, Observation] = field(default_factory=dict)  # in which a cube was located
+    _seen: dict[str, Observation] = field(default_factory=dict)  # the last look in which a cube was searched
 
     @property
     def cubes(self) -> tuple[DisplacedCube, ...]:
@@ -99,6 +99,7 @@ class Recovery:
         for cube in self.cubes:
             if self._seen.get(cube.name) is observation:
                 continue
+            self._seen[cube.name] = observation
             others = [other for other in self.cubes if other.name != cube.name]
             width = self.widths.get(cube.name)
             found = locate_displaced(self.task, observation, cube.name, [cube.near], width, others)
@@ -139,6 +140,9 @@ class Recovery:
         near = place.removeprefix(BESIDE)
         seat = seated(self.task, observation, near, self.widths.get(cube), self.empty_look(near))
         words = None if seat.state == "seated" else self._locate(observation, cube, [near])
+        if words is None and near != self.home(cube):
+            shown = near.startswith("table/") or observation.state(near) == "cube"
+            return f"{cube} is seated in {near}" if shown and seat.state == "seated" else None
         if words is None and observation.state(near) == "cube" and seat.state != "off":
             return f"{cube} is in {near}; {self._count(cube)}"
         return words
@@ -194,10 +198,15 @@ class Recovery:
         """Whether a cube that the jaws did not hold and that is seated is taken again."""
         return 0 < self.tried[cube] <= self.most
 
-    def where(self, cube: str) -> str:
-        """Where a cube is that the jaws did not hold: beside its hole, or in it."""
+    def where(self, cube: str, place: str) -> str:
+        """Where a cube is that the jaws did not hold at a place: displaced, or seated there."""
         found = self.displaced.get(cube)
-        return cube.removeprefix(cube_name("")) if found is None else found.place
+        return place.removeprefix(BESIDE) if found is None else found.place
+
+    @staticmethod
+    def home(cube: str) -> str:
+        """The hole that a cube came from."""
+        return cube.removeprefix(cube_name(""))
 
     def leave(self, cube: DisplacedCube) -> None:
         """Leave a cube where it is."""
@@ -219,7 +228,7 @@ class Recovery:
         """
         if self.tried[cube.name] > self.most + 1:
             raise ImpossibleError(f"it was taken again {self._times()}, and put back in vain", cube=cube.name)
-        home = cube.name.removeprefix(cube_name(""))
+        home = self.home(cube.name)
         if self.tried[cube.name] > self.most:
             station = self._place(home, observation)
             if station is None or (cube.near != home and observation.state(home) != "empty"):

@@ -10,7 +10,7 @@ from arm.plan_file import Move, Step
 from arm.se3 import Array
 from cell.cubes.confirm_placed import NOT_CONFIRMED, Release, Unconfirmed
 from cell.report.cubes import CubeRow
-from cell.scene.build import cube_name, unseen_scene
+from cell.scene.build import T_base_cube_on_table, cube_name, unseen_scene
 from cell.scene.displaced import BESIDE
 from cell.scene.options import options_of
 from cell.task.cube_cycles import CubeCycle
@@ -87,7 +87,12 @@ class CheckedRun(OpenRun):
         if words is not None:
             self.tell(words)
             row.remarks.append(words)
-            row.at = self.recovery.where(transfer["cube"])
+            row.at = self.recovery.where(transfer["cube"], transfer["from"])
+            if (
+                not row.at.startswith(BESIDE) and row.at != row.source
+            ):  # the jaws have seated it where it was released
+                self._set_done(transfer["cube"], row.at)
+                row.placed = row.at == row.target
         elif transfer["from"].startswith(BESIDE) or (before == "cube" and after.state(row.source) == "empty"):
             why_not = self.recovery.not_located.get(transfer["cube"])
             self._stop(
@@ -115,8 +120,9 @@ class CheckedRun(OpenRun):
             observation = self.look("again, for a cube that is not confirmed")
             judged = [one.judge(self.task, observation) for one, _ in judged]
         self.recovery.keep_empty(observation)
+        for release, why in judged:  # of all, before one ends the run
+            release.row.at = "unknown" if why is not None and why.lost else release.target
         for release, why in judged:
-            release.row.at = release.target
             if why is not None:
                 self._not_confirmed(release, why, observation)
             elif not release.row.placed:
@@ -135,7 +141,6 @@ class CheckedRun(OpenRun):
         self.tell(f"{row.source} to {release.target} {row.remarks[-1]}")
         if not why.lost:
             return
-        row.at = "unknown"
         words = self.recovery.after_release(observation, cube, release)
         if words is None:
             why_not = self.recovery.not_located.get(cube)
@@ -149,6 +154,12 @@ class CheckedRun(OpenRun):
         self.tell(words)
         self.done.pop(cube, None)
         self.on_table.pop(cube_name(release.target), None)
+
+    def _set_done(self, cube: str, place: str) -> None:
+        """Take a cube for one that stays at a place."""
+        self.done[cube] = place
+        if place.startswith("table/"):
+            self.on_table[cube_name(place)] = T_base_cube_on_table(self.task, place)
 
     def _stop(self, why: str) -> NoReturn:
         """End the task because a cube is misplaced or lost; `why` ends in what to do about it."""

@@ -25,7 +25,6 @@ from cell.files.task import Task
 from cell.report.cubes import UNDECIDED, CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture, run_page
 from cell.scene.build import cube_name
-from cell.scene.displaced import BESIDE
 from cell.session.camera_watch import shift_words
 from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
@@ -200,7 +199,7 @@ class OpenRun:
         """The row of a cube in the report: a new one, or that of its last transfer."""
         row = next((row for row in self.rows if cube_name(row.source) == transfer["cube"]), None)
         if row is None:
-            row = CubeRow(transfer["from"].removeprefix(BESIDE), transfer["to"])
+            row = CubeRow(transfer["cube"].removeprefix(cube_name("")), transfer["to"])
             self.rows.append(row)
         elif transfer["to"] not in (row.source, UNDECIDED):  # else it is put back, or stays
             row.target = transfer["to"]

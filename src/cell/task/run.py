@@ -18,7 +18,6 @@ from cell.cubes.confirm_placed import unseen_places, width_at
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
-from cell.scene.build import T_base_cube_on_table, cube_name
 from cell.scene.displaced import DisplacedCube
 from cell.scene.places import reach_of
 from cell.session.budget import spending
@@ -106,13 +105,16 @@ class TaskRun(CheckedRun):
             self.tell(line)
 
     def _recover(self, observation: Observation) -> Observation:
-        """Take displaced cubes again, each by a plan of its own; return the last observation."""
+        """Take displaced cubes again, each by a plan of its own; return the last observation.
+
+        Those that stay are located in each new look, too: the other cubes are planned around them.
+        """
         recovery = self.recovery
-        while recovery.displaced:
+        while True:
             for line in recovery.locate_again(observation):
                 self.tell(line)
             if not recovery.displaced:
-                break
+                return observation
             cube = next(iter(recovery.displaced.values()))
             try:
                 plan = self._plan_recovery(cube, observation)
@@ -125,7 +127,6 @@ class TaskRun(CheckedRun):
                 continue
             self.keep(plan, f"recovery-{sum(recovery.tried.values())}")
             observation, _ = self.follow(plan, observation)
-        return observation
 
     def _plan_recovery(self, cube: DisplacedCube, observation: Observation) -> Plan:
         """Plan to take a displaced cube to its target or, after the last attempt, back to its hole."""
@@ -277,9 +278,7 @@ class TaskRun(CheckedRun):
         with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, observation)):
             self._monitored(steps, transfer["cube"], grip)
         self.add_release(steps, transfer, row, observation)
-        self.done[transfer["cube"]] = transfer["to"]
-        if transfer["to"].startswith("table/"):
-            self.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(self.task, transfer["to"])
+        self._set_done(transfer["cube"], transfer["to"])
         known = len(row.remarks)
         if simulated is not None:
             judge_release(self.task, simulated, row, transfer["to"], simulated.events[before:])

@@ -98,7 +98,7 @@ def test_a_cube_that_is_not_certainly_seated_is_located(found: dict[str, Any], s
     found |= {"cube": _beside(HOME, "half"), "seat": seat}
     assert "tilted by 8.0 deg; it is taken again (1 of 3)" in str(recovery.after_miss(SEEN, CUBE, HOME))
     assert recovery.displaced == {CUBE: found["cube"]}
-    assert recovery.where(CUBE) == f"beside {HOME}"
+    assert recovery.where(CUBE, HOME) == f"beside {HOME}"
 
 
 @pytest.mark.parametrize(("seat", "again"), [("unsure", True), ("off", False)])
@@ -108,6 +108,27 @@ def test_a_hole_that_shows_a_cube_is_believed_unless_it_certainly_does_not_sit(
     recovery = Recovery(TASK, 3)
     found["seat"] = seat
     assert (recovery.after_miss(SEEN, CUBE, HOME) is not None) is again
+    assert found["asked"] == [(HOME,)]
+
+
+@pytest.mark.parametrize(("seat", "words"), [("seated", f"{CUBE} is seated in {TARGET}"), ("unsure", None)])
+def test_a_cube_that_the_jaws_seated_where_it_was_released_is_not_in_its_hole(
+    found: dict[str, Any], seat: str, words: str | None
+) -> None:
+    recovery = Recovery(TASK, 3)
+    found["seat"] = seat
+    look = SEEN.with_states({HOME: "empty", TARGET: "cube"})
+    assert recovery.after_miss(look, CUBE, f"beside {TARGET}") == words
+    assert recovery.where(CUBE, f"beside {TARGET}") == TARGET
+
+
+def test_a_cube_that_stays_is_located_in_each_new_look_once(found: dict[str, Any]) -> None:
+    """Its board may have moved with it."""
+    recovery, first = Recovery(TASK, 3), _beside(HOME)
+    recovery.stuck, found["cube"] = {CUBE: first}, _beside(HOME, "half")
+    for look in (SEEN, SEEN):
+        assert recovery.locate_again(look) == []
+    assert recovery.stuck == {CUBE: found["cube"]}
     assert found["asked"] == [(HOME,)]
 
 

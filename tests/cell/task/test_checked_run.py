@@ -10,11 +10,13 @@ import pytest
 from arm.errors import ExecutionStopped
 from arm.io.storage import data_file
 from arm.se3 import transform
+from cell.cubes.confirm_placed import Release, Unconfirmed
 from cell.cubes.recovery import Recovery
 from cell.files.task import read_task
 from cell.report.cubes import CubeRow
 from cell.scene.displaced import DisplacedCube
 from cell.task.checked_run import CheckedRun
+from cell.task.run import TaskRun
 from plan.scene import Scene
 from tasks.true_look import true_look
 from vision.observation import Observation
@@ -53,3 +55,38 @@ def test_the_way_to_the_start_goes_around_displaced_cubes(monkeypatch: pytest.Mo
     run.go_to_start(seen)
     (scene,) = scenes
     assert scene.cube(beside.name).T_base_body[:3, 3] == pytest.approx([0.3, 0.1, 0.2])
+
+
+def test_a_lost_cube_does_not_hide_where_the_others_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stops(self: CheckedRun, release: Release, *_: Any) -> None:
+        raise ExecutionStopped("lost")
+
+    def judge(self: Release, *_: Any) -> tuple[Release, Unconfirmed | None]:
+        self.row.placed = self.target == "03-04/2"
+        return self, None if self.row.placed else Unconfirmed(("hidden",), True)
+
+    monkeypatch.setattr(CheckedRun, "_not_confirmed", stops)
+    monkeypatch.setattr(Release, "judge", judge)
+    run, seen = _run(), true_look(TASK)
+    run.recovery.most = 0
+    rows = [CubeRow("01-02/1", "03-04/1"), CubeRow("01-02/2", "03-04/2")]
+    run._released = [Release(r, r.source, r.target, seen, transform()) for r in rows]
+    with pytest.raises(ExecutionStopped, match="lost"):
+        run.confirm_placed(seen)
+    assert [(row.placed, row.at) for row in rows] == [(False, "unknown"), (True, "03-04/2")]
+
+
+def test_the_row_of_a_cube_is_that_of_its_hole_wherever_it_is_taken_from() -> None:
+    row = _run().add_row({"cube": "cube 01-02/3", "from": "beside 03-04/1", "to": "03-04/1"})
+    assert (row.source, row.target) == ("01-02/3", "03-04/1")
+
+
+def test_cubes_that_stay_are_located_again_although_none_is_to_be_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Observation] = []
+    monkeypatch.setattr(Recovery, "locate_again", lambda self, look: asked.append(look) or [])
+    run, seen = TaskRun.__new__(TaskRun), true_look(TASK)
+    run.recovery = Recovery(TASK, 3)
+    assert run._recover(seen) is seen
+    assert asked == [seen]
