@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NoReturn
 
 from arm.errors import ExecutionStopped
+from arm.numerics.products import norm
 from arm.plan_file import Move, Step
 from arm.se3 import Array
+from cell.config.cell import Cell
 from cell.cubes.confirm_placed import NOT_CONFIRMED, Release, Unconfirmed
 from cell.report.cubes import CubeRow
 from cell.scene.build import T_base_cube_on_table, cube_name, unseen_scene
@@ -78,6 +81,7 @@ class CheckedRun(OpenRun):
             )
         cell, options = self.task.cell, options_of(self.task, self.speed)
         q = cell.unit.positions(cycle.approach.path.end)
+        options = replace(options, offset=min(options.offset, _length(cell, cycle.approach)))
         scene = self.rest(observation, q).scene
         self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
         self.go_to_start(observation)
@@ -164,3 +168,10 @@ class CheckedRun(OpenRun):
     def _stop(self, why: str) -> NoReturn:
         """End the task because a cube is misplaced or lost; `why` ends in what to do about it."""
         raise ExecutionStopped(f"{why}, and run again; the arm is at q_start", **self.report())
+
+
+def _length(cell: Cell, approach: Move) -> float:
+    """Length of an approach, m. Where only a shorter line is clear, only a retract as short is."""
+    robot, path = cell.robot(), approach.path
+    start, end = (robot.T_base_tool(cell.unit.positions(counts))[:3, 3] for counts in (path.start, path.end))
+    return float(norm(start - end))

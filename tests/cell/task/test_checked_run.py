@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from arm.errors import ExecutionStopped
@@ -90,3 +91,27 @@ def test_cubes_that_stay_are_located_again_although_none_is_to_be_taken(
     run.recovery = Recovery(TASK, 3)
     assert run._recover(seen) is seen
     assert asked == [seen]
+
+
+def test_the_retract_after_a_missed_grasp_is_no_longer_than_the_approach(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Cubes that longer lines do not reach are approached by shorter ones."""
+    cell, asked = TASK.cell, []
+
+    def retreat(scene: Scene, q: Any, unit: Any, limits: Any, options: Any) -> tuple[()]:
+        asked.append(options.offset)
+        raise ExecutionStopped("far enough")
+
+    monkeypatch.setattr("cell.task.checked_run.plan_retreat", retreat)
+    run = _run()
+    opens = SimpleNamespace(gripper=lambda closed: SimpleNamespace(stalled=False))
+    run.connection = cast(Any, SimpleNamespace(mars=opens))
+    q = cell.q_start
+    for off in (0.05, 1.0):
+        start, end = (cell.unit.counts(at) for at in (q + [off, 0, 0, 0, 0, 0], q))
+        cycle: Any = SimpleNamespace(approach=SimpleNamespace(path=SimpleNamespace(start=start, end=end)))
+        with pytest.raises(ExecutionStopped, match="far enough"):
+            run.missed(cycle, TRANSFER, CubeRow("01-02/3", "03-04/1"), true_look(TASK), "on nothing")
+    x, y = cell.robot().T_base_tool(q)[:2, 3]
+    assert asked == [pytest.approx(2.0 * np.hypot(x, y) * np.sin(0.025), abs=1e-5), cell.offset]
