@@ -17,6 +17,7 @@ from arm.se3 import Array, frozen, inverse
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import require_placements
 from cell.cubes.confirm_placed import NOT_CONFIRMED, seated
+from cell.cubes.locate import WITHIN
 from cell.files.task import Task
 from cell.scene.build import (
     RELEASE_GAP,
@@ -26,7 +27,7 @@ from cell.scene.build import (
     hole_station,
     table_station,
 )
-from cell.scene.displaced import support_of
+from cell.scene.displaced import BESIDE, support_of
 from cell.scene.options import options_of
 from cell.session.grasp_monitor import grip_fault
 from cell.task.plan_matches import planned_observation
@@ -166,10 +167,10 @@ def _touched(
     task: Task, observation: Observation, transfer: dict[str, str], T_base_tool: Array
 ) -> frozenset[str]:
     """What the held cube may touch: the board or table of each place of the transfer that the tool is near."""
-    reach_m = 1.2 * options_of(task, 1.0).offset
     near = []
     for place in (transfer["from"], transfer["to"]):
-        T = _station(task, observation, place).T_base_tool[0]
+        reach_m = 1.2 * options_of(task, 1.0).offset + (WITHIN if place.startswith(BESIDE) else 0.0)
+        T = _station(task, observation, place.removeprefix(BESIDE)).T_base_tool[0]
         if norm(T_base_tool[:3, 3] - T[:3, 3]) < reach_m:
             near.append(support_of(place))
     return frozenset(near)

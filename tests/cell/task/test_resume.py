@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from arm.board import plate_name
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.io.storage import data_file
@@ -31,6 +32,7 @@ from cell.task.resume import (
     _on_table,
     _set_down,
     _station,
+    _touched,
     carried_by,
     resume,
 )
@@ -318,3 +320,15 @@ def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
 def test_resuming_needs_a_controller(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--resume needs --port"):
         resume_plan(tmp_path, tmp_path, Console(), WhichCell())
+
+
+@pytest.mark.parametrize(("off", "touched"), [(0.1, True), (0.2, False)])
+def test_a_cube_that_was_taken_from_beside_a_hole_may_touch_the_plate_there(
+    off: float, touched: bool
+) -> None:
+    task = read_task(data_file("scenes/task2.toml"))
+    seen = true_look(task)
+    T = np.array(_station(task, seen, "01-02/4").T_base_tool[0])
+    T[2, 3] += off
+    transfer = {"cube": "cube 01-02/4", "from": "beside 01-02/4", "to": "03-04/1"}
+    assert (plate_name("01-02") in _touched(task, seen, transfer, T)) is touched
