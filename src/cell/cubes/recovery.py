@@ -93,7 +93,8 @@ class Recovery:
         """Update where cubes are that an earlier look located, because their board may have moved since.
 
         Returns:
-            A line for each that is not located any more; it is left alone, and taken to be where it was.
+            A line for each cube to be taken that this look does not locate. It stays, and is assumed to be where the
+            last look located it.
         """
         lines = []
         for cube in self.cubes:
@@ -107,7 +108,9 @@ class Recovery:
                 (self.displaced if cube.name in self.displaced else self.stuck)[cube.name] = found
             elif cube.name in self.displaced:
                 self.leave(cube)
-                lines.append(f"{cube.name} is left {cube.place}: not located any more {found}")
+                lines.append(
+                    f"{cube.name} stays {cube.place}, where it was located before; in this look not: {found}"
+                )
         return lines
 
     def _is_known(self, found: DisplacedCube) -> bool:
@@ -123,7 +126,7 @@ class Recovery:
             self.widths |= {} if width is None else {cube: width}
 
     def after_miss(self, observation: Observation, cube: str, place: str) -> str | None:
-        """Take stock of a cube that the jaws did not hold; None without attempts.
+        """Determine where a cube is that the jaws did not hold; None without attempts.
 
         Args:
             observation: the look after it.
@@ -227,7 +230,9 @@ class Recovery:
             ImpossibleError: there is none.
         """
         if self.tried[cube.name] > self.most + 1:
-            raise ImpossibleError(f"it was taken again {self._times()}, and put back in vain", cube=cube.name)
+            raise ImpossibleError(
+                f"it was taken again {self._times()}, and putting it back failed", cube=cube.name
+            )
         home = self.home(cube.name)
         if self.tried[cube.name] > self.most:
             station = self._place(home, observation)

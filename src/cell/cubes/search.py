@@ -1,6 +1,6 @@
 """Where to release a cube again that did not seat: measured corrections first, then a spiral.
 
-A cube that did not seat was released beside its pocket. The look tells by how much, relative to the pocket
+A cube that did not seat was released beside its pocket. The look measures by how much, relative to the pocket
 (`DisplacedCube.release_offset`). Both are seen in the same images, so the errors of camera and board cancel, and what
 remains is the arm's error there.
 

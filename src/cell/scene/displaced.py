@@ -20,9 +20,7 @@ from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupa
 BESIDE = "beside "  # begins the name of the place where a displaced cube is
 QUARTER = np.pi / 2.0
 LEANS = np.sin(np.radians(4.0))  # least slope of a cube that leans
-MOST_OFFSET = (
-    6e-3  # m; an upright cube further from its pocket was pushed or fell, and tells nothing of its release
-)
+MOST_OFFSET = 6e-3  # m; an upright cube further from its pocket was pushed or fell: its release is unknown
 MOST_TURN = np.radians(6.0)  # the same for one that is rotated further
 HIDES = 0.075  # m between the middles of a displaced cube and of a hole that it may hide in part
 
@@ -97,9 +95,9 @@ class DisplacedCube:
 
         A cube that was released further off than its pocket captures comes down on the rim there. It tips until its
         opposite lower edge wedges between the two other walls, and slides down by some mm, however far off it was. So
-        its leaning tells the direction, and the size is taken to be 1.5 times the capture: that is right to within a
-        capture for cubes that were off by 0.5 to 2.5 captures. A cube that leans about an edge in its seat was released
-        there. One that stands upright stands where it was released, unless it was pushed away or rotated.
+        the direction of its leaning is that of the offset. The size is taken to be 1.5 captures, which is right to
+        within one capture for cubes that were 0.5 to 2.5 captures off. A cube that leans about an edge in its seat
+        was released there. An upright one stands where it was released, unless it was pushed away or rotated.
         """
         offset = self.offset(cell, T_base_place)
         capture = (cell.boards[0].pocket[0] - cell.cube_size) / 2.0

@@ -159,7 +159,7 @@ def test_a_cube_that_did_not_seat_is_corrected_at_the_same_place_and_at_last_put
     with pytest.raises(ImpossibleError, match="its hole 01-02/4 is not free"):
         recovery.goals(found["cube"], SEEN, free)
     recovery.after_release(look, CUBE, _release(f"beside {TARGET}", HOME))
-    with pytest.raises(ImpossibleError, match="taken again 2 times, and put back in vain"):
+    with pytest.raises(ImpossibleError, match="taken again 2 times, and putting it back failed"):
         recovery.goals(found["cube"], look, free)
 
 
@@ -204,7 +204,7 @@ def test_cubes_of_an_earlier_look_are_located_again_and_left_alone_if_that_fails
     assert recovery.displaced == {CUBE: moved}
     found["cube"] = "nothing shows"
     (line,) = recovery.locate_again(replace(SEEN))
-    assert line == f"{CUBE} is left beside {HOME}: not located any more nothing shows"
+    assert line == f"{CUBE} stays beside {HOME}, where it was located before; in this look not: nothing shows"
     assert recovery.stuck == {CUBE: moved}
     assert not recovery.displaced
     assert recovery.locate_again(replace(SEEN)) == []

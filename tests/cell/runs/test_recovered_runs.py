@@ -69,4 +69,4 @@ def test_a_cube_that_stays_where_it_is_does_not_keep_the_others(tmp_path: Path) 
     rows = run.error.data["cubes"]
     assert [row["placed"] for row in rows] == [False, True]
     assert rows[0]["at"] == f"beside {rows[0]['from']}"
-    assert "taken again 1 time, and put back in vain" in run.said
+    assert "taken again 1 time, and putting it back failed" in run.said

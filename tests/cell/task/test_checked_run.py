@@ -86,7 +86,12 @@ def test_cubes_that_stay_are_located_again_although_none_is_to_be_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[Observation] = []
-    monkeypatch.setattr(Recovery, "locate_again", lambda self, look: asked.append(look) or [])
+
+    def locate_again(self: Recovery, look: Observation) -> list[str]:
+        asked.append(look)
+        return []
+
+    monkeypatch.setattr(Recovery, "locate_again", locate_again)
     run, seen = TaskRun.__new__(TaskRun), true_look(TASK)
     run.recovery = Recovery(TASK, 3)
     assert run._recover(seen) is seen
@@ -97,7 +102,7 @@ def test_the_retract_after_a_missed_grasp_is_no_longer_than_the_approach(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Cubes that longer lines do not reach are approached by shorter ones."""
-    cell, asked = TASK.cell, []
+    cell, asked = TASK.cell, list[float]()
 
     def retreat(scene: Scene, q: Any, unit: Any, limits: Any, options: Any) -> tuple[()]:
         asked.append(options.offset)
