@@ -30,7 +30,6 @@ DECIDES_NOTHING = {
     "cell/config/cell_values.py": "declares keys of a cell file; arm.io.keys checks them",
     "cell/files/key_texts.py": "words for keys; test_docs_formats and test_new_cell compare what they make",
     "cell/files/world_errors.py": "declares keys of a world file; arm.io.keys checks them",
-    "cell/report/cubes.py": "rows of a table",
     "cell/report/verdict_text.py": "words of a report",
     "cell/scene/bodies.py": "boxes of plates, stands and cubes from their drawings",
     "cell/scene/options.py": "copies values of cell and task into options; test_cell_file and test_task read them",

@@ -146,7 +146,9 @@ class Recovery:
         if words is None and near != self.home(cube):
             shown = near.startswith("table/") or observation.state(near) == "cube"
             return f"{cube} is seated in {near}" if shown and seat.state == "seated" else None
-        if words is None and observation.state(near) == "cube" and seat.state != "off":
+        shown = seat.state == "seated" or (observation.state(near) == "cube" and seat.state == "unsure")
+        if words is None and shown:
+            self.not_located.pop(cube, None)
             return f"{cube} is in {near}; {self._count(cube)}"
         return words
 

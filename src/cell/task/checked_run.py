@@ -97,15 +97,14 @@ class CheckedRun(OpenRun):
             ):  # the jaws have seated it where it was released
                 self._set_done(transfer["cube"], row.at)
                 row.placed = row.at == row.target
-        elif transfer["from"].startswith(BESIDE) or (before == "cube" and after.state(row.source) == "empty"):
-            why_not = self.recovery.not_located.get(transfer["cube"])
+        elif (why_not := self.recovery.not_located.get(transfer["cube"])) or (
+            before == "cube" and after.state(row.source) == "empty"
+        ):
+            row.faults.append("not located")
             self._stop(
-                f"the cube of {row.source} is gone from {transfer['from']} and was not gripped; its position is "
-                f"unknown{f' ({why_not})' if why_not else ''}: remove it"
+                f"the cube of {row.source} was not gripped, and {transfer['from']} does not show it; its position is "
+                f"unknown{f' (not located {why_not})' if why_not else ''}: remove it"
             )
-        elif transfer["cube"] in self.recovery.not_located:
-            row.add_fault("not located", f"not located {self.recovery.not_located[transfer['cube']]}")
-            self.tell(f"{transfer['cube']} stays: {row.remarks[-1]}")
         if words is None or not self.recovery.goes_on(transfer["cube"]):
             self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         return after

@@ -85,7 +85,7 @@ def test_a_cube_taken_from_under_the_jaws_stops_the_run_with_the_arm_at_q_start(
     assert isinstance(run.error, ExecutionStopped)
     cubes = run.error.data["cubes"]
     assert [c["placed"] for c in cubes] == [True, False]
-    assert f"the cube of {cubes[1]['from']} is gone from its hole" in str(run.error)
+    assert f"the cube of {cubes[1]['from']} was not gripped" in str(run.error)
     assert run.record is not None
     unit = run.task.cell.unit
     assert unit.positions(run.record.counts[-1]) == pytest.approx(run.task.cell.q_start, abs=2e-5)
