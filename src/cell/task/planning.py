@@ -338,6 +338,6 @@ def plan_motion(task: Task, scene: Scene, q_from: Array, q_to: Array, speed: flo
     cell, options = task.cell, options_of(task, speed)
     inputs = plan_fingerprint(task), _named(task)
     plan = plan_joint_motion(scene, q_from, q_to, cell.unit, cell.limits, options, *inputs)
-    if plan is not None:
+    if plan is not None and scene.robot_open.digest == cell.robot().digest:  # else a target is in the hand
         erring_clearances(cell, plan)
     return plan
