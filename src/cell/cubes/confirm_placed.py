@@ -59,10 +59,8 @@ def confirm(
         empty: the last look with an empty target; None: `before`.
     """
     reasons, source = [], source.removeprefix(BESIDE)
-    state = after.state(source)
-    if (
-        source != target and state != "empty" and not _on_table(task, source)
-    ):  # a look says nothing of table places
+    state = "empty" if _on_table(task, source) else after.state(source)  # a look says nothing of table places
+    if source != target and state != "empty":
         reasons.append(f"hole {source} looks {state or 'hidden'}, not empty")
     lost = bool(reasons)
     on_table = _on_table(task, target)

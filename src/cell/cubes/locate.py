@@ -16,7 +16,6 @@ from vision.occupancy.cube_top import EmptyPlace
 from vision.occupancy.seated import CubeWidth
 
 WITHIN = 0.060  # m from the place
-SAME_CUBE = 0.015  # m between the middles of what are one cube
 
 
 def locate_displaced(

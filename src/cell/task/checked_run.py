@@ -92,9 +92,8 @@ class CheckedRun(OpenRun):
             self.tell(words)
             row.remarks.append(words)
             row.at = self.recovery.where(transfer["cube"], transfer["from"])
-            if (
-                not row.at.startswith(BESIDE) and row.at != row.source
-            ):  # the jaws have seated it where it was released
+            seated_elsewhere = not row.at.startswith(BESIDE) and row.at != row.source
+            if seated_elsewhere:  # the jaws pushed it into the place of its last release
                 self._set_done(transfer["cube"], row.at)
                 row.placed = row.at == row.target
         elif (why_not := self.recovery.not_located.get(transfer["cube"])) or (

@@ -36,6 +36,9 @@ UNEVEN = 0.25  # of this step: a point that differs by more from a smooth top
 MOST_UNEVEN = 0.03  # fraction of such points
 MOST_RMS_PX = 0.35  # of steps about their lines
 MOST_MISFIT = 18.0  # of 8 degrees of freedom
+MOST_WEDGED_MISFIT = (
+    9.0  # of a wedged cube, whose tilt follows from its place: one that really is misfits by 1 to 4
+)
 MOST_GAIN = 25.0  # of misfit by a free pose
 RIVAL = 10.0  # difference of evidence, -2 log, within which another rest is possible
 MOST_STD = (0.35e-3, 0.7e-3, np.radians(1.3))  # across the normal, along it, any angle
@@ -194,7 +197,8 @@ def _judged(place: _Place, T_base_cube: Array) -> _Found | str:
         # tilts of opposite sign look almost alike: each rest starts at its own
         start = turned_to(T_base_cube, T_base_place[:3, :3] @ usual_normal(rest), width.value)
         fit = fit_pose(place.view, sides, rest, start, T_base_place, width, place.pocket)
-        if fit is not None and fit.misfit <= min(MOST_MISFIT, free.misfit + MOST_GAIN):
+        most = MOST_WEDGED_MISFIT if rest.kind == "wedged" else MOST_MISFIT
+        if fit is not None and fit.misfit <= min(most, free.misfit + MOST_GAIN):
             T_place_cube = inverse(T_base_place) @ fit.T_base_cube
             fits += [fit] if possible(rest, T_place_cube, width.value, place.pocket) else []
     if not fits:

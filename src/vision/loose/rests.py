@@ -4,8 +4,10 @@ Each rest predicts quantities of a pose in the frame of the place, with standard
 
 - flat on the plane of the place, anywhere, at any yaw;
 - upright in the pocket, aligned with it, at any height from its seat to the plane;
-- leaning in the pocket, in four directions: one lower edge as deep as a seated cube's, where it wedges between the two
-  walls at its ends, and the opposite part of its bottom on the rim, or inside.
+- leaning in the pocket: one lower edge in its seat against a wall, the opposite side raised, in four directions;
+- wedged in the pocket, in four directions: one lower edge as deep as a seated cube's, where the two walls at its ends
+  hold it, and the opposite part of the bottom on the rim. So does a cube come to rest that was released beside its
+  pocket.
 
 A free cube has only weak priors; the image alone determines its pose.
 """
@@ -30,20 +32,21 @@ CENTRED = (
 )
 PLAY = 0.6  # that of a higher one, in clearances of the pocket at that height
 LIFT = (3.5e-3, 2.5e-3)  # m, mean and standard deviation of the height of an upright cube above its seat
-LEAN = np.radians(
-    2.0
-)  # standard deviation of the tilt of a leaning cube from that with its bottom on the rim
-SEAT = 0.7e-3  # m, standard deviation of the depth of a leaning cube's lower edge
-EDGE = (15e-3, 5e-3)  # m, mean and standard deviation of that edge's distance from the hole's axis
+LEAN = (np.radians(8.0), np.radians(2.0))  # mean and standard deviation of the tilt of a leaning cube
+SEAT = 0.7e-3  # m, standard deviation of the depth of a leaning or wedged cube's lower edge
+WALL = 0.5e-3  # m, standard deviation of a leaning cube's lower edge from its wall
+EDGE = (12e-3, 4e-3)  # m, mean and standard deviation of a wedged cube's lower edge from the hole's axis
+RIM = np.radians(0.7)  # standard deviation of its tilt from that with its bottom on the rim
 ANYWHERE = 40e-3  # m, standard deviation of a cube's place on the plane
-LEAST_LEAN, MOST_LEAN = np.radians(3.0), np.radians(17.0)  # limits of the tilt of a leaning cube
+LEAST_LEAN, MOST_LEAN = np.radians(3.0), np.radians(15.0)  # limits of the tilt of a leaning cube
+LEAST_WEDGED, MOST_WEDGED = np.radians(11.0), np.radians(17.0)  # of a wedged one
 MOST_POCKET_YAW = np.radians(7.0)  # of a cube in a pocket
 MOST_LIFT = 9e-3  # m, of an upright cube in a pocket
 SLACK = 0.7e-3  # m, by which a cube may be beyond its limits on the plane
-USUAL_LEAN = np.radians(11.0)
+USUAL_TILT = {"leaning": LEAN[0], "wedged": np.radians(13.5)}
 FREE_TILT, FREE_HEIGHT = np.radians(10.0), 8e-3
 
-Kind = Literal["flat", "upright", "leaning", "free"]
+Kind = Literal["flat", "upright", "leaning", "wedged", "free"]
 DIRECTIONS = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))
 
 
@@ -53,7 +56,7 @@ class Rest:
 
     Attributes:
         kind: see the module.
-        towards: direction in which a leaning cube's lower edge lies from the hole's axis, unit vector.
+        towards: direction in which a leaning or wedged cube's lower edge lies from the hole's axis, unit vector.
     """
 
     kind: Kind
@@ -63,12 +66,15 @@ class Rest:
 def rests(pocket: tuple[float, float] | None) -> list[Rest]:
     """All ways to rest at a place; `pocket`: widths of its mouth and floor, m, or None for a plane."""
     flat = [Rest("flat")]
-    return flat if pocket is None else [*flat, Rest("upright"), *(Rest("leaning", d) for d in DIRECTIONS)]
+    if pocket is None:
+        return flat
+    kinds: tuple[Kind, ...] = ("leaning", "wedged")
+    return [*flat, Rest("upright"), *(Rest(kind, towards) for kind in kinds for towards in DIRECTIONS)]
 
 
 def usual_normal(rest: Rest) -> Array:
     """Usual normal of the top of a cube at a rest, (3,) in the frame of the place."""
-    tilt = USUAL_LEAN if rest.kind == "leaning" else 0.0
+    tilt = USUAL_TILT.get(rest.kind, 0.0)
     return np.array([np.sin(tilt) * rest.towards[0], np.sin(tilt) * rest.towards[1], np.cos(tilt)])
 
 
@@ -114,13 +120,17 @@ def prior(rest: Rest, T_place_cube: Array, size: float, pocket: tuple[float, flo
     outward = axes[int(np.argmax(axes[:, 0] * tx + axes[:, 1] * ty))]
     edge = T_place_cube[:3, 3] + half * outward - half * R[:, 2]
     tilt, along = nx * tx + ny * ty, edge[0] * tx + edge[1] * ty
-    on_rim = -edge[2] / max(pocket[0] / 2.0 + along, depth)  # slope of a bottom that touches the rim
+    if rest.kind == "leaning":
+        wall = pocket[0] / 2.0 + slope * edge[2]
+        contacts = (along - wall) / WALL, (tilt - LEAN[0]) / LEAN[1]
+    else:
+        on_rim = -edge[2] / max(pocket[0] / 2.0 + along, depth)  # slope of a bottom that touches the rim
+        contacts = (along - EDGE[0]) / EDGE[1], (tilt - np.sin(np.arctan(on_rim))) / RIM
     return np.array(
         [
-            (along - EDGE[0]) / EDGE[1],
+            *contacts,
             (x * ty - y * tx) / ASIDE,
             (edge[2] + depth) / SEAT,
-            (tilt - on_rim) / LEAN,
             (nx * ty - ny * tx) / UPRIGHT_TILT,
             yaw / POCKET_YAW,
         ]
@@ -137,14 +147,8 @@ def log_scale(rest: Rest, size: float, pocket: tuple[float, float] | None) -> fl
         return float(anywhere + np.log(CONTACT) + 2.0 * np.log(FLAT_TILT) + any_yaw)
     if rest.kind == "upright":
         return float(2.0 * np.log(ASIDE) + np.log(LIFT[1]) + 2.0 * np.log(UPRIGHT_TILT) + np.log(POCKET_YAW))
-    return float(
-        np.log(EDGE[1])
-        + np.log(ASIDE)
-        + np.log(SEAT)
-        + np.log(LEAN)
-        + np.log(UPRIGHT_TILT)
-        + np.log(POCKET_YAW)
-    )
+    contacts = WALL * LEAN[1] if rest.kind == "leaning" else EDGE[1] * RIM
+    return float(np.log(contacts * ASIDE * SEAT * UPRIGHT_TILT * POCKET_YAW))
 
 
 def possible(rest: Rest, T_place_cube: Array, size: float, pocket: tuple[float, float] | None) -> bool:
@@ -166,7 +170,8 @@ def possible(rest: Rest, T_place_cube: Array, size: float, pocket: tuple[float, 
         return bool(
             max(abs(x), abs(y)) < play and np.hypot(nx, ny) < LEAST_LEAN and -LIFT[1] < lift < MOST_LIFT
         )
-    return bool(LEAST_LEAN <= nx * rest.towards[0] + ny * rest.towards[1] <= MOST_LEAN)
+    least, most = (LEAST_WEDGED, MOST_WEDGED) if rest.kind == "wedged" else (LEAST_LEAN, MOST_LEAN)
+    return bool(least <= nx * rest.towards[0] + ny * rest.towards[1] <= most)
 
 
 def _is_carried(T_place_cube: Array, size: float, mouth: float) -> bool:

@@ -45,7 +45,7 @@ def test_exact_sides_give_the_pose_of_the_best_rest(release: str, kind: str) -> 
         fits.append(fit)
     best = min(fits, key=lambda fit: fit.worth)
     assert best.rest.kind == kind
-    assert best.misfit < 4.0  # of the contacts: the sides are exact
+    assert best.misfit < 1.0
     twist = twist_between(best.T_base_cube, T)
     assert np.linalg.norm(twist[:3]) < 3e-4
     assert np.degrees(np.linalg.norm(twist[3:])) < 0.3

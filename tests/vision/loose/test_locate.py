@@ -79,3 +79,13 @@ def test_a_height_that_the_width_does_not_tell_is_not_claimed() -> None:
     )
     assert isinstance(found, NotLocated)
     assert "too uncertain" in found.reason
+
+
+def test_a_leaning_cube_is_not_taken_for_a_wedged_one() -> None:
+    """Its top fits a wedged cube's, but less well than that of one does: it was located 5 degrees off."""
+    s = loose_scene(300_082, "half", "realistic", False, 12e-6, with_empty=False)
+    found = locate_cube(s.images, s.camera, s.T_base_place, s.width, WITHIN, s.pocket, s.others, s.empty)
+    if isinstance(found, LooseCube):
+        error = error_of(found.T_base_cube, s.T_base_cube)
+        assert np.linalg.norm(error[:3]) < 2e-3
+        assert np.degrees(np.linalg.norm(error[3:])) < 4.0

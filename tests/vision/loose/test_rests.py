@@ -29,11 +29,11 @@ def test_each_fault_of_a_release_agrees_with_one_rest_alone(quarters: int) -> No
         misfits = np.array(_misfits(T))
         best = rests(POCKET)[int(np.argmin(misfits))]
         assert best.kind == kind
-        assert misfits.min() < 4.5  # "half" leans by 8 degrees, a cube with its bottom on the rim there by 11
+        assert misfits.min() < 3.0
         assert np.sort(misfits)[1] > misfits.min() + 9.0
         assert possible(best, T, CUBE, POCKET)
         if kind == "leaning":  # its top leans towards the lower edge, away from the raised side
-            assert usual_normal(best) @ T[:3, 2] > np.cos(np.radians(4.0))
+            assert usual_normal(best) @ T[:3, 2] > np.cos(np.radians(1.0))
 
 
 # poses of cubes after releases beside a pocket in contact physics: middle in mm, normal of the top, yaw in deg
@@ -49,7 +49,7 @@ JAMMED = (
 
 
 @pytest.mark.parametrize(("middle", "normal", "yaw"), JAMMED)
-def test_a_cube_that_wedged_on_the_rim_leans(
+def test_a_cube_that_was_released_beside_its_pocket_is_wedged(
     middle: tuple[float, ...], normal: tuple[float, ...], yaw: float
 ) -> None:
     axis = np.cross((0.0, 0.0, 1.0), normal)
@@ -57,8 +57,8 @@ def test_a_cube_that_wedged_on_the_rim_leans(
     T = transform(R, 1e-3 * np.array(middle))
     misfits = np.array(_misfits(T))
     best = rests(POCKET)[int(np.argmin(misfits))]
-    assert best.kind == "leaning"
-    assert misfits.min() < 6.0
+    assert best.kind == "wedged"
+    assert misfits.min() < 4.0
     assert np.sort(misfits)[1] > misfits.min() + 9.0
     assert possible(best, T, CUBE, POCKET)
 
