@@ -36,9 +36,7 @@ UNEVEN = 0.25  # of this step: a point that differs by more from a smooth top
 MOST_UNEVEN = 0.03  # fraction of such points
 MOST_RMS_PX = 0.35  # of steps about their lines
 MOST_MISFIT = 18.0  # of 8 degrees of freedom
-MOST_WEDGED_MISFIT = (
-    9.0  # of a wedged cube, whose tilt follows from its place: one that really is misfits by 1 to 4
-)
+MOST_WEDGED_MISFIT = 9.0  # of a wedged cube, whose tilt follows from its place; real ones misfit by 1 to 4
 MOST_GAIN = 25.0  # of misfit by a free pose
 RIVAL = 10.0  # difference of evidence, -2 log, within which another rest is possible
 MOST_STD = (0.35e-3, 0.7e-3, np.radians(1.3))  # across the normal, along it, any angle
