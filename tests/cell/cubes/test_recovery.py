@@ -89,6 +89,7 @@ def test_a_seated_cube_is_taken_again_only_so_often(found: dict[str, Any], most:
     assert f"it was taken again {most} time" in str(recovery.after_miss(SEEN, CUBE, HOME))
     assert not recovery.goes_on(CUBE)
     assert not recovery.displaced
+    assert found["asked"] == []  # what the look shows seated is not searched for
 
 
 @pytest.mark.parametrize("seat", ["off", "unsure"])
