@@ -48,7 +48,7 @@ class SearchOptions:
         iterations: most iterations of each start.
         seed: seed of the starts.
         samples: number of poses from the free intervals, with one free rotation and a closed form.
-        poses: number of poses that are tried of a goal that is free within limits (`plan.program.goals.freedom`).
+        poses: number of poses that are tried of a goal that is free within limits (`plan.kinematics.freedom`).
     """
 
     starts: int = 128

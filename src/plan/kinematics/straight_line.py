@@ -31,6 +31,10 @@ class Line:
         """Distance between the ends, m."""
         return float(norm(self.T_end[:3, 3] - self.T_start[:3, 3]))
 
+    def reversed(self) -> Line:
+        """Return it from its end to its start."""
+        return Line(self.T_end, self.T_start)
+
     @property
     def turn(self) -> Array:
         """Rotation vector (3,) from start to end, rad, in the tool frame at the start."""

@@ -27,6 +27,7 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
 from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.kinematics.product_of_exponentials import product_of_exponentials
+from plan.kinematics.straight_line import Line
 from plan.motion.phase import Join, LinearPath, MotionPhase
 from plan.options import PlanOptions
 from plan.trajectory.extremes import segment_extremes
@@ -312,7 +313,7 @@ class MotionBuilder:
     def _tolerance(self, group: Sequence[MotionPhase]) -> LineTolerance | None:
         """Return the tolerance of the tool on a single line; None for a transit, rounded lines or one that may turn."""
         line = group[0].line
-        if len(group) > 1 or line is None or line.free_axis is not None:
+        if len(group) > 1 or line is None or line.free_axis is not None or not isinstance(line.line, Line):
             return None
         return LineTolerance(self.robot, line.line)
 

@@ -8,11 +8,12 @@ from typing import Self
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, Line
 from plan.collision.world import World
+from plan.curve.tool_curve import ToolCurve
 
 
 @dataclass(frozen=True, eq=False)
 class LinearPath:
-    """A straight line of the tool, and the path of the joints along it.
+    """A straight line or a curve of the tool, and the path of the joints along it.
 
     Attributes:
         line: where the tool goes.
@@ -21,15 +22,15 @@ class LinearPath:
         free_axis: what may turn of the tool; see `plan.cartesian.differential_ik.LineOptions`.
     """
 
-    line: Line
+    line: Line | ToolCurve
     path: JointPath
     speed: float
     free_axis: str | None = None
 
     def reversed(self) -> Self:
-        """Return the same line from its end to its start."""
+        """Return it from its end to its start."""
         path = JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
-        return replace(self, line=Line(self.line.T_end, self.line.T_start), path=path)
+        return replace(self, line=self.line.reversed(), path=path)
 
 
 @dataclass(frozen=True, eq=False)

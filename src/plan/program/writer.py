@@ -10,7 +10,8 @@ from plan.motion.builder import MotionBuilder
 from plan.motion.phase import Join, MotionPhase
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.blending import join_of
-from plan.program.goals.line_chains import LinearMove, SequenceStep
+from plan.program.goals.line_chains import SequenceStep
+from plan.program.goals.linear_move import LinearMove
 from plan.program.goals.target import Target
 from plan.program.setting import Setting
 
@@ -135,6 +136,8 @@ class _Motion:
 
 
 def _line_name(role: str, target: Target) -> str:
+    if target.by == "path":
+        return f"along {target.name}" if role == "line" else f"back along {target.name}"
     match role:
         case "approach":
             return f"approach {target.name}"

@@ -144,6 +144,14 @@ class AttachmentWorlds:
         tool = Body("the tool frame", Sphere(_POINT), T_base_tool, "robot")
         return min((distance_of(part, body) for part in (*hand, tool)), key=lambda d: d.value)
 
+    def nominal_state(self, count: int) -> AttachmentState:
+        """Return the state after the first `count` targets, at their nominal poses despite free directions."""
+        state = self.start
+        for target in self.targets[:count]:
+            T_base_tool = target.poses[0] if target.q is None else self.robot.T_base_tool(target.q)
+            state = self.after(state, target, T_base_tool)
+        return state
+
     def after(self, state: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
         """Return the state after the actions at a target."""
         moved = dict(state.moved)

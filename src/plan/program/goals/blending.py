@@ -9,8 +9,9 @@ import numpy as np
 from arm.numerics.angles import arccos
 from arm.numerics.products import mul
 from arm.se3 import Array
+from plan.kinematics.straight_line import Line
 from plan.motion.phase import Join, LinearPath
-from plan.program.goals.line_chains import LinearMove
+from plan.program.goals.linear_move import LinearMove
 from plan.program.goals.target import Target
 
 _MOST = 0.4  # largest fraction of a line that a blend may remove at either end
@@ -48,8 +49,10 @@ def blend_distance(before: LinearMove, after: LinearMove, targets: Sequence[Targ
 
     A straight segment between the points at distance r before and after the corner passes the corner at a distance of
     r sin(change of direction / 2), at most the target's `blend_radius`. There is no blend where the tool only rotates,
-    stops or reverses, or where the allowed collisions change.
+    stops or reverses, where the allowed collisions change, or at the end of a path.
     """
+    if not (isinstance(before.line, Line) and isinstance(after.line, Line)):
+        return 0.0
     target = _corner(before, after, targets)
     at_target = after.role == "retract" or after.role == "line"
     if before.role == "retract":

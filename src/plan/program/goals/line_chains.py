@@ -19,27 +19,15 @@ from plan.cartesian.clear_line import follow_clear_line
 from plan.cartesian.line import Line, LineOptions, follow_line
 from plan.collision.world import World
 from plan.kinematics.numeric_ik import FREE
-from plan.motion.phase import LinearPath
 from plan.program.goals.attachments import AttachmentWorlds
+from plan.program.goals.linear_move import LinearMove
+from plan.program.goals.paths import PathMoves
 from plan.program.goals.target import Target
 from plan.program.setting import Setting
 from plan.transit.near_ends import NearEnd
 
 _TOLERANCE = 5e-6  # m, largest deviation of the tool from a line
 _NOWHERE = 1e-9  # m or rad, length below which a line is left out
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LinearMove(LinearPath):
-    """A line of a chain.
-
-    Attributes:
-        role: approach, line or retract.
-        target: index of the target at its end; of a retract, at its start.
-    """
-
-    role: str
-    target: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +79,7 @@ class SequenceStep:
 
 def groups(targets: Sequence[Target]) -> list[range]:
     """Return the indices of the targets of each chain."""
-    starts = [i for i, target in enumerate(targets) if target.by == "transit" or i == 0]
+    starts = [i for i, target in enumerate(targets) if target.by != "line" or i == 0]
     return [range(a, b) for a, b in zip(starts, [*starts[1:], len(targets)], strict=True)]
 
 
@@ -102,10 +90,18 @@ class LineChains:
         setting: arm, unit, limits, and options of lines.
         worlds: worlds and goals of the program.
         bends: whether lines bend around obstacles (`plan.cartesian.clear_line`); otherwise they are plain.
+        paths: moves along its paths; default: planned anew.
     """
 
-    def __init__(self, setting: Setting, worlds: AttachmentWorlds, bends: bool = False) -> None:
+    def __init__(
+        self,
+        setting: Setting,
+        worlds: AttachmentWorlds,
+        bends: bool = False,
+        paths: PathMoves | None = None,
+    ) -> None:
         self.setting, self.worlds, self.bends = setting, worlds, bends
+        self.paths = paths or PathMoves(setting, worlds)
         self.robot, self.targets = setting.robot, worlds.targets
         self.limits, self.options = setting.planned, setting.options
 
@@ -126,7 +122,11 @@ class LineChains:
         for index in group:
             target = self.targets[index]
             outwards: LinearMove | None = None
-            if index > group.start:
+            if target.by == "path":
+                outwards = self.paths.move(index, q)
+                items.append(outwards)
+                q = outwards.path.q[-1]
+            elif index > group.start:
                 lines = self.to(index, q)
                 items += lines
                 q = lines[-1].path.q[-1] if lines else q
@@ -135,6 +135,9 @@ class LineChains:
                 items.append(outwards.reversed())
             executed = self.setting.unit.positions(self.setting.unit.counts(q))
             items.append(TargetReached(index, frozen(executed), self.robot.T_base_tool(executed)))
+            if target.back and outwards is not None:
+                items.append(replace(outwards.reversed(), role="retract"))
+                q = outwards.path.q[0]
             if target.retract > 0.0:
                 changed = self.bends and (target.attach is not None or target.detach)
                 if outwards is None or target.retract != target.approach or changed:
@@ -219,11 +222,8 @@ class LineChains:
         return LinearMove(line, path, speed, axis, role=role, target=index)
 
     def world(self, role: str, index: int) -> World:
-        """Return the world on a line, with all earlier targets at their nominal poses despite free directions."""
-        state = self.worlds.start
-        for target in self.targets[: index + (role == "retract")]:
-            T_base_tool = target.poses[0] if target.q is None else self.robot.T_base_tool(target.q)
-            state = self.worlds.after(state, target, T_base_tool)
+        """Return the world on a line."""
+        state = self.worlds.nominal_state(index + (role == "retract"))
         return self.worlds.world(state, self.targets[index].pairs)
 
 

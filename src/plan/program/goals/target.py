@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from numbers import Integral, Real
 from types import NoneType
 from typing import Any
@@ -15,11 +16,12 @@ from arm.arguments import pairs as checked_pairs
 from arm.errors import A465Error, InputError
 from arm.former import renamed_arguments
 from arm.se3 import Array, frozen, orthonormalised
+from plan.curve.tool_curve import ToolCurve
+from plan.kinematics.freedom import Freedom
 from plan.kinematics.numeric_ik import FREE
 from plan.options import PlanOptions
-from plan.program.goals.freedom import Freedom
 
-WAYS = ("transit", "line")
+WAYS = ("transit", "line", "path")
 ATTACH_WITHIN = 0.010  # m
 ROLES = ("transit", "home")
 _KINDS: tuple[tuple[str, Any, str], ...] = (
@@ -28,6 +30,7 @@ _KINDS: tuple[tuple[str, Any, str], ...] = (
     ("ranges", Mapping, 'must be like {"rz": (-0.5, 1.0)}'),
     ("attach", (str, NoneType), "must be the name of a body, or None"),
     ("detach", bool, "must be True or False"),
+    ("back", bool, "must be True or False"),
     ("look", bool, "must be True or False"),
     ("cube", (Integral, NoneType), "must be a whole number, or None"),
     ("subject", str, "must be a name"),
@@ -52,21 +55,24 @@ class Target:
 
     Attributes:
         name: unique in its program; messages and steps contain it.
-        T_base_tool: pose (4, 4), or alternative poses (k, 4, 4), m; each rotation is replaced by the nearest proper
-            one, which must differ by at most 1e-6. None for a configuration.
+        T_base_tool: pose (4, 4), or alternative poses (k, 4, 4), m; with ``path`` the poses along it. Each rotation is
+            replaced by the nearest proper one, which must differ by at most 1e-6. None for a configuration.
         free: unconstrained directions: names of `plan.kinematics.numeric_ik.FREE`, in the pose's own axes; a string
             separates them by spaces or commas. With a tilt or ranges of rotations only rz may be free, and x, y and z
             together; on a line any of x, y and z.
         ranges: directions that are free within limits: name to lowest and highest value, m or rad, in the pose's own
-            axes (`plan.program.goals.freedom`).
+            axes (`plan.kinematics.freedom`).
         tilt: largest angle between the tool's z axis and the pose's, rad; instead of ranges of rx and ry.
         by: motion from the previous target: ``transit``, any path that keeps the clearance, or ``line``, straight for
             the tool. Along a line free directions keep their values; a single free rotation changes as little as
-            possible. Near obstacles free rotations may change more (`plan.cartesian.clear_line`).
+            possible. Near obstacles free rotations may change more (`plan.cartesian.clear_line`). Or ``path``: a
+            transit to the first of the poses, then through all of them without a stop (`plan.curve`); what is free
+            changes along the path as it is fastest.
+        back: whether the tool returns along a path to its first pose, after the actions at its last one.
         approach, retract: lengths of the straight lines along the tool's own z axis, to the pose and from it, m. If
             `rz` is free, the tool may rotate about that axis near obstacles, unless collisions are allowed there.
         speed: largest speed of the tool on the lines to and from the target, m/s (rad/s for a pure rotation); default:
-            `approach_speed` times `speed` of the options.
+            `approach_speed` times `speed` of the options, on a path as the joints allow.
         blend_radius: largest distance at which the tool may pass the pose, cutting its corner, m. With 0 the tool goes
             through the pose, and stops there if the path has a corner.
         dwell_s: time at rest, s.
@@ -107,6 +113,7 @@ class Target:
     role: str = "transit"
     cube: int | None = None
     subject: str = ""
+    back: bool = False
 
     def __post_init__(self) -> None:
         self._require_types()
@@ -122,8 +129,13 @@ class Target:
         if (self.T_base_tool is None) == (self.q is None):
             given = "both" if self.q is not None else None
             raise self.error("T_base_tool", given, "must be a pose, or give q instead")
-        if self.q is not None and (names or self.freedom or self.by == "line"):
+        if self.q is not None and (names or self.freedom or self.by != "transit"):
             raise self.error("q", "a configuration", "needs by='transit' and must not have free directions")
+        if self.back and self.by != "path":
+            raise self.error("back", True, "needs by='path'")
+        if self.by == "path" and (self.approach > 0.0 or self.retract > 0.0):
+            key = "approach" if self.approach > 0.0 else "retract"
+            raise self.error(key, getattr(self, key), "must be 0 if by='path'; begin the path further out")
         pairs = checked_pairs(f"target {self.name!r}: allowed_collisions", self.allowed_collisions)
         for key, value in (
             ("free", tuple(n for n in FREE if n in names)),
@@ -132,6 +144,8 @@ class Target:
             ("q", self._configuration()),
         ):
             object.__setattr__(self, key, value)
+        if self.by == "path":
+            _ = self.curve
 
     def _require_types(self) -> None:
         for key, kinds, rule in _KINDS:
@@ -180,9 +194,11 @@ class Target:
             shape_of = self.T_base_tool if given is None else given
             raise self.error("T_base_tool", shape_of, "must be a pose (4, 4), or poses (k, 4, 4)")
         shape, several = given.shape, given.ndim == 3
-        if several and (self.by == "line" or not shape[0]):
-            rule = "must be one pose if by='line'" if shape[0] else "must be at least one pose"
+        if self.by != "transit" and several != (self.by == "path"):
+            rule = "must be one pose if by='line'" if several else "must be poses (k, 4, 4) if by='path'"
             raise self.error("T_base_tool", shape, rule)
+        if several and not shape[0]:
+            raise self.error("T_base_tool", shape, "must be at least one pose")
         try:
             poses = [orthonormalised(T, tolerance=1e-6) for T in given.reshape(-1, 4, 4)]
         except (A465Error, ValueError) as error:
@@ -195,11 +211,26 @@ class Target:
             raise self.error("q", self.q, "must be one finite number per joint, rad")
         return None if q is None else frozen(q)
 
+    @cached_property
+    def curve(self) -> ToolCurve:
+        """The path of ``by='path'``.
+
+        Raises:
+            InputError: all its poses are the same, or a direction is free that may not be on a path.
+        """
+        poses = np.zeros((0, 4, 4)) if self.T_base_tool is None else self.T_base_tool
+        try:
+            return ToolCurve(poses, self.freedom, tuple(self.free))
+        except InputError as error:
+            raise self.error("T_base_tool", "a path", str(error)) from error
+
     @property
     def poses(self) -> Array:
-        """Its alternative poses (k, 4, 4); none for a configuration."""
+        """Its alternative poses (k, 4, 4), of a path the last one; none for a configuration."""
         if self.T_base_tool is None:
             return np.zeros((0, 4, 4))
+        if self.by == "path":
+            return self.T_base_tool[-1:]
         return self.T_base_tool.reshape(-1, 4, 4)
 
     @property

@@ -15,6 +15,7 @@ from plan.kinematics.ik import explain_pose
 from plan.kinematics.numeric_ik import SearchOptions, Solutions, solve_ik
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.program.goals.attachments import AttachmentWorlds
+from plan.program.goals.paths import PathMoves
 from plan.program.goals.target import Target
 from plan.program.setting import Setting
 from plan.trajectory.time_estimates import straight_time, straight_times
@@ -32,13 +33,20 @@ class Candidates:
         worlds: worlds and goals of the program.
         groups: the goals of each chain.
         ik: budget of the inverse kinematics.
+        paths: moves along the paths of the program; default: planned anew.
     """
 
     def __init__(
-        self, setting: Setting, worlds: AttachmentWorlds, groups: Sequence[range], ik: SearchOptions
+        self,
+        setting: Setting,
+        worlds: AttachmentWorlds,
+        groups: Sequence[range],
+        ik: SearchOptions,
+        paths: PathMoves | None = None,
     ) -> None:
         self.robot, self.limits, self.options = setting.robot, setting.planned, setting.options
-        self.worlds, self.targets, self.groups, self.ik = worlds, worlds.targets, groups, ik
+        self.worlds, self.targets, self.paths = worlds, worlds.targets, paths or PathMoves(setting, worlds)
+        self.groups, self.ik = groups, ik
         self._found: list[Solutions] = []
 
     @property
@@ -52,7 +60,7 @@ class Candidates:
         Raises:
             ImpossibleError: a target has no solution, or all of them are too near to a body.
         """
-        reached = self._reached([self.targets[group.start] for group in self.groups])
+        reached = self._reached([group.start for group in self.groups])
         self._found = [self.free(group, some) for group, some in zip(self.groups, reached, strict=True)]
         at, here, steps = q_start[None], [np.zeros(1)], list[Array]()
         for number, found in enumerate(self._found):
@@ -77,13 +85,18 @@ class Candidates:
         """Return the solutions of a group, ordered by the time of the fastest straight motions through all groups."""
         return self._found[number]
 
-    def _reached(self, targets: Sequence[Target]) -> list[Solutions]:
-        """Return all solutions of each target. Those with the same free directions are solved together: numpy takes
-        little longer for several poses than for one.
+    def _reached(self, indices: Sequence[int]) -> list[Solutions]:
+        """Return all solutions of each target, of a path at its start. Those with the same free directions are solved
+        together: numpy takes little longer for several poses than for one.
         """
+        targets = [self.targets[index] for index in indices]
         found = [Solutions.at(np.zeros(0) if target.q is None else target.q) for target in targets]
         for free in dict.fromkeys(target.free for target in targets):
-            alike = [i for i, target in enumerate(targets) if target.q is None and target.free == free]
+            alike = [
+                i
+                for i, target in enumerate(targets)
+                if target.q is None and target.by != "path" and target.free == free
+            ]
             poses = [self._poses(targets[i]) for i in alike]
             if not poses:
                 continue
@@ -92,6 +105,9 @@ class Candidates:
             every = solve_ik(self.robot, T_base_tool, limits.lower, limits.upper, free, self.ik)
             for i in alike:
                 found[i] = every.rows(np.flatnonzero(of[every.pose] == i))
+        for i, target in enumerate(targets):
+            if target.by == "path":
+                found[i] = self.paths.solutions(indices[i])
         return found
 
     def _poses(self, target: Target) -> Array:
@@ -144,7 +160,7 @@ class Candidates:
         target = self.targets[group.start]
         if not len(solutions):
             raise self._unreachable(target)
-        alone = len(group) == 1 and target.approach == target.retract == 0.0
+        alone = len(group) == 1 and target.approach == target.retract == 0.0 and target.by != "path"
         if alone:  # a transit ends there and another begins
             world, clearance = self.worlds.at_least(), self.options.clearance
         else:

@@ -22,6 +22,7 @@ from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.numeric_ik import SearchOptions
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.line_chains import LineChain, LineChains, SequenceStep, TargetReached, groups
+from plan.program.goals.paths import PathMoves
 from plan.program.goals.target import Target
 from plan.program.planned import Planned, Reached, unfinished
 from plan.program.sequence.candidates import Candidates
@@ -78,7 +79,9 @@ class SequencePlanner:
     ) -> None:
         _require_distinct(targets)
         self.setting, self.options, self.effort = setting, setting.options, effort or SearchEffort()
-        first = replace(targets[0], by="transit")  # no pose precedes it
+        first = (
+            targets[0] if targets[0].by == "path" else replace(targets[0], by="transit")
+        )  # no pose precedes it
         self.targets = [
             goal if goal.q is None else replace(goal, q=setting.at_counts(goal.name, goal.q))
             for goal in (first, *targets[1:])
@@ -95,7 +98,8 @@ class SequencePlanner:
         self.search: PoseSearch | None = None
         self.followed: dict[tuple[bool, int, int], LineChain | ImpossibleError] = {}
         self.writer = MotionWriter(setting, self.worlds)
-        self.chains = {bends: LineChains(setting, self.worlds, bends) for bends in (False, True)}
+        self.paths = PathMoves(setting, self.worlds)
+        self.chains = {bends: LineChains(setting, self.worlds, bends, self.paths) for bends in (False, True)}
 
     def planned(self, meter: Meter) -> Planned:
         """Return the plan.
@@ -114,7 +118,7 @@ class SequencePlanner:
             raise self._ended(stop) from stop
 
     def _planned(self, meter: Meter) -> Planned:
-        candidates = Candidates(self.setting, self.worlds, self.groups, self.effort.ik)
+        candidates = Candidates(self.setting, self.worlds, self.groups, self.effort.ik, self.paths)
         candidates.solve(self.start.chains[0].q_in)
         self._require_clear_start()
         # plain lines first; if no plan was found, lines bend if they can
@@ -164,6 +168,8 @@ class SequencePlanner:
         made: list[LineChain] = []
         why: list[ImpossibleError] = []
         found = candidates.ranked(number)
+        if self.targets[group.start].by == "path" and width <= self.effort.candidates:
+            width = 1  # one way along a path takes as long as hundreds of lines
         for rank, (q, branch) in enumerate(zip(found.q, found.branch, strict=True)):
             if len(made) == width:
                 break

@@ -12,7 +12,8 @@ from arm.controller.unit import Limits
 from arm.se3 import Array
 from plan.program.goals.blending import blend_distance
 from plan.program.goals.leg_times import LineEnds, least_from_rest, passing, standing
-from plan.program.goals.line_chains import LinearMove, LineChain, TargetReached
+from plan.program.goals.line_chains import LineChain, TargetReached
+from plan.program.goals.linear_move import LinearMove
 from plan.program.goals.target import Target
 
 _MIDDLE = 33  # samples of a line with blended ends

@@ -13,7 +13,7 @@ from arm.robot.model import Robot
 from arm.se3 import Array, transform
 from plan.cartesian.line import Line
 from plan.program.goals.blending import blend_distance
-from plan.program.goals.line_chains import LinearMove
+from plan.program.goals.linear_move import LinearMove
 from plan.program.goals.target import Target
 from plan.program.pose_lists import plan_poses
 from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down

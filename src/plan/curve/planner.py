@@ -1,0 +1,140 @@
+"""Ways along a curve: chains of the layered graph, smoothed and certified.
+
+A chain (`plan.curve.graph`) shows on which side of a body there is room; it is jagged. Smoothing
+(`plan.curve.smoothing`) makes it fast. The spline through the result is compared with the curve and certified; where it
+leaves what is free, it gets more stations, and where a certificate fails, it is smoothed again with more room.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen
+from plan.cartesian.line import JointPath
+from plan.collision.bezier import curve_of_path
+from plan.collision.certificate import certify_curve
+from plan.collision.search_margin import LINE_MARGIN
+from plan.collision.world import World
+from plan.curve.graph import Chain, CurveGraph
+from plan.curve.smoothing import Followed, Smoothing
+from plan.curve.tool_curve import ToolCurve
+from plan.kinematics.product_of_exponentials import product_of_exponentials
+
+TOLERANCE = 5e-5  # m, by which the tool may be beyond what is free, and
+ANGLE_TOLERANCE = 1e-3  # rad
+_MARGIN = 5e-4  # m, clearance of chains beyond the required one
+_ROUNDS, _MORE_ROUNDS = 20, 3  # steps of the smoothing of a chain, and with more stations
+_ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
+_FINER = 4  # times that stations are doubled
+_WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
+
+
+class CurvePlanner:
+    """Plans ways along one curve in one world.
+
+    Args:
+        name: of the target, for messages.
+        robot: an arm with closed-form inverse kinematics.
+        curve: what the tool follows.
+        world: the arm and all bodies.
+        clearance: required, m.
+        limits: of the joints.
+
+    Raises:
+        InputError: the arm has no closed form.
+    """
+
+    def __init__(
+        self, name: str, robot: Robot, curve: ToolCurve, world: World, clearance: float, limits: Limits
+    ) -> None:
+        self.name, self.robot, self.curve, self.world = name, robot, curve, world
+        self.clearance = clearance
+        room = np.minimum(_ROOM, (limits.upper - limits.lower) / 4.0)
+        self.limits = replace(limits, lower=frozen(limits.lower + room), upper=frozen(limits.upper - room))
+
+    def chains(self, most: int) -> list[Chain]:
+        """Return the fastest clear chains, at most one for each branch of the inverse kinematics.
+
+        Raises:
+            ImpossibleError: there is none; see `CurveGraph.impossible`.
+        """
+        graph = CurveGraph(self.robot, self.curve, self.world, self.clearance + _MARGIN, self.limits)
+        found = list(islice(graph.chains(), most))
+        if not found:
+            raise graph.impossible(self.name)
+        return found
+
+    def followed(self, chain: Chain) -> JointPath:
+        """Return the certified path of the joints that begins as a chain and is fast.
+
+        Raises:
+            ImpossibleError: no path near the chain can be certified, or stays on the curve.
+        """
+        seen: ImpossibleError | None = None
+        for wider in _WIDER:
+            smoothing = Smoothing(
+                self.robot, self.curve, self.world, self.clearance + LINE_MARGIN + wider, self.limits
+            )
+            coordinates = np.array(chain.coordinates)
+            coordinates[:, 5] = _unwrapped(coordinates[:, 5])
+            way = smoothing.at(chain.places, coordinates, chain.q)
+            if way is None:
+                break
+            try:
+                return self._certified(smoothing, way)
+            except ImpossibleError as error:
+                seen = error
+        why = f"path {self.name!r}: the tool cannot be kept on it near {chain.branch}"
+        raise seen or ImpossibleError(why, target=self.name, length_m=self.curve.length)
+
+    def _certified(self, smoothing: Smoothing, way: Followed) -> JointPath:
+        smooth = smoothing.smoothed(way, _ROUNDS)
+        for _ in range(_FINER):
+            if self.beyond(smooth) <= 1.0:
+                break
+            finer = smoothing.finer(smooth)
+            if finer is None:
+                break
+            smooth = smoothing.smoothed(finer, _MORE_ROUNDS)
+        off = self.beyond(smooth)
+        if off > 1.0:
+            raise ImpossibleError(
+                f"path {self.name!r}: the tool leaves it by {off:.1f} times what is allowed; the arm is close to a "
+                "singular configuration, or the path has a corner; round it, or free more directions",
+                target=self.name,
+                length_m=self.curve.length,
+            )
+        path = JointPath(smooth.q, frozen(smooth.places))
+        check = certify_curve(self.world, curve_of_path(path.spline), self.clearance + LINE_MARGIN)
+        if not check.proved:
+            raise ImpossibleError(
+                f"path {self.name!r}: {check.pair[0]} comes within {1e3 * check.seen:.2f} mm of {check.pair[1]} "
+                f"(required: {1e3 * self.clearance:g} mm)",
+                target=self.name,
+                pair=list(check.pair),
+                distance_m=check.seen,
+                clearance_m=self.clearance,
+            )
+        return path
+
+    def beyond(self, way: Followed) -> float:
+        """Return the largest deviation of the spline through a way, in tolerances."""
+        path = JointPath(way.q, way.places)
+        between = (way.places[:-1, None] + np.diff(way.places)[:, None] * np.array([0.25, 0.5, 0.75])).ravel()
+        poses = product_of_exponentials(self.robot).tool_poses(path.spline(between))
+        off = self.curve.deviation(poses, None, between / self.curve.length)
+        return float(max(off.distance.max() / TOLERANCE, off.angle.max() / ANGLE_TOLERANCE))
+
+
+def _unwrapped(angles: Array) -> Array:
+    """Return angles (m,) rad without jumps of whole revolutions."""
+    steps = np.diff(angles)
+    return np.concatenate(
+        [angles[:1], angles[0] + np.cumsum(steps - 2.0 * np.pi * np.rint(steps / (2.0 * np.pi)))]
+    )

@@ -1,0 +1,266 @@
+"""Smoothing of a chain along a curve: sequential quadratic programs over the free directions of all stations.
+
+The variables are changes of the free coordinates at every station. The tool stays on the curve, since the joints follow
+from the coordinates. Each program minimises, for the joint motions d_i from station to station,
+
+    sum over i, joints k of  w_ik (d_ik / velocity_k)^2  +  b (d_ik - d_(i-1)k)^2 / velocity_k^2
+
+subject to the limits of the coordinates and of the joints, a trust region, and linearised distances of all near pairs.
+The weights w are those of iteratively reweighted least squares for a norm of high order over the joints, because the
+slowest joint alone decides the time of a step (E. Candès, M. Wakin, S. Boyd, "Enhancing sparsity by reweighted l1
+minimization", 2008, for the method). With the clearance as the aim, the least distance is a variable, and is maximised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import qpsolvers
+from scipy.interpolate import CubicSpline
+
+from arm.controller.unit import Limits
+from arm.numerics.products import mul, solve_positive
+from arm.robot.model import Robot
+from arm.se3 import Array, frozen
+from plan.budget import QP_CHECKS, spend
+from plan.collision.world import World
+from plan.curve.tool_curve import ToolCurve, directions
+from plan.kinematics.numeric_ik import solutions_near
+from plan.kinematics.product_of_exponentials import product_of_exponentials
+from plan.trajectory.time_estimates import path_time
+
+_ORDER = 6  # of the norm over the joints
+_BEND = 1.0  # weight of changes of motion from step to step
+_ROOM = 0.15  # of a coordinate's limits at either end, for what lies between stations
+_SMALL = 1e-6  # weight of the change of a coordinate
+_TURN, _SHIFT = 0.25, 0.006  # rad and m, first trust region
+_LEAST_REGION = 0.05  # of the first trust region
+_INFLUENCE = 0.015  # m beyond the clearance, of pairs that constrain a step
+_AIM = 3e-4  # m, added to the clearance where distances are linearised
+_PENALTY = 1e4  # per m of missing clearance
+_NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
+_PROBE = 1e-6  # rad or m, of the derivative by the coordinates
+_WORTH = 2e-3  # least useful gain of a step, relative
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Configurations along a curve.
+
+    Attributes:
+        places: (m,) on the curve, m.
+        coordinates: (m, 6) of the free directions there.
+        q: (m, n) rad.
+    """
+
+    places: Array
+    coordinates: Array
+    q: Array
+
+
+class Smoothing:
+    """Smooths the way of the joints along one curve.
+
+    Args:
+        robot: the arm.
+        curve: what the tool follows.
+        world: the arm and all bodies.
+        clearance: required, m.
+        limits: of the joints.
+    """
+
+    def __init__(
+        self, robot: Robot, curve: ToolCurve, world: World, clearance: float, limits: Limits
+    ) -> None:
+        self.robot, self.curve, self.world, self.limits = robot, curve, world, limits
+        self.clearance, self.too_near = clearance, world.too_near(clearance)
+        self.arm = product_of_exponentials(robot)
+        self.columns = directions(curve)
+        low, high = (some[self.columns] for some in curve.box())
+        room = np.where(np.isinf(high), 0.0, _ROOM * (high - low))
+        self.low, self.high, self.room, self.tilt = low, high, room, curve.freedom.tilt
+
+    def at(self, places: Array, coordinates: Array, q: Array) -> Followed | None:
+        """Return configurations near q (m, n) with these coordinates; None if there are none within limits."""
+        T = self.curve.placed(places, coordinates)
+        found, met = solutions_near(self.robot, q, T, self.limits.lower, self.limits.upper)
+        if not met.all() or np.abs(found - q).max() > 0.5:
+            return None
+        return Followed(frozen(places), frozen(coordinates), frozen(found))
+
+    def finer(self, way: Followed) -> Followed | None:
+        """Return the way with a station in the middle of every step; coordinates follow the spline through theirs."""
+        middles = 0.5 * (way.places[1:] + way.places[:-1])
+        between = CubicSpline(way.places, way.coordinates)(middles)
+        self._within(between)
+        q = CubicSpline(way.places, way.q)(middles)
+        coordinates = _merged(way.coordinates, between)
+        return self.at(_merged(way.places, middles), coordinates, _merged(way.q, q))
+
+    def _within(self, coordinates: Array) -> None:
+        """Move coordinates (m, 6) into their limits, in place."""
+        coordinates[:, self.columns] = np.clip(coordinates[:, self.columns], self.low, self.high)
+        tilt = self.tilt
+        if tilt > 0.0:
+            swing = np.sqrt((coordinates[:, 3:5] ** 2).sum(axis=1, keepdims=True))
+            coordinates[:, 3:5] *= np.minimum(1.0, tilt / np.maximum(swing, 1e-12))
+
+    def blocked(self, way: Followed) -> bool:
+        """Return whether a station, or the middle between two, is too near to something."""
+        middles = 0.5 * (way.q[1:] + way.q[:-1])
+        return any(map(self.too_near, way.q)) or any(map(self.too_near, middles))
+
+    def time(self, way: Followed) -> float:
+        """Estimate the time of a way, s."""
+        return path_time(way.q, self.limits)
+
+    def smoothed(self, way: Followed, rounds: int) -> Followed:
+        """Return a faster way that is clear at its stations; the same if none is found."""
+        if not self.columns:
+            return way
+        time, region = self.time(way), 1.0
+        for _ in range(rounds):
+            if region < _LEAST_REGION:
+                break
+            spend(QP_CHECKS)
+            step = self._step(way, region)
+            if step is None:
+                break
+            for part in (1.0, 0.5):
+                trial = self._moved(way, part * step)
+                if trial is None:
+                    continue
+                faster = time - self.time(trial)
+                if faster > _WORTH * time and not self.blocked(trial):
+                    way, time = trial, time - faster
+                    region *= 1.0 if part == 1.0 else 0.5
+                    break
+            else:
+                region *= 0.35
+        return way
+
+    def _moved(self, way: Followed, step: Array) -> Followed | None:
+        coordinates = np.array(way.coordinates)
+        coordinates[:, self.columns] += step
+        self._within(coordinates)
+        guess = way.q + mul(self._derivatives(way), step[..., None])[..., 0]
+        return self.at(way.places, coordinates, np.clip(guess, self.limits.lower, self.limits.upper))
+
+    def _derivatives(self, way: Followed) -> Array:
+        """Return the derivative (m, n, f) of the joints by the free coordinates."""
+        T = self.curve.placed(way.places, way.coordinates)
+        J = self.arm.jacobians(way.q)
+        twists = np.empty((len(T), 6, len(self.columns)))
+        for k, column in enumerate(self.columns):
+            shifted = np.array(way.coordinates)
+            shifted[:, column] += _PROBE
+            there = self.curve.placed(way.places, shifted)
+            twists[:, :3, k] = (there[:, :3, 3] - T[:, :3, 3]) / _PROBE
+            turned = mul(there[:, :3, :3], np.swapaxes(T[:, :3, :3], 1, 2))
+            # of a small rotation, the vector of its skew part
+            twists[:, 3, k] = 0.5 * (turned[:, 2, 1] - turned[:, 1, 2]) / _PROBE
+            twists[:, 4, k] = 0.5 * (turned[:, 0, 2] - turned[:, 2, 0]) / _PROBE
+            twists[:, 5, k] = 0.5 * (turned[:, 1, 0] - turned[:, 0, 1]) / _PROBE
+        JT = np.swapaxes(J, 1, 2)
+        H = mul(J, JT) + 1e-9 * np.eye(6)
+        columns = [
+            mul(JT, solve_positive(H, twists[..., k])[..., None])[..., 0] for k in range(len(self.columns))
+        ]
+        return np.stack(columns, axis=-1)
+
+    def _step(self, way: Followed, region: float) -> Array | None:
+        """Return the best change (m, f) of the free coordinates within a trust region; None if there is none."""
+        D, (m, f) = self._derivatives(way), (len(way.q), len(self.columns))
+        size = m * f + 1  # and the missing clearance
+        P, linear = np.zeros((m, f, m, f)), np.zeros((m, f))
+        v = self.limits.velocity
+        steps = np.diff(way.q, axis=0) / v
+        W = _weights(steps)
+        S = D / v[:, None]
+        for weight, parts in (
+            (W, (-1.0, 1.0)),
+            (np.full((m - 2, len(v)), _BEND * float(W.mean())), (1.0, -2.0, 1.0)),
+        ):
+            rows = len(parts)
+            value = steps if rows == 2 else np.diff(steps, axis=0)
+            for a, one in enumerate(parts):
+                here = np.arange(a, a + len(value))
+                of_a = one * S[here] * weight[..., None]
+                np.add.at(linear, here, (of_a * value[..., None]).sum(axis=1))
+                for b, two in enumerate(parts):
+                    there = np.arange(b, b + len(value))
+                    block = mul(np.swapaxes(of_a, 1, 2), two * S[there])
+                    P[here, :, there, :] += block
+        matrix = np.zeros((size, size))
+        matrix[:-1, :-1] = P.reshape(m * f, m * f)
+        matrix[range(size), range(size)] += _SMALL * max(float(np.abs(matrix).max()), 1e-12)
+        G, h = self._rows(way, D, size)
+        trust = region * np.where(np.array(self.columns) < 3, _SHIFT, _TURN)
+        at = way.coordinates[:, self.columns]
+        low = np.maximum(np.minimum(self.low + self.room - at, 0.0), -trust)
+        high = np.minimum(np.maximum(self.high - self.room - at, 0.0), trust)
+        x = qpsolvers.solve_qp(
+            matrix,
+            np.concatenate([linear.ravel(), [_PENALTY]]),
+            G,
+            h,
+            lb=np.concatenate([low.ravel(), [0.0]]),
+            ub=np.concatenate([high.ravel(), [1.0]]),
+            solver="daqp",
+        )
+        return None if x is None else x[:-1].reshape(m, f)
+
+    def _rows(self, way: Followed, D: Array, size: int) -> tuple[Array, Array]:
+        """Return the rows G x <= h: distances, joint limits and the disc of tilts."""
+        m, f = len(way.q), len(self.columns)
+        middles = 0.5 * (way.q[1:] + way.q[:-1])
+        near = self.world.near(np.concatenate([way.q, middles]), self.clearance + _INFLUENCE)
+        pushed = np.zeros((len(near.row), m, f))
+        index = np.arange(len(near.row))
+        inner = near.row >= m
+        first = np.where(inner, near.row - m, near.row)
+        part = np.where(inner, 0.5, 1.0)[:, None]
+        pushed[index, first] -= part * mul(near.gradient[:, None], D[first])[:, 0]
+        second = first[inner] + 1
+        pushed[index[inner], second] -= 0.5 * mul(near.gradient[inner, None], D[second])[:, 0]
+        distance_rows = np.concatenate(
+            [pushed.reshape(len(index), m * f), np.full((len(index), 1), -1.0)], axis=1
+        )
+        rows, room = [distance_rows], [near.distance - (self.clearance + _AIM)]
+        for side, left in ((1.0, self.limits.upper - way.q), (-1.0, way.q - self.limits.lower)):
+            station, joint = np.nonzero(left < _NEAR_LIMIT)
+            some = np.zeros((len(station), size))
+            place = station[:, None] * f + np.arange(f)
+            some[np.arange(len(station))[:, None], place] = side * D[station, joint]
+            rows.append(some)
+            room.append(left[station, joint])
+        tilt = self.tilt
+        if tilt > 0.0:
+            swing = way.coordinates[:, 3:5]
+            size_of = np.sqrt((swing**2).sum(axis=1))
+            outer = np.flatnonzero(size_of > 0.5 * tilt)
+            some = np.zeros((len(outer), size))
+            for k, column in enumerate((3, 4)):
+                some[np.arange(len(outer)), outer * f + self.columns.index(column)] = (
+                    swing[outer, k] / size_of[outer]
+                )
+            rows.append(some)
+            room.append(np.maximum((1.0 - _ROOM) * tilt - size_of[outer], 0.0))
+        return np.concatenate(rows), np.concatenate(room)
+
+
+def _weights(steps: Array) -> Array:
+    """Return the weights (m, n) of steps (m, n), s, whose weighted squares stand for a norm of high order."""
+    size = np.abs(steps) + 1e-4
+    largest = size.max(axis=1, keepdims=True)
+    ratio = size / largest
+    whole = (ratio**_ORDER).sum(axis=1, keepdims=True) ** (1.0 / _ORDER)
+    return np.asarray(ratio ** (_ORDER - 2) / (whole ** (_ORDER - 1) * largest))
+
+
+def _merged(values: Array, middles: Array) -> Array:
+    """Return values (m, ...) with middles (m - 1, ...) between them."""
+    out = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    out[::2], out[1::2] = values, middles
+    return out

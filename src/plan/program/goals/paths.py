@@ -1,0 +1,79 @@
+"""Paths of a program: the moves along curves of the tool (`plan.curve`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm.se3 import Array
+from plan.curve.graph import Chain
+from plan.curve.planner import CurvePlanner
+from plan.kinematics.closed_form import has_closed_form
+from plan.kinematics.numeric_ik import Solutions
+from plan.program.goals.attachments import AttachmentWorlds
+from plan.program.goals.linear_move import LinearMove
+from plan.program.setting import Setting
+
+_CANDIDATES = 4  # chains along a path, of different branches
+_NO_CAP = 100.0  # m/s, tool speed that is no limit
+
+
+class PathMoves:
+    """The moves along the paths of a program, each planned at its first use.
+
+    Args:
+        setting: arm, limits, and options of lines.
+        worlds: worlds and goals of the program.
+    """
+
+    def __init__(self, setting: Setting, worlds: AttachmentWorlds) -> None:
+        self.setting, self.worlds = setting, worlds
+        self._planners: dict[int, CurvePlanner] = {}
+        self._chains: dict[int, list[Chain]] = {}
+        self._moves: dict[tuple[int, bytes], LinearMove] = {}
+
+    def solutions(self, index: int) -> Solutions:
+        """Return where the tool may begin the path of a target, the fastest path first.
+
+        Raises:
+            InputError: the arm has no closed-form inverse kinematics.
+            ImpossibleError: there is no clear path.
+        """
+        chains = self._chains_of(index)
+        return Solutions(
+            np.stack([chain.q[0] for chain in chains]),
+            np.zeros(len(chains), dtype=np.intp),
+            tuple(chain.branch for chain in chains),
+            np.zeros(len(chains), dtype=bool),
+        )
+
+    def move(self, index: int, q: Array) -> LinearMove:
+        """Return the certified move along the path of a target that begins near q (n,), a solution of `solutions`.
+
+        Raises:
+            ImpossibleError: it cannot be smoothed and certified.
+        """
+        key = index, q.tobytes()
+        if key not in self._moves:
+            chain = next(chain for chain in self._chains_of(index) if np.array_equal(chain.q[0], q))
+            target = self.worlds.targets[index]
+            path = self._planner(index).followed(chain)
+            speed = _NO_CAP if target.speed is None else target.speed
+            self._moves[key] = LinearMove(target.curve, path, speed, "xyz", role="line", target=index)
+        return self._moves[key]
+
+    def _chains_of(self, index: int) -> list[Chain]:
+        if index not in self._chains:
+            self._chains[index] = self._planner(index).chains(_CANDIDATES)
+        return self._chains[index]
+
+    def _planner(self, index: int) -> CurvePlanner:
+        target, setting = self.worlds.targets[index], self.setting
+        if index not in self._planners:
+            if not has_closed_form(setting.robot):
+                raise target.error("by", target.by, "needs an arm with closed-form inverse kinematics")
+            world = self.worlds.world(self.worlds.nominal_state(index), target.pairs)
+            clearance = target.clearance_on_lines(setting.options)
+            self._planners[index] = CurvePlanner(
+                target.name, setting.robot, target.curve, world, clearance, setting.planned
+            )
+        return self._planners[index]
