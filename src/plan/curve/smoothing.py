@@ -30,8 +30,8 @@ from plan.kinematics.numeric_ik import solutions_near
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.time_estimates import path_time
 
-_ORDER = 6  # of the norm over the joints
-_BEND = 1.0  # weight of changes of motion from step to step
+_ORDER = 3  # of the norm over the joints
+_BEND = 4.0  # weight of changes of motion from step to step
 _ROOM = 0.15  # of a coordinate's limits at either end, for what lies between stations
 _SMALL = 1e-6  # weight of the change of a coordinate
 _TURN, _SHIFT = 0.25, 0.006  # rad and m, first trust region

@@ -12,8 +12,8 @@ from arm.errors import InputError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder
 from arm.se3 import rot_x, rot_y, rot_z, rotation, transform
-from plan.kinematics.numeric_ik import FREE
 from plan.kinematics.freedom import Freedom, coordinates_of
+from plan.kinematics.numeric_ik import FREE
 from plan.program.goals.target import Target
 from plans.waypoints import planned, refusal_of
 from tasks.pose_lists import TABLE, down
