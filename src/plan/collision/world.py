@@ -121,6 +121,8 @@ class World:
         for body in (*bodies, *([] if held is None else [held])):
             if not isinstance(body, Body):
                 raise InputError(f"bodies: {given.shown(body)}: must be a Body", value=given.shown(body))
+        allowed = given.pairs("allowed", allowed)
+        self._made_of = robot, tuple(bodies), held, T_tool_held, allowed, padding
         self.robot = robot
         self.padding = given.number("padding", padding, 0.0, 100.0, "m", "distances are reduced by it")
         given.rigid("robot.T_end_tool", robot.T_end_tool)
@@ -136,7 +138,7 @@ class World:
         if len(set(self.names)) != len(parts):
             raise InputError(f"bodies: names must differ: {', '.join(self.names)}", names=list(self.names))
 
-        self.pairs = _pairs(parts, robot.disabled_collisions | given.pairs("allowed", allowed))
+        self.pairs = _pairs(parts, robot.disabled_collisions | allowed)
         self.paddings = frozen(self.padding + np.array([p.padding for p in parts])[self.pairs].sum(axis=1))
         self._joint = np.array([p.joint for p in parts], dtype=np.intp)
         # joints that move the bodies of a pair relative to each other
@@ -198,6 +200,22 @@ class World:
         spend(DISTANCE_CHECKS * count)
         distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
         return Witnesses(np.asarray(distances), normals[:count], points[:count])
+
+    def only(self, names: Iterable[str]) -> World:
+        """Return the same world with only those pairs that contain a body of `names`.
+
+        Raises:
+            InputError: a name is not that of a body.
+        """
+        wanted = set(names)
+        unknown = sorted(wanted - set(self.names))
+        if unknown:
+            why = f"names: {unknown[0]!r}: must be one of {', '.join(self.names)}"
+            raise InputError(why, name=unknown[0])
+        robot, bodies, held, T_tool_held, allowed, padding = self._made_of
+        others = [self.pair_names(i) for i in range(len(self.pairs))]
+        left_out = [frozenset(pair) for pair in others if not wanted & set(pair)]
+        return World(robot, bodies, held, T_tool_held, (*allowed, *left_out), padding)
 
     def joint_of(self, name: str) -> int:
         """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""

@@ -22,7 +22,7 @@ from plan.collision.certificate import certify_curve
 from plan.collision.search_margin import LINE_MARGIN
 from plan.collision.world import World
 from plan.curve.graph import Chain, CurveGraph
-from plan.curve.smoothing import Followed, Smoothing
+from plan.curve.smoothing import Demand, Followed, Smoothing
 from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
@@ -32,6 +32,7 @@ _MARGIN = 5e-4  # m, clearance of chains beyond the required one
 _ROUNDS, _MORE_ROUNDS = 20, 3  # steps of the smoothing of a chain, and with more stations
 _ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
 _FINER = 4  # times that stations are doubled
+_GIVEN = 3e-4  # m, of the largest distance, for the sake of time
 _WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
 
 
@@ -45,16 +46,25 @@ class CurvePlanner:
         world: the arm and all bodies.
         clearance: required, m.
         limits: of the joints.
+        widened: names of bodies whose least distance is maximised, of all if empty; None: time alone is the aim.
 
     Raises:
         InputError: the arm has no closed form.
     """
 
     def __init__(
-        self, name: str, robot: Robot, curve: ToolCurve, world: World, clearance: float, limits: Limits
+        self,
+        name: str,
+        robot: Robot,
+        curve: ToolCurve,
+        world: World,
+        clearance: float,
+        limits: Limits,
+        widened: frozenset[str] | None = None,
     ) -> None:
         self.name, self.robot, self.curve, self.world = name, robot, curve, world
         self.clearance = clearance
+        self.widened = None if widened is None else world.only(widened) if widened else world
         room = np.minimum(_ROOM, (limits.upper - limits.lower) / 4.0)
         self.limits = replace(limits, lower=frozen(limits.lower + room), upper=frozen(limits.upper - room))
 
@@ -78,20 +88,27 @@ class CurvePlanner:
         """
         seen: ImpossibleError | None = None
         for wider in _WIDER:
-            smoothing = Smoothing(
-                self.robot, self.curve, self.world, self.clearance + LINE_MARGIN + wider, self.limits
-            )
+            demand = Demand(self.world, self.clearance + LINE_MARGIN + wider)
+            smoothing = Smoothing(self.robot, self.curve, [demand], self.limits)
             coordinates = np.array(chain.coordinates)
             coordinates[:, 5] = _unwrapped(coordinates[:, 5])
             way = smoothing.at(chain.places, coordinates, chain.q)
             if way is None:
                 break
+            if self.widened is not None:
+                smoothing, way = self._widened(smoothing, way, self.widened)
             try:
                 return self._certified(smoothing, way)
             except ImpossibleError as error:
                 seen = error
         why = f"path {self.name!r}: the tool cannot be kept on it near {chain.branch}"
         raise seen or ImpossibleError(why, target=self.name, length_m=self.curve.length)
+
+    def _widened(self, smoothing: Smoothing, way: Followed, world: World) -> tuple[Smoothing, Followed]:
+        """Return the way with the largest least distance in a world, and a smoothing that keeps it."""
+        wide = smoothing.widened(way, _ROUNDS, Demand(world, 0.0))
+        kept = Demand(world, Demand(world, 0.0).least(wide.all_q) - _GIVEN)
+        return Smoothing(self.robot, self.curve, [*smoothing.demands, kept], self.limits), wide
 
     def _certified(self, smoothing: Smoothing, way: Followed) -> JointPath:
         smooth = smoothing.smoothed(way, _ROUNDS)

@@ -13,6 +13,7 @@ minimization", 2008, for the method). With the clearance as the aim, the least d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,15 +34,19 @@ from plan.trajectory.time_estimates import path_time
 _ORDER = 3  # of the norm over the joints
 _BEND = 4.0  # weight of changes of motion from step to step
 _ROOM = 0.15  # of a coordinate's limits at either end, for what lies between stations
-_SMALL = 1e-6  # weight of the change of a coordinate
+_SMALL = 1e-5  # curvature of every variable, relative to the largest
 _TURN, _SHIFT = 0.25, 0.006  # rad and m, first trust region
 _LEAST_REGION = 0.05  # of the first trust region
 _INFLUENCE = 0.015  # m beyond the clearance, of pairs that constrain a step
 _AIM = 3e-4  # m, added to the clearance where distances are linearised
-_PENALTY = 1e4  # per m of missing clearance
+_PENALTY = 100.0  # per mm of missing clearance, relative to the largest curvature
+_MM = 1e-3  # m; clearances of the quadratic program are in mm
 _NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
 _PROBE = 1e-6  # rad or m, of the derivative by the coordinates
 _WORTH = 2e-3  # least useful gain of a step, relative
+_WORTH_M = 5e-5  # m, least useful gain of distance
+_WIDENING = 1e-2  # weight of time against 1 per mm of distance, if distance is the aim
+_FARTHEST = 0.04  # m, distances beyond which more is no gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,27 @@ class Followed:
     coordinates: Array
     q: Array
 
+    @property
+    def all_q(self) -> Array:
+        """The stations, then the middles between them, (2 m - 1, n) rad."""
+        return np.concatenate([self.q, 0.5 * (self.q[1:] + self.q[:-1])])
+
+
+@dataclass(frozen=True, eq=False)
+class Demand:
+    """A clearance that all pairs of a world have to keep, m."""
+
+    world: World
+    clearance: float
+
+    def met(self, q: Array) -> bool:
+        """Return whether configurations (m, n) keep it."""
+        return not any(map(self.world.too_near(self.clearance), q))
+
+    def least(self, q: Array) -> float:
+        """Return the least distance at configurations (m, n), m, at most `_FARTHEST`."""
+        return min((float(d) for d in self.world.near(q, _FARTHEST).distance), default=_FARTHEST)
+
 
 class Smoothing:
     """Smooths the way of the joints along one curve.
@@ -65,16 +91,12 @@ class Smoothing:
     Args:
         robot: the arm.
         curve: what the tool follows.
-        world: the arm and all bodies.
-        clearance: required, m.
+        demands: clearances to keep.
         limits: of the joints.
     """
 
-    def __init__(
-        self, robot: Robot, curve: ToolCurve, world: World, clearance: float, limits: Limits
-    ) -> None:
-        self.robot, self.curve, self.world, self.limits = robot, curve, world, limits
-        self.clearance, self.too_near = clearance, world.too_near(clearance)
+    def __init__(self, robot: Robot, curve: ToolCurve, demands: Sequence[Demand], limits: Limits) -> None:
+        self.robot, self.curve, self.demands, self.limits = robot, curve, tuple(demands), limits
         self.arm = product_of_exponentials(robot)
         self.columns = directions(curve)
         low, high = (some[self.columns] for some in curve.box())
@@ -108,8 +130,7 @@ class Smoothing:
 
     def blocked(self, way: Followed) -> bool:
         """Return whether a station, or the middle between two, is too near to something."""
-        middles = 0.5 * (way.q[1:] + way.q[:-1])
-        return any(map(self.too_near, way.q)) or any(map(self.too_near, middles))
+        return not all(demand.met(way.all_q) for demand in self.demands)
 
     def time(self, way: Followed) -> float:
         """Estimate the time of a way, s."""
@@ -134,6 +155,31 @@ class Smoothing:
                 faster = time - self.time(trial)
                 if faster > _WORTH * time and not self.blocked(trial):
                     way, time = trial, time - faster
+                    region *= 1.0 if part == 1.0 else 0.5
+                    break
+            else:
+                region *= 0.35
+        return way
+
+    def widened(self, way: Followed, rounds: int, of: Demand) -> Followed:
+        """Return a way with more distance between the pairs of a demand, which also keeps all others."""
+        if not self.columns:
+            return way
+        least, region = of.least(way.all_q), 1.0
+        for _ in range(rounds):
+            if region < _LEAST_REGION:
+                break
+            spend(QP_CHECKS)
+            step = self._step(way, region, of)
+            if step is None:
+                break
+            for part in (1.0, 0.5):
+                trial = self._moved(way, part * step)
+                if trial is None:
+                    continue
+                more = of.least(trial.all_q) - least
+                if more > _WORTH_M and not self.blocked(trial):
+                    way, least = trial, least + more
                     region *= 1.0 if part == 1.0 else 0.5
                     break
             else:
@@ -169,10 +215,13 @@ class Smoothing:
         ]
         return np.stack(columns, axis=-1)
 
-    def _step(self, way: Followed, region: float) -> Array | None:
-        """Return the best change (m, f) of the free coordinates within a trust region; None if there is none."""
+    def _step(self, way: Followed, region: float, widened: Demand | None = None) -> Array | None:
+        """Return the best change (m, f) of the free coordinates within a trust region; None if there is none.
+
+        It is the fastest; or, with a demand that is `widened`, the one with the largest least distance of its pairs.
+        """
         D, (m, f) = self._derivatives(way), (len(way.q), len(self.columns))
-        size = m * f + 1  # and the missing clearance
+        size = m * f + 2  # the missing clearance, and the least distance of what is widened
         P, linear = np.zeros((m, f, m, f)), np.zeros((m, f))
         v = self.limits.velocity
         steps = np.diff(way.q, axis=0) / v
@@ -193,41 +242,43 @@ class Smoothing:
                     block = mul(np.swapaxes(of_a, 1, 2), two * S[there])
                     P[here, :, there, :] += block
         matrix = np.zeros((size, size))
-        matrix[:-1, :-1] = P.reshape(m * f, m * f)
-        matrix[range(size), range(size)] += _SMALL * max(float(np.abs(matrix).max()), 1e-12)
-        G, h = self._rows(way, D, size)
+        matrix[:-2, :-2] = P.reshape(m * f, m * f)
+        largest = max(float(np.abs(matrix).max()), 1e-12)
+        matrix, linear = matrix / largest, linear / largest
+        if widened is not None:
+            matrix, linear = _WIDENING * matrix, _WIDENING * linear
+        matrix[range(size), range(size)] += _SMALL
+        matrix[-2, -2] = matrix[-1, -1] = 1e-2
+        G, h = self._rows(way, D, size, widened)
         trust = region * np.where(np.array(self.columns) < 3, _SHIFT, _TURN)
         at = way.coordinates[:, self.columns]
         low = np.maximum(np.minimum(self.low + self.room - at, 0.0), -trust)
         high = np.minimum(np.maximum(self.high - self.room - at, 0.0), trust)
         x = qpsolvers.solve_qp(
             matrix,
-            np.concatenate([linear.ravel(), [_PENALTY]]),
+            np.concatenate([linear.ravel(), [_PENALTY, 0.0 if widened is None else -1.0]]),
             G,
             h,
-            lb=np.concatenate([low.ravel(), [0.0]]),
-            ub=np.concatenate([high.ravel(), [1.0]]),
+            lb=np.concatenate([low.ravel(), [0.0, -1e3]]),
+            ub=np.concatenate([high.ravel(), [1e3, 1e3]]),
             solver="daqp",
         )
-        return None if x is None else x[:-1].reshape(m, f)
+        return None if x is None else x[:-2].reshape(m, f)
 
-    def _rows(self, way: Followed, D: Array, size: int) -> tuple[Array, Array]:
+    def _rows(self, way: Followed, D: Array, size: int, widened: Demand | None) -> tuple[Array, Array]:
         """Return the rows G x <= h: distances, joint limits and the disc of tilts."""
-        m, f = len(way.q), len(self.columns)
-        middles = 0.5 * (way.q[1:] + way.q[:-1])
-        near = self.world.near(np.concatenate([way.q, middles]), self.clearance + _INFLUENCE)
-        pushed = np.zeros((len(near.row), m, f))
-        index = np.arange(len(near.row))
-        inner = near.row >= m
-        first = np.where(inner, near.row - m, near.row)
-        part = np.where(inner, 0.5, 1.0)[:, None]
-        pushed[index, first] -= part * mul(near.gradient[:, None], D[first])[:, 0]
-        second = first[inner] + 1
-        pushed[index[inner], second] -= 0.5 * mul(near.gradient[inner, None], D[second])[:, 0]
-        distance_rows = np.concatenate(
-            [pushed.reshape(len(index), m * f), np.full((len(index), 1), -1.0)], axis=1
-        )
-        rows, room = [distance_rows], [near.distance - (self.clearance + _AIM)]
+        f = len(self.columns)
+        rows, room = [], []
+        for demand in self.demands:
+            some, distance = self._distances(way, D, size, demand.world, demand.clearance + _INFLUENCE)
+            some[:, -2] = -_MM
+            rows.append(some)
+            room.append(distance - (demand.clearance + _AIM))
+        if widened is not None:
+            some, distance = self._distances(way, D, size, widened.world, _FARTHEST)
+            some[:, -1] = _MM
+            rows.append(some)
+            room.append(distance)
         for side, left in ((1.0, self.limits.upper - way.q), (-1.0, way.q - self.limits.lower)):
             station, joint = np.nonzero(left < _NEAR_LIMIT)
             some = np.zeros((len(station), size))
@@ -248,6 +299,24 @@ class Smoothing:
             rows.append(some)
             room.append(np.maximum((1.0 - _ROOM) * tilt - size_of[outer], 0.0))
         return np.concatenate(rows), np.concatenate(room)
+
+    def _distances(
+        self, way: Followed, D: Array, size: int, world: World, near: float
+    ) -> tuple[Array, Array]:
+        """Return rows (k, size) of the pairs nearer than `near` m at stations and middles, and their distances (k,)."""
+        m, f = len(way.q), len(self.columns)
+        found = world.near(way.all_q, near)
+        pushed = np.zeros((len(found.row), m, f))
+        index = np.arange(len(found.row))
+        inner = found.row >= m
+        first = np.where(inner, found.row - m, found.row)
+        part = np.where(inner, 0.5, 1.0)[:, None]
+        pushed[index, first] -= part * mul(found.gradient[:, None], D[first])[:, 0]
+        second = first[inner] + 1
+        pushed[index[inner], second] -= 0.5 * mul(found.gradient[inner, None], D[second])[:, 0]
+        rows = np.zeros((len(index), size))
+        rows[:, : m * f] = pushed.reshape(len(index), m * f)
+        return rows, found.distance
 
 
 def _weights(steps: Array) -> Array:

@@ -95,7 +95,8 @@ def plan_program(
         PlanningInterrupted: Ctrl-C was pressed; carries the best complete plan, if there is one.
     """
     with allowed(budget) as meter:
-        if program.options.aim == "time":
+        paths = any(isinstance(goal, Target) and goal.by == "path" for goal in program.goals)
+        if program.options.aim == "time" or paths:  # paths are widened themselves
             return _planned(program, program.options, effort, meter)
         limits = program.limits or program.unit.limits()
         # every plan states the required clearance; its moves state their larger certified ones

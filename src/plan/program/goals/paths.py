@@ -73,7 +73,8 @@ class PathMoves:
                 raise target.error("by", target.by, "needs an arm with closed-form inverse kinematics")
             world = self.worlds.world(self.worlds.nominal_state(index), target.pairs)
             clearance = target.clearance_on_lines(setting.options)
+            widened = frozenset(target.clearance_of) if setting.options.aim == "clearance" else None
             self._planners[index] = CurvePlanner(
-                target.name, setting.robot, target.curve, world, clearance, setting.planned
+                target.name, setting.robot, target.curve, world, clearance, setting.planned, widened
             )
         return self._planners[index]

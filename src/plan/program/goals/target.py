@@ -71,6 +71,7 @@ class Target:
         back: whether the tool returns along a path to its first pose, after the actions at its last one.
         approach, retract: lengths of the straight lines along the tool's own z axis, to the pose and from it, m. If
             `rz` is free, the tool may rotate about that axis near obstacles, unless collisions are allowed there.
+        clearance_of: names of the bodies whose clearance is maximised along a path, if that is the aim; default: all.
         speed: largest speed of the tool on the lines to and from the target, m/s (rad/s for a pure rotation); default:
             `approach_speed` times `speed` of the options, on a path as the joints allow.
         blend_radius: largest distance at which the tool may pass the pose, cutting its corner, m. With 0 the tool goes
@@ -114,6 +115,7 @@ class Target:
     cube: int | None = None
     subject: str = ""
     back: bool = False
+    clearance_of: Iterable[str] = frozenset()
 
     def __post_init__(self) -> None:
         self._require_types()
@@ -142,6 +144,7 @@ class Target:
             ("T_base_tool", self._poses()),
             ("allowed_collisions", pairs),
             ("q", self._configuration()),
+            ("clearance_of", frozenset(self.clearance_of)),
         ):
             object.__setattr__(self, key, value)
         if self.by == "path":
