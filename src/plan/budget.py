@@ -26,6 +26,7 @@ CHECKS_PER_SECOND = 20_000.0
 # Costs of other work, in collision checks.
 PIECE_CHECKS = 4.0  # one piece of a clearance certificate, without its distances
 DISTANCE_CHECKS = 0.2  # one distance
+TORUS_CHECKS = 0.3  # one distance from a torus, in addition
 QP_CHECKS = 60.0  # one quadratic program of path optimisation
 START_CHECKS = 30.0  # one start of numerical inverse kinematics
 LINE_CHECKS = 150.0  # one Cartesian line

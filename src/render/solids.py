@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, Torus
 from arm.se3 import Array, inverse
 from render.hulls import Hull
 from render.light import Light, body_grey
@@ -18,6 +18,7 @@ from render.rays import Bundle, Floats, PixelRays, bundle_in
 
 REGIONS = 32  # a solid has fewer; faces of a hull share one if their numbers differ by a multiple of it
 SEAM = 1e-7  # m; overlap of faces, so that rounding leaves no gap between them
+_MARCHES, _MET = 300, 1e-6  # most steps along a ray, and the distance from a torus that counts as met, m
 
 
 class Cast(NamedTuple):
@@ -69,6 +70,8 @@ class BodySolid:
                     return self._sphere(radius, bundle)
                 case Capsule(radius, length):
                     return self._capsule(radius, length / 2.0, bundle)
+                case Torus(radius, tube):
+                    return self._torus(radius, tube, bundle)
                 case Convex():
                     return self._convex(bundle)
 
@@ -120,6 +123,31 @@ class BodySolid:
             depth, grey = np.where(nearer, ball.depth, depth), np.where(nearer, ball.grey, grey)
         return Cast(depth, grey, np.zeros(depth.shape, dtype=np.uint8))
 
+    def _torus(self, radius: float, tube: float, rays: Bundle) -> Cast:
+        """March along each ray by the distance from the torus, until it is met or passed."""
+        way = np.stack([rays.dx, rays.dy, rays.dz], axis=-1).astype(float).reshape(-1, 3)
+        length = np.sqrt((way * way).sum(axis=1))
+        depth, marched = np.full(len(way), np.inf), np.zeros(len(way))
+        # past the point nearest to the centre, and the body
+        last = (radius + tube - (way @ rays.origin) / length) / length
+        on_way = np.arange(len(way))
+        inside = np.hypot(np.hypot(*rays.origin[:2]) - radius, rays.origin[2]) <= tube
+        for _ in range(0 if inside else _MARCHES):
+            at = rays.origin + marched[on_way, None] * way[on_way]
+            gap = np.hypot(np.hypot(at[:, 0], at[:, 1]) - radius, at[:, 2]) - tube
+            met = gap < _MET
+            depth[on_way[met]] = marched[on_way[met]]
+            marched[on_way] += gap / length[on_way]
+            on_way = on_way[~met & (marched[on_way] < last[on_way])]
+        at = rays.origin + np.where(np.isfinite(depth), depth, 0.0)[:, None] * way
+        across = np.hypot(at[:, 0], at[:, 1])
+        at[:, :2] -= radius * at[:, :2] / across[:, None]  # from the circle
+        grey = self._shaded(np.where(np.isfinite(depth), at @ self._lamp / tube, 0.0).astype(np.float32))
+        shape = rays.dx.shape
+        return Cast(
+            depth.astype(np.float32).reshape(shape), grey.reshape(shape), np.zeros(shape, dtype=np.uint8)
+        )
+
     def _convex(self, rays: Bundle) -> Cast:
         if self._hull is None:
             raise TypeError("only a convex shape has a hull")
@@ -167,5 +195,7 @@ def _half_extent(body: Body) -> Array:
             return np.full(3, radius)
         case Capsule(radius, length):
             return np.array([radius, radius, length / 2.0 + radius])
+        case Torus(radius, tube):
+            return np.array([radius + tube, radius + tube, tube])
         case Convex(points):
             return np.asarray(np.abs(points).max(axis=0))

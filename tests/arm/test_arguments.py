@@ -8,7 +8,7 @@ import pytest
 from arm.arguments import RIGID, joints, pairs, poses, rigid
 from arm.controller.unit import Limits
 from arm.errors import InputError
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, body_to_json
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, Torus, body_to_json
 from arm.se3 import rotation, transform
 
 NAN, INF = float("nan"), float("inf")
@@ -27,6 +27,8 @@ def test_every_size_of_every_shape_is_a_positive_length(wrong) -> None:  # type:
         (r"Cylinder\.length", lambda: Cylinder(0.1, wrong)),
         (r"Capsule\.radius", lambda: Capsule(wrong, 0.1)),
         (r"Capsule\.length", lambda: Capsule(0.1, wrong)),
+        (r"Torus\.radius", lambda: Torus(wrong, 0.1)),
+        (r"Torus\.tube", lambda: Torus(0.1, wrong)),
     ):
         with pytest.raises(InputError, match=name + r" = .*: must be .*from 1e-06 to 10000.*metres"):
             make()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, Torus
 from arm.se3 import apply, inverse, transform
 from pictures.solids import SOLID_CUBE, random_pose, random_shape, signed_distance
 from render.light import Light
@@ -40,6 +40,7 @@ def test_a_hit_is_on_the_surface_and_nothing_is_before_it(seed: int, small: Came
         Sphere(0.1),
         Capsule(0.05, 0.4),  # the camera between its balls
         Capsule(0.05, 0.02),  # the camera in one of them
+        Torus(0.05, 0.06),
         SOLID_CUBE,
     ],
 )

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from arm.arguments import number, numbers, rigid, shown
 from arm.errors import A465Error, InputError
 from arm.numerics.products import mul
-from arm.se3 import Array, frozen, orthonormalised
+from arm.se3 import Array, frozen, orthonormalised, rot_x, rot_z, transform
 
 LEAST_LENGTH, MOST_LENGTH = 1e-4, 100.0  # m, sizes of a body that is read from a file
+_CAPSULES = 32  # that stand for a torus
 _LEAST, _MOST = 1e-6, 1e4  # m, sizes of any body; beyond these, distances lose precision
 
 
@@ -74,6 +75,14 @@ class Capsule(_Round):
 
 
 @dataclass(frozen=True)
+class Torus(_Round):
+    """A circle of `radius` about the z axis, centred on its frame, swept by a ball of radius `tube`, m."""
+
+    radius: float
+    tube: float
+
+
+@dataclass(frozen=True)
 class Convex:
     """The convex hull of `points`, (n, 3) m in its frame; at least four, not all in one plane."""
 
@@ -113,8 +122,9 @@ class Faces:
     offsets: Array
 
 
-Shape = Box | Cylinder | Sphere | Capsule | Convex
-_SHAPES = (Box, Cylinder, Sphere, Capsule, Convex)
+Simple = Box | Cylinder | Sphere | Capsule | Convex
+Shape = Simple | Torus
+_SHAPES = (Box, Cylinder, Sphere, Capsule, Torus, Convex)
 
 
 @dataclass(frozen=True)
@@ -143,7 +153,8 @@ class Body:
             why = f"body: name = {shown(self.name)}, kind = {shown(self.kind)}: must be strings, the name not empty"
             raise InputError(why, name=shown(self.name))
         if not isinstance(self.shape, _SHAPES):
-            why = f"body {self.name!r}: shape = {shown(self.shape)}: must be a Box, Cylinder, Sphere, Capsule or Convex"
+            kinds = "a Box, Cylinder, Sphere, Capsule, Torus or Convex"
+            why = f"body {self.name!r}: shape = {shown(self.shape)}: must be {kinds}"
             raise InputError(why, name=self.name)
         object.__setattr__(self, "T_base_body", rigid(f"body {self.name!r}: T_base_body", self.T_base_body))
         if self.padding != 0.0:  # 0, the usual value, needs no check
@@ -166,6 +177,8 @@ def shape_to_json(shape: Shape) -> dict[str, Any]:
             return {"sphere": radius}
         case Capsule(radius, length):
             return {"capsule": [radius, length]}
+        case Torus(radius, tube):
+            return {"torus": [radius, tube]}
         case Convex(points):
             return {"convex": [list(p) for p in points]}
 
@@ -185,9 +198,11 @@ def shape_from_json(value: dict[str, Any]) -> Shape:
             return Sphere(_length(radius))
         case {"capsule": [radius, length]}:
             return Capsule(_length(radius), _length(length))
+        case {"torus": [radius, tube]}:
+            return Torus(_length(radius), _length(tube))
         case {"convex": [*points]}:
             return convex(points)
-    why = f"shape = {str(value)[:80]}: must be a box, cylinder, sphere, capsule or convex"
+    why = f"shape = {str(value)[:80]}: must be a box, cylinder, sphere, capsule, torus or convex"
     raise InputError(why, value=value)
 
 
@@ -222,6 +237,21 @@ def thickness(points: Array) -> float:
     centred = points - points.mean(axis=0)
     _, _, axes = np.linalg.svd(centred, full_matrices=False)
     return float(np.ptp(mul(centred, axes[-1]))) if len(axes) == 3 else 0.0
+
+
+def simple_parts(shape: Shape) -> list[tuple[Simple, Array]]:
+    """Return the shape, or capsules along the circle of a torus, with poses in its frame (4x4).
+
+    For programs that know no torus. The capsules form a polygon, whose corners are outside of the circle by 0.25 % of
+    its radius, and the middles of its edges inside by the same.
+    """
+    if not isinstance(shape, Torus):
+        return [(shape, transform())]
+    half_angle = np.pi / _CAPSULES
+    corner = 2.0 * shape.radius / (1.0 + np.cos(half_angle))
+    part = Capsule(shape.tube, 2.0 * corner * np.sin(half_angle))
+    edge = transform(rot_x(np.pi / 2.0), (corner * np.cos(half_angle), 0.0, 0.0))
+    return [(part, mul(transform(rot_z(2.0 * half_angle * i)), edge)) for i in range(_CAPSULES)]
 
 
 def hull_faces(shape: Convex) -> Faces:

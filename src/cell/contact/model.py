@@ -14,7 +14,7 @@ from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.gripper import HAND
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Simple, Sphere, Torus, simple_parts
 from arm.se3 import Array, inverse, transform
 from cell.contact.plate import plate_pieces
 from cell.files.world import TrueBoard
@@ -68,9 +68,10 @@ class Builder:
     def add_still(self, bodies: Sequence[Body]) -> None:
         """Add bodies that never move."""
         for body in bodies:
-            self._geom(
-                self.spec.worldbody, body.name, body.shape, body.T_base_body, self._keys.friction, _STILL
-            )
+            for index, (part, at) in enumerate(simple_parts(body.shape)):
+                name = f"{body.name} {index}" if isinstance(body.shape, Torus) else body.name
+                pose = mul(body.T_base_body, at)
+                self._geom(self.spec.worldbody, name, part, pose, self._keys.friction, _STILL)
 
     def add_cube(self, cube: SimulatedCube) -> None:
         """Add a cube where it is."""
@@ -138,7 +139,8 @@ class Builder:
                     range=(0.0, opening / 2.0 + SPARE),
                 )
                 at = mul(transform(t=(0.0, -side * opening / 2.0, 0.0)), at)
-            geom = self._geom(holder, name, part.shape, at, self._keys.jaw_friction, _ARM | _STILL)
+            ((shape, _),) = simple_parts(part.shape)
+            geom = self._geom(holder, name, shape, at, self._keys.jaw_friction, _ARM | _STILL)
             geom.priority, geom.mass = 1, 0.0
         self._add_drive([n for n in parts if n.startswith("finger")])
 
@@ -173,7 +175,7 @@ class Builder:
         body.add_freejoint()
         return body
 
-    def _geom(self, holder: Any, name: str, shape: Shape, at: Array, friction: float, bits: int) -> Any:
+    def _geom(self, holder: Any, name: str, shape: Simple, at: Array, friction: float, bits: int) -> Any:
         return holder.add_geom(
             name=name,
             friction=(friction, 0.005, 0.0001),
@@ -190,7 +192,7 @@ class Builder:
         self._mj.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
         return {"pos": T[:3, 3], "quat": quat}
 
-    def _shape(self, name: str, shape: Shape) -> dict[str, Any]:
+    def _shape(self, name: str, shape: Simple) -> dict[str, Any]:
         kinds = self._mj.mjtGeom
         match shape:
             case Box(size):

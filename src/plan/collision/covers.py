@@ -7,12 +7,13 @@ from functools import lru_cache
 import numpy as np
 
 from arm.numerics.products import norm
-from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus
 from arm.se3 import Array
 from plan.collision.enclosing import few_points
 
 ROUNDING = 1e-7  # m, safety for rounding errors on radii and distance bounds
 _MOST_BALLS = 4  # balls that cover a long body
+_SIDES = 16  # of the polygons in and around the circle of a torus; with a ball for each, a ring of 65 mm has a hole
 
 
 @lru_cache(maxsize=1024)
@@ -26,6 +27,8 @@ def hull(shape: Shape) -> tuple[Array, float]:
             return np.array([[0.0, 0.0, -length / 2.0], [0.0, 0.0, length / 2.0]]), radius
         case Sphere(radius):
             return np.zeros((1, 3)), radius
+        case Torus(radius, tube):
+            return _polygon(radius / np.cos(np.pi / _SIDES)), tube
         case Convex(points):
             return few_points(np.array(points))
 
@@ -43,6 +46,9 @@ def cover(shape: Shape) -> tuple[Array, float]:
         case Box(size):
             across = np.delete(np.array(size), int(np.argmax(size)))
             return _row(np.array(size), float(norm(across)) / 2.0)
+        case Torus(radius, tube):
+            # balls about the middles of chords hold the arcs of these
+            return _polygon(radius * np.cos(np.pi / _SIDES)), tube + radius * np.sin(np.pi / _SIDES)
         case Convex(points):
             corners = np.array(points)
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
@@ -62,6 +68,12 @@ def _row(size: Array, across: float) -> tuple[Array, float]:
     return centres, float(np.hypot(across, part / 2.0))
 
 
+def _polygon(radius: float) -> Array:
+    """Return the corners (`_SIDES`, 3) of a polygon in a circle about z."""
+    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.zeros(_SIDES)])
+
+
 @lru_cache(maxsize=1024)
 def rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
     """Return a box (middle, half sizes), the radius of a disc across z and of a ball; their sum contains the body."""
@@ -75,6 +87,8 @@ def rounded_box(shape: Shape) -> tuple[Array, Array, float, float]:
             return middle, np.array([0.0, 0.0, length / 2.0]), 0.0, radius
         case Sphere(radius):
             return middle, np.zeros(3), 0.0, radius
+        case Torus(radius, tube):
+            return middle, np.zeros(3), radius, tube
         case Convex(points):
             corners = np.array(points)
             low, high = corners.min(axis=0), corners.max(axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -11,15 +11,15 @@ import numpy as np
 import pinocchio as pin
 
 from arm.robot.model import LinkBody
-from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot.shapes import Shape, Torus
 from arm.se3 import Array, Indices
 from plan.budget import spend
-
-GJK_TOLERANCE = 1e-7
+from plan.collision.narrow.coal_shapes import GJK_TOLERANCE, coal_shape
+from plan.collision.narrow.torus_pairs import TorusDistance, TorusPairs
 
 
 class PairGeometry:
-    """The bodies and pairs of one world as a Pinocchio geometry model.
+    """The bodies and pairs of one world as a Pinocchio geometry model, and its pairs of a torus, which coal lacks.
 
     Not thread-safe: it contains Pinocchio's workspace.
 
@@ -28,20 +28,19 @@ class PairGeometry:
         parts: all bodies.
         pairs: (p, 2) indices into `parts`; the body with the lower joint comes first.
         paddings: (p,) subtracted from the distance of each pair, m.
-
-    Attributes:
-        placed: result of Pinocchio's `computeDistance` for each pair, by `index`.
-        index: (p,) index of each pair in the geometry model.
     """
 
     def __init__(self, model: Any, parts: Sequence[LinkBody], pairs: Indices, paddings: Array) -> None:
         # by joints, so that the first body of each pair has the lower number, as Pinocchio's matrix of pairs wants it
         joints = np.array([part.joint for part in parts], dtype=np.intp)
+        is_torus = np.array([isinstance(part.shape, Torus) for part in parts], dtype=bool)
         order = np.argsort(joints, kind="stable")
-        number = np.empty_like(order)
+        order = order[~is_torus[order]]
+        number = np.empty_like(joints)
         number[order] = np.arange(len(order))
-        first, second = number[pairs].T
-        checked = np.zeros((len(parts), len(parts)), dtype=bool)
+        of_torus = is_torus[pairs].any(axis=1)
+        first, second = number[pairs[~of_torus]].T
+        checked = np.zeros((len(order), len(order)), dtype=bool)
         checked[first, second] = True
 
         self._model, self._data = model, model.createData()
@@ -51,34 +50,72 @@ class PairGeometry:
         ]
         self._geometry = _geometry_model(self._objects)
         self._geometry.setCollisionPairs(checked)
-        self.index: Indices = self._geometry.collisionPairMapping[first, second].astype(np.intp)
+        # of each pair: in the geometry model, or -1 - i for pair i of a torus
+        self._index = np.empty(len(pairs), dtype=np.intp)
+        self._index[~of_torus] = self._geometry.collisionPairMapping[first, second]
+        self._index[of_torus] = -1 - np.arange(of_torus.sum())
+        self._tori = TorusPairs(parts, pairs[of_torus]) if of_torus.any() else None
+        self._torus_padding = paddings[of_torus]
         self._placements = pin.GeometryData(self._geometry)
-        self.results = self._placements.distanceResults
         # fresh requests: Pinocchio's own start GJK from the previous result, so that the last digits of a distance
         # would depend on earlier calls
         distance, collision = coal.DistanceRequest(), coal.CollisionRequest()
         for request in (distance, collision):
             request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
         distances, collisions = self._placements.distanceRequests, self._placements.collisionRequests
-        for i in range(len(pairs)):
+        for i in range(len(first)):
             distances[i], collisions[i] = distance, collision
         self._padding = np.zeros(checked.shape)
-        self._padding[first, second] = paddings
-        self._most_padding = float(paddings.max(initial=0.0))
+        self._padding[first, second] = paddings[~of_torus]
+        self._most_padding = float(paddings[~of_torus].max(initial=0.0))
         # a manager inflates bodies by the margins of their pairs, so it needs two of them
-        self._still = min(int((joints == 0).sum()), len(parts) - 2)
+        self._still = min(int((joints[order] == 0).sum()), len(order) - 2)
         self._margin: float | None = None
 
-    def place(self, q: Array) -> None:
-        """Place all bodies at configuration q (n,) rad."""
-        pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._placements, q)
+    def distances(self, q: Array, rows: Indices, pairs: Indices) -> Iterator[Any]:
+        """Yield coal's result for each of k pairs, or a `TorusDistance`, which has the same members.
 
-    def distance(self, index: int) -> Any:
-        """Return coal's result for one pair (a value of `index`) where `place` put it; the next call overwrites it."""
-        return pin.computeDistance(self._geometry, self._placements, index)
+        The next result for the same pair overwrites it. Pairs of a torus are computed together at the start, the others
+        when their result is asked for.
+
+        Args:
+            q: (m, n) rad.
+            rows, pairs: (k,) indices of configurations, in ascending order, and of pairs.
+        """
+        index = self._index[pairs]
+        of_torus = index < 0
+        tori: Iterator[TorusDistance] = iter(())
+        if self._tori is not None and of_torus.any():
+            used, row = np.unique(rows[of_torus], return_inverse=True)
+            poses = np.array([self._poses(self._tori, at) for at in q[used]])
+            tori = self._tori.distances(poses, row, -1 - index[of_torus])
+        geometry, placements, placed = self._geometry, self._placements, -1
+        distance = pin.computeDistance
+        for row, i in zip(rows.tolist(), index.tolist(), strict=True):
+            if i < 0:
+                yield next(tori)
+                continue
+            if row != placed:
+                pin.updateGeometryPlacements(self._model, self._data, geometry, placements, q[row])
+                placed = row
+            yield distance(geometry, placements, i)
+
+    def _poses(self, tori: TorusPairs, q: Array) -> Array:
+        """Return the poses (joints, 4, 4) of the joints of pairs of a torus."""
+        pin.forwardKinematics(self._model, self._data, q)
+        return np.array([self._data.oMi[joint].homogeneous for joint in tori.joints])
 
     def too_near(self, clearance: float) -> Callable[[Array], bool]:
-        """Return a function of q (n,): whether some pair is closer than `clearance` m, paddings taken off.
+        """Return a function of q (n,): whether some pair is closer than `clearance` m, paddings taken off."""
+        if self._tori is None:
+            return self._too_near_of_coal(clearance)
+        tori, limits = self._tori, self._torus_padding + clearance
+        # the managers need a pair of bodies
+        others = self._too_near_of_coal(clearance) if len(self._geometry.collisionPairs) else lambda q: False
+        return lambda q: others(q) or tori.too_near(self._poses(tori, q)[None], limits)
+
+    def _too_near_of_coal(self, clearance: float) -> Callable[[Array], bool]:
+        """Return `too_near` of the pairs that coal has.
 
         Pinocchio's managers place all bodies anew and walk through all pairs each time. Here what stands still is
         placed once, in a manager of its own.
@@ -137,21 +174,3 @@ def _geometry_model(objects: Sequence[Any]) -> Any:
     for body in objects:
         model.addGeometryObject(body)
     return model
-
-
-@lru_cache(maxsize=1024)
-def coal_shape(shape: Shape) -> Any:
-    """Return the shape as a coal geometry, in its own frame."""
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
-        case Convex(points):
-            corners = coal.StdVec_Vec3s()
-            corners.extend(np.array(points))
-            return coal.Convex.convexHull(corners, True, "Qt")

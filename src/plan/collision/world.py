@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import isfinite
+from typing import Any
 
 import coal
 import numpy as np
@@ -20,11 +21,13 @@ from arm import arguments as given
 from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot
-from arm.robot.shapes import Body
+from arm.robot.shapes import Body, Torus
 from arm.se3 import Array, Indices, cross, frozen
 from plan.budget import DISTANCE_CHECKS, spend
 from plan.collision.bounds import Axes, DistanceBounds
-from plan.collision.pair_geometry import GJK_TOLERANCE, PairGeometry, coal_shape
+from plan.collision.narrow.coal_shapes import GJK_TOLERANCE, coal_shape
+from plan.collision.narrow.torus_pairs import torus_distance
+from plan.collision.pair_geometry import PairGeometry
 
 _FLOAT = np.dtype(float)
 
@@ -164,9 +167,8 @@ class World:
 
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
         """Return signed distances (k,) m, less paddings, of the pairs `pairs` (k,) at configuration q (n,)."""
-        self._geometry.place(self._configuration(q))
-        distance = self._geometry.distance
-        values = [distance(i).min_distance for i in self._geometry.index[pairs].tolist()]
+        found = self._geometry.distances(self._configuration(q)[None], np.zeros_like(pairs), pairs)
+        values = [result.min_distance for result in found]
         spend(DISTANCE_CHECKS * len(values))
         return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
 
@@ -180,17 +182,10 @@ class World:
             rows, pairs: (k,) indices of configurations, in ascending order, and of pairs.
             stop_below: stop after the first distance below this, m.
         """
-        q = np.asarray(q, dtype=float)
-        distance, placed = self._geometry.distance, -1
+        q = self._configurations(q)
         least = (stop_below + self.paddings[pairs]).tolist()
         values, normals, points = [], np.empty((len(rows), 3)), np.empty((len(rows), 3))
-        for i, (row, pair) in enumerate(
-            zip(rows.tolist(), self._geometry.index[pairs].tolist(), strict=True)
-        ):
-            if row != placed:
-                self._geometry.place(self._configuration(q[row]))
-                placed = row
-            result = distance(pair)
+        for i, result in enumerate(self._geometry.distances(q, rows, pairs)):
             # copied, because the next call for this pair overwrites the result
             normals[i], points[i] = result.normal, result.getNearestPoint2()
             values.append(result.min_distance)
@@ -223,22 +218,23 @@ class World:
 
     def distance(self, q: npt.ArrayLike) -> Distance:
         """Return the smallest distance over all pairs at configuration q (n,) rad; infinite if there is no pair."""
-        q = self._configuration(q)
-        self._geometry.place(q)
+        at = self._configuration(q)[None]
         spend(DISTANCE_CHECKS * len(self.pairs))
-        bounds = self.volumes.distances(self.volumes.placed(q[None]))[0] - self.paddings
-        closest, least = -1, float("inf")
-        for i in np.argsort(bounds, kind="stable").tolist():
+        bounds = self.volumes.distances(self.volumes.placed(at))[0] - self.paddings
+        order = np.argsort(bounds, kind="stable")
+        results = self._geometry.distances(at, np.zeros_like(order), order)
+        closest, least, witness = -1, float("inf"), None
+        for i in order.tolist():
             # a computed distance may be below its bound by its error
             if bounds[i] > least + DISTANCE_ERROR:
                 break
-            result = self._geometry.distance(int(self._geometry.index[i]))
+            result = next(results)
             value = max(result.min_distance, UNKNOWN_DEPTH) - float(self.paddings[i])
             if value < least or (value == least and i < closest):
-                closest, least = i, value
-        if closest < 0:
+                closest, least, witness = i, value, result
+        if witness is None:
             return Distance(least, ("", ""), frozen(np.full((2, 3), np.nan)))
-        return self._witness(closest, least)
+        return self._witness(closest, least, witness)
 
     def distances_below(self, q: npt.ArrayLike, limit: float) -> list[Distance]:
         """Return every pair closer than `limit` m at configuration q (n,) rad, the closest first.
@@ -247,9 +243,12 @@ class World:
             InputError: q does not have one finite number per joint, or `limit` is NaN.
         """
         limit = given.number("limit", limit, -np.inf, np.inf, "m")
-        values = self.pair_distances(q, np.arange(len(self.pairs)))
+        every = np.arange(len(self.pairs))
+        results = list(self._geometry.distances(self._configuration(q)[None], np.zeros_like(every), every))
+        spend(DISTANCE_CHECKS * len(results))
+        values = np.maximum([result.min_distance for result in results], UNKNOWN_DEPTH) - self.paddings
         order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]
-        return [self._witness(i, float(values[i])) for i in order]
+        return [self._witness(i, float(values[i]), results[i]) for i in order]
 
     def near(self, q: npt.ArrayLike, limit: float) -> Near:
         """Return every pair closer than `limit` m at configurations q (m, n) rad, with the gradient of its distance.
@@ -257,10 +256,7 @@ class World:
         The gradient is the velocity of the outer body's witness point relative to the inner body, along the normal;
         the bodies' curvature adds terms of second order only.
         """
-        q = np.asarray(q, dtype=float)
-        if q.ndim != 2 or q.shape[1:] != self._shape or not np.isfinite(q).all():
-            why = f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad"
-            raise InputError(why, shape=q.shape)
+        q = self._configurations(q)
         at = self.volumes.placed(q)
         open_ = self.volumes.open_pairs(at, limit)
         found = self.witnesses(q, open_.row, open_.pair)
@@ -300,8 +296,15 @@ class World:
             return q
         return given.joints("q", q, self.robot.joint_names)
 
-    def _witness(self, index: int, value: float) -> Distance:
-        result = self._geometry.results[int(self._geometry.index[index])]
+    def _configurations(self, q: npt.ArrayLike) -> Array:
+        """Return q (m, n) after a check."""
+        q = np.asarray(q, dtype=float)
+        if q.ndim != 2 or q.shape[1:] != self._shape or not np.isfinite(q).all():
+            why = f"q = array of shape {q.shape}: must be (m, {self._shape[0]}) finite numbers, rad"
+            raise InputError(why, shape=q.shape)
+        return q
+
+    def _witness(self, index: int, value: float, result: Any) -> Distance:
         points = frozen([result.getNearestPoint2(), result.getNearestPoint1()])
         return Distance(value, self.pair_names(index), points)
 
@@ -327,6 +330,10 @@ def _pairs(parts: Sequence[LinkBody], excluded: frozenset[frozenset[str]]) -> In
 
 def distance_of(first: Body, second: Body) -> Distance:
     """Return the distance of two bodies at their poses."""
+    names = first.name, second.name
+    if isinstance(first.shape, Torus) or isinstance(second.shape, Torus):
+        found = torus_distance(first, second)
+        return Distance(found.min_distance, names, frozen([found.inner, found.outer]))
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.gjk_tolerance = request.epa_tolerance = GJK_TOLERANCE
     placed = [
@@ -337,4 +344,4 @@ def distance_of(first: Body, second: Body) -> Distance:
         coal_shape(first.shape), placed[0], coal_shape(second.shape), placed[1], request, result
     )
     points = frozen([result.getNearestPoint1(), result.getNearestPoint2()])
-    return Distance(max(float(value), UNKNOWN_DEPTH), (first.name, second.name), points)
+    return Distance(max(float(value), UNKNOWN_DEPTH), names, points)

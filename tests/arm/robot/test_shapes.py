@@ -12,10 +12,12 @@ from arm.robot.shapes import (
     Capsule,
     Cylinder,
     Sphere,
+    Torus,
     body_from_json,
     body_to_json,
     convex,
     hull_faces,
+    simple_parts,
     thickness,
 )
 from arm.se3 import rotation, transform
@@ -24,13 +26,35 @@ CORNERS = [(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.2) for z in (0.0, 0.3)
 
 
 @pytest.mark.parametrize(
-    "shape", [Box((0.1, 0.2, 0.3)), Cylinder(0.1, 0.2), Sphere(0.1), Capsule(0.1, 0.2), convex(CORNERS)]
+    "shape",
+    [
+        Box((0.1, 0.2, 0.3)),
+        Cylinder(0.1, 0.2),
+        Sphere(0.1),
+        Capsule(0.1, 0.2),
+        Torus(0.1, 0.02),
+        convex(CORNERS),
+    ],
 )
 def test_a_body_comes_back_from_json(shape) -> None:
     body = Body("thing", shape, transform(rotation((0.1, 0.2, 0.3)), (1.0, 2.0, 3.0)), "wall")
     back = body_from_json(body_to_json(body))
     assert back.shape == shape
     assert np.abs(back.T_base_body - body.T_base_body).max() < 1e-12
+
+
+def test_only_a_torus_has_parts_which_are_along_its_circle() -> None:
+    assert [shape for shape, _ in simple_parts(Capsule(0.1, 0.2))] == [Capsule(0.1, 0.2)]
+    points = []
+    for part, T in simple_parts(Torus(0.1, 0.02)):
+        assert isinstance(part, Capsule)
+        assert part.radius == 0.02
+        along = np.array([[0.0, 0.0, share * part.length, 1.0] for share in (-0.5, 0.0, 0.5)])
+        points.append((along @ T.T)[:, :3])
+    assert np.concatenate(points)[:, 2] == pytest.approx(0.0, abs=1e-15)
+    assert np.abs(np.linalg.norm(np.concatenate(points), axis=1) - 0.1).max() < 0.0026 * 0.1
+    begins, ends = np.array(points)[:, 0], np.array(points)[:, 2]
+    assert np.roll(begins, 1, axis=0) == pytest.approx(ends, abs=1e-12)
 
 
 def test_a_hull_holds_all_its_points_and_is_its_own_hull_in_any_order() -> None:

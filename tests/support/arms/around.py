@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from arm.robot.model import Robot, load_robot
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus
 from arm.se3 import Array, rotation, transform
 from arms.grazing import OBSTACLES, obstacle
 from plan.collision.world import World
@@ -44,6 +44,10 @@ def surface(shape: Shape, rng: np.random.Generator, count: int) -> Array:
             return np.asarray(radius * v + np.sign(v[:, 2:]) * (0.0, 0.0, length / 2.0))
         case Sphere(radius):
             return np.asarray(radius * v)
+        case Torus(radius, tube):
+            around = v[:, :2] / np.linalg.norm(v[:, :2], axis=1)[:, None] * radius
+            out = np.roll(v, 1, axis=0)
+            return np.asarray(np.column_stack([around, np.zeros(count)]) + tube * out)
         case Convex(points):
             weights = rng.dirichlet(np.full(len(points), 0.05), count)
             return np.asarray(weights @ np.array(points))

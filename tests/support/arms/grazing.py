@@ -13,7 +13,7 @@ import numpy as np
 from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import load_unit
 from arm.robot.model import LinkBody, Robot, load_a465, load_robot
-from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, convex
+from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, Torus, convex
 from arm.se3 import Array, frozen, rotation, transform
 from plan.collision.bezier import Curve, curve_of_counts, curve_of_waypoints
 from plan.collision.world import World
@@ -21,7 +21,7 @@ from tasks.task2 import TABLE, TOOL_LENGTH
 
 UNIT = load_unit("crs93")
 MOTIONS = ("straight", "cubic", "counts", "run", "to and fro")
-OBSTACLES = ("box", "sheet", "plane", "cylinder", "capsule", "ball", "mesh", "self")
+OBSTACLES = ("box", "sheet", "plane", "cylinder", "capsule", "ball", "mesh", "torus", "self")
 ARMS = ("open", "holding", "seven joints")
 HULLS = "hulls"  # the seven joints, each body the hull of 200 points
 CLEARANCES = (0.0, 0.005, 0.01, 0.01, 0.03)
@@ -222,6 +222,8 @@ def obstacle(kind: str, rng: np.random.Generator) -> Shape:
             return Capsule(a / 4.0, 2.0 * b)
         case "ball":
             return Sphere(a / 2.0)
+        case "torus":
+            return Torus(a / 2.0, b / 10.0)
     return convex(rng.uniform(-0.5, 0.5, (int(rng.integers(6, 30)), 3)) * (a, b, c))
 
 
@@ -260,6 +262,8 @@ def _radius(shape: Shape) -> float:
             return min(size) / 2.0
         case Cylinder(radius, _) | Capsule(radius, _) | Sphere(radius):
             return radius
+        case Torus(radius, tube):
+            return radius + tube
     return 0.1
 
 

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from arm.robot.model import Robot, load_robot
-from arm.robot.shapes import Body
+from arm.robot.shapes import Body, simple_parts
 from arm.robot.tool import with_disabled_collisions
 from arm.se3 import transform
 from arms.mujoco_cell import _pose, _shape
@@ -161,7 +161,8 @@ class MujocoArm:
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
         for body in bodies:
             holder = spec.worldbody.add_body(name=f"holder of {body.name}", mocap=True)
-            holder.add_geom(name=body.name, **_shape(spec, body.name, body.shape))
+            ((shape, _),) = simple_parts(body.shape)
+            holder.add_geom(name=body.name, **_shape(spec, body.name, shape))
         spec.option.ccd_tolerance = 1e-9
         spec.option.ccd_iterations = 200
         self.model = spec.compile()

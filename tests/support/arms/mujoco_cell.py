@@ -15,7 +15,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Simple, Sphere, Torus, simple_parts
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,18 @@ class MujocoCell:
             }
             ElementTree.SubElement(inertial, "inertia", inertia)
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+        self._static = set()
         for body in bodies:
-            spec.worldbody.add_geom(
-                name=body.name, **_shape(spec, body.name, body.shape), **_pose(body.T_base_body)
-            )
+            for index, (shape, at) in enumerate(simple_parts(body.shape)):
+                name = f"{body.name} {index}" if isinstance(body.shape, Torus) else body.name
+                self._static.add(name)
+                spec.worldbody.add_geom(
+                    name=name, **_shape(spec, name, shape), **_pose(body.T_base_body @ at)
+                )
         self._mocap = {name: i for i, (name, _) in enumerate(cubes)}
         for name, size in cubes:
             holder = spec.worldbody.add_body(name=f"holder of {name}", mocap=True)
-            shape = Box((size, size, size)) if isinstance(size, float | int) else size
+            ((shape, _),) = simple_parts(Box((size, size, size)) if isinstance(size, float | int) else size)
             holder.add_geom(name=name, **_shape(spec, name, shape))
         spec.option.ccd_tolerance = 1e-9
         spec.option.ccd_iterations = 200
@@ -76,7 +80,6 @@ class MujocoCell:
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
         self._apart = apart
-        self._static = {body.name for body in bodies}
         self._joints = [self.model.joint(f"J{i}").qposadr[0] for i in range(1, 7)]
         self._jaws = [self.model.joint(n).qposadr[0] for n in ("jaw_l", "jaw_r")]
         self._names = [self.model.geom(i).name for i in range(self.model.ngeom)]
@@ -137,7 +140,7 @@ def _pose(T: np.ndarray) -> dict[str, object]:
     return {"pos": T[:3, 3], "quat": quat}
 
 
-def _shape(spec: mujoco.MjSpec, name: str, shape: Shape) -> dict[str, object]:
+def _shape(spec: mujoco.MjSpec, name: str, shape: Simple) -> dict[str, object]:
     kinds = mujoco.mjtGeom
     match shape:
         case Box(size):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, hull_faces
+from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus, convex, hull_faces
 from arm.se3 import Array, rotation, transform
 
 
@@ -14,6 +14,9 @@ def signed_distance(shape: Shape, points: Array) -> Array:
         case Capsule(radius, length):
             axis = np.clip(points[..., 2], -length / 2.0, length / 2.0)[..., None] * (0.0, 0.0, 1.0)
             return np.asarray(np.linalg.norm(points - axis, axis=-1) - radius)
+        case Torus(radius, tube):
+            across = np.hypot(points[..., 0], points[..., 1]) - radius
+            return np.asarray(np.hypot(across, points[..., 2]) - tube)
         case Convex():
             faces = hull_faces(shape)
             return np.asarray((points @ faces.normals.T - faces.offsets).max(axis=-1))
@@ -37,6 +40,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
         Sphere(a / 2),
         Capsule(a / 2, b),
         hull,
+        Torus(a / 2, b / 8),
     )
     return shapes[int(rng.integers(len(shapes)))]
 

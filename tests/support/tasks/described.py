@@ -14,7 +14,7 @@ import pytest
 from arm.robot.model import Robot
 from cell.export.folder import write_folder
 from cell.export.urdf import Surroundings, describe
-from plan.collision.pair_geometry import GJK_TOLERANCE
+from plan.collision.narrow.coal_shapes import GJK_TOLERANCE
 from plan.collision.world import World
 
 COUNT = 50  # configurations that are compared

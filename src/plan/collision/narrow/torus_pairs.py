@@ -1,0 +1,143 @@
+"""Pairs of bodies one of which is a torus: distances with witness points, and collision checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from arm.numerics.products import mul
+from arm.robot.model import LinkBody
+from arm.robot.shapes import Body, Convex, Torus
+from arm.se3 import Array, Indices
+from plan.budget import TORUS_CHECKS, spend
+from plan.collision.narrow.circle import Circles, nearest
+from plan.collision.narrow.solids import HullSolids, RoundedSolids, Solids
+
+
+class TorusDistance(NamedTuple):
+    """Distance of one pair, with those members of coal's result that are used.
+
+    Attributes:
+        min_distance: m. Of bodies that overlap: minus the radius of the tube, minus the depth of the circle's deepest
+            point in the other body.
+        normal: unit vector (3,) from the inner body to the outer one, in the base frame.
+        inner, outer: nearest points (3,) m of the two bodies, in the base frame.
+    """
+
+    min_distance: float
+    normal: Array
+    inner: Array
+    outer: Array
+
+    def getNearestPoint1(self) -> Array:
+        """Return the point of the inner body."""
+        return self.inner
+
+    def getNearestPoint2(self) -> Array:
+        """Return the point of the outer body."""
+        return self.outer
+
+
+class TorusPairs:
+    """Pairs of a torus and another body. Of two tori the smaller one is the torus, and the other one the body.
+
+    Args:
+        parts: bodies.
+        pairs: (p, 2) indices into `parts`; the inner body comes first.
+
+    Attributes:
+        joints: that carry bodies of the pairs. Methods take their poses in the base frame, (m, joints, 4, 4), at m
+            configurations.
+    """
+
+    def __init__(self, parts: Sequence[LinkBody], pairs: Indices) -> None:
+        first = np.array([_torus_first(parts[a], parts[b]) for a, b in pairs.tolist()], dtype=bool)
+        torus, other = np.where(first, pairs.T, pairs.T[::-1])
+        self._outwards = np.where(first, -1.0, 1.0)  # of the direction from the other body to the torus
+        joint = np.array([part.joint for part in parts], dtype=np.intp)
+        self.joints = sorted(set(joint[pairs].ravel().tolist()))
+        self._joint = np.searchsorted(self.joints, joint[np.stack([torus, other])])
+        pose = np.array([part.T_joint_body for part in parts])
+        # of the circle: the directions of two half axes, and its centre
+        self._circle, self._T_joint_other = pose[torus][..., [0, 1, 3]], pose[other]
+        sizes = [vars(parts[i].shape) for i in torus.tolist()]
+        self._radius, self._tube = np.array([[size["radius"], size["tube"]] for size in sizes]).T
+        shapes = [parts[i].shape for i in other.tolist()]
+        self._is_hull = np.array([isinstance(shape, Convex) for shape in shapes], dtype=bool)
+        self._rounded = RoundedSolids([shape for shape in shapes if not isinstance(shape, Convex)])
+        self._hulls = HullSolids([shape for shape in shapes if isinstance(shape, Convex)])
+        self._groups: list[tuple[Solids, Indices]] = [
+            (self._rounded, np.flatnonzero(~self._is_hull)),
+            (self._hulls, np.flatnonzero(self._is_hull)),
+        ]
+        self._body = np.where(self._is_hull, np.cumsum(self._is_hull), np.cumsum(~self._is_hull)) - 1
+
+    def distances(self, poses: Array, rows: Indices, pairs: Indices) -> Iterator[TorusDistance]:
+        """Yield the distances of pairs (k,) at configurations (k,).
+
+        All are computed at once, but those from hulls one by one, when they are asked for.
+        """
+        count = len(pairs)
+        together = np.flatnonzero(~self._is_hull[pairs])
+        found = dict(zip(together.tolist(), self._at(poses, rows[together], pairs[together]), strict=True))
+        for i in range(count):
+            if i not in found:
+                found.update({i: self._at(poses, rows[i : i + 1], pairs[i : i + 1])[0]})
+            yield found[i]
+
+    def _at(self, poses: Array, rows: Indices, pairs: Indices) -> list[TorusDistance]:
+        """Return distances of pairs (k,) at configurations (k,), all from hulls or none."""
+        spend(TORUS_CHECKS * len(pairs))
+        if not len(pairs):
+            return []
+        solids: Solids = self._hulls if self._is_hull[pairs[0]] else self._rounded
+        T_base_other, circles = self._circles(poses, rows, pairs)
+        found = nearest(circles, solids)
+        local = np.stack([found.point, found.away], axis=1).T
+        on_circle, away = mul(T_base_other[:, :3, :3], local.swapaxes(1, 2)).transpose(2, 0, 1)
+        on_circle = on_circle + T_base_other[:, :3, 3]
+        # of the circle from the surface of the other body, and of the torus
+        gap, tube = found.distance - solids.ball[circles.body], self._tube[pairs]
+        outwards = self._outwards[pairs]
+        # the ball of the torus reaches from the circle to the nearest point of the torus
+        inner, outer = np.where(outwards > 0.0, [gap, tube], [tube, gap])
+        points = (on_circle - reach[:, None] * away for reach in (inner, outer))
+        return list(map(TorusDistance, (gap - tube).tolist(), outwards[:, None] * away, *points))
+
+    def too_near(self, poses: Array, limits: Array) -> bool:
+        """Return whether some pair is closer than its limit (p,) m at the one configuration of `poses`."""
+        spend(TORUS_CHECKS * len(limits))
+        for solids, pairs in self._groups:
+            if not len(pairs):
+                continue
+            _, circles = self._circles(poses, np.zeros_like(pairs), pairs)
+            within = limits[pairs] + self._tube[pairs] + solids.ball[circles.body]
+            if (nearest(circles, solids, within).distance < within).any():
+                return True
+        return False
+
+    def _circles(self, poses: Array, rows: Indices, pairs: Indices) -> tuple[Array, Circles]:
+        """Return the poses (k, 4, 4) of the other bodies in the base frame, and the circles in the frames of these."""
+        torus, other = self._joint[:, pairs]
+        circle = mul(poses[rows, torus], self._circle[pairs])[:, :3]
+        T_base_other = mul(poses[rows, other], self._T_joint_other[pairs])
+        circle[..., 2] -= T_base_other[:, :3, 3]
+        x, y, centre = mul(T_base_other[:, :3, :3].swapaxes(1, 2), circle).transpose(2, 1, 0)
+        radius = self._radius[pairs]
+        return T_base_other, Circles(centre, radius * x, radius * y, radius, self._body[pairs])
+
+
+def _torus_first(a: LinkBody, b: LinkBody) -> bool:
+    """Return whether the first body of a pair is the one that is taken as the torus."""
+    radius = [part.shape.radius if isinstance(part.shape, Torus) else inf for part in (a, b)]
+    return radius[0] < radius[1]
+
+
+def torus_distance(inner: Body, outer: Body) -> TorusDistance:
+    """Return the distance of two bodies at their poses; at least one is a torus."""
+    parts = [LinkBody(body.name, 0, body.shape, body.T_base_body) for body in (inner, outer)]
+    only = np.zeros(1, dtype=np.intp)
+    return next(TorusPairs(parts, np.array([[0, 1]])).distances(np.eye(4)[None, None], only, only))
