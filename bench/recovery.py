@@ -56,6 +56,7 @@ AROUND_MM, AROUND_DEG = 5.0, 5.0
 MOST_REFUSED = 20
 ON_SEAT = 1e-3  # m from where a seated cube's centre is
 APART = 0.047  # m between the middle of a cube that lies aside and any other hole
+TOUCHES = 1e-3  # m between two cubes that count as touching
 AROUND = 3e-3  # m around a cube that must be in view, and hide no marker
 INSIDE = 0.024  # m between the middle of a cube and the border of its plate
 
@@ -149,7 +150,7 @@ class _Left:
             if _in_view(cell, T_base_cube, size) and (
                 fault != "aside"
                 or (
-                    _has_room(b.board, T_board_cube[:2, 3], hole)
+                    _has_room(b.board, T_board_cube, hole, size)
                     and not _hides_marker(cell, T_base_cube, size)
                 )
             ):
@@ -195,12 +196,16 @@ def _camera(cell: SimulatedCell) -> Camera:
     return cell.world.camera or cell.cell.nominal_camera
 
 
-def _has_room(board: Board, xy: Array, hole: int) -> bool:
-    """Whether a cube with its middle at `xy` (2,) m stands on its plate alone, and touches no other hole's cube."""
-    half = np.array(PLATE_SIZE[:2]) / 2.0 - INSIDE
+def _has_room(board: Board, T_board_cube: Array, hole: int, size: float) -> bool:
+    """Whether a flat cube stands on its plate alone, and touches no cube in another hole."""
+    xy, half = T_board_cube[:2, 3], np.array(PLATE_SIZE[:2]) / 2.0 - INSIDE
     others = np.delete(np.asarray(board.holes)[:, :2], hole, axis=0)
-    return bool(
-        (np.abs(xy - PLATE_CENTRE) < half).all() and np.linalg.norm(others - xy, axis=1).min() > APART
+    if (np.abs(xy - PLATE_CENTRE) >= half).any() or np.linalg.norm(others - xy, axis=1).min() <= APART:
+        return False
+    square = (size / 2.0 + TOUCHES / 2.0) * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    turned = (mul(square, T_board_cube[:2, :2].T) + xy).astype(np.float32)
+    return not any(
+        cv2.intersectConvexConvex(turned, (square + other).astype(np.float32))[0] > 0.0 for other in others
     )
 
 
