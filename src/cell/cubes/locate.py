@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from arm.numerics.products import mul, norm
 from arm.se3 import Array, frozen
 from cell.cubes.confirm_placed import T_base_of, nominal_width
@@ -65,7 +67,8 @@ def locate_displaced(
             before,
         )
         if isinstance(found, LooseCube):
-            return DisplacedCube(name, place, frozen(found.T_base_cube))
+            height_std = float(np.sqrt(found.covariance[2, 2]))
+            return DisplacedCube(name, place, frozen(found.T_base_cube), height_std)
         reasons.append(f"near {place}: {found.reason}")
     return "; ".join(reasons)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from vision.occupancy.classify import FAINT, LIGHT, NO_MARKER, OUT, POSE, Occupa
 
 BESIDE = "beside "  # begins the name of the place where a displaced cube is
 QUARTER = np.pi / 2.0
+RAISED = 2.0  # standard deviations of a cube's height
 LEANS = np.sin(np.radians(4.0))  # least slope of a cube that leans
 MOST_OFFSET = 6e-3  # m; an upright cube further from its pocket was pushed or fell: its release is unknown
 MOST_TURN = np.radians(6.0)  # the same for one that is rotated further
@@ -36,11 +37,13 @@ class DisplacedCube:
         name: such as ``cube 01-02/4``, by the hole that it came from.
         near: the hole or place that it is nearest to, such as ``03-04/1``.
         T_base_cube: pose of its centre, z the outward normal of its top.
+        height_std: standard deviation of its height along that normal, m.
     """
 
     name: str
     near: str
     T_base_cube: Array
+    height_std: float = 0.0
 
     @property
     def place(self) -> str:
@@ -52,6 +55,11 @@ class DisplacedCube:
         T_base_seat = mul(self.T_base_cube, inverse(T_hole_cube(cell.cube_size)))
         grips = grips_over(T_base_seat, cell.grip_height)
         return Station(self.place, grips, frozenset((support_of(self.near),)))
+
+    def goal(self, station: Station) -> Station:
+        """The station for its release, higher by `RAISED`: it may be lower in the jaws than it seems."""
+        raised = transform(t=(0.0, 0.0, -RAISED * self.height_std))
+        return replace(station, T_base_tool=tuple(frozen(mul(T, raised)) for T in station.T_base_tool))
 
     def tilted_grips(self, cell: Cell, T_base_place: Array, share: float) -> list[tuple[Station, Array]]:
         """Grips of a leaning cube by jaws that lean less than it does.

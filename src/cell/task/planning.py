@@ -220,7 +220,7 @@ def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> 
     cell, request = rest.task.cell, empty_request(rest)
     provenance, named = plan_fingerprint(rest.task), _named(rest.task)
     refused: ImpossibleError | None = None
-    for pick, places in _recovery_grips(rest, cube, goals):
+    for pick, places in _recovery_grips(rest, cube, [cube.goal(goal) for goal in goals]):
         for offset in dict.fromkeys((cell.offset, max(0.5 * cell.offset, SHORTEST_LINE))):
             asked = replace(
                 request,

@@ -32,7 +32,11 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     def locate(*arguments: Any) -> LooseCube | NotLocated:
         made.append(arguments)
         here = transform(t=(0.4, 0.0, 0.1))
-        return LooseCube(here, np.eye(6), 0.1) if len(made) == 2 else NotLocated("nothing shows")
+        return (
+            LooseCube(here, np.diag([1, 1, 4, 1, 1, 1]) * 1e-6, 0.1)
+            if len(made) == 2
+            else NotLocated("nothing shows")
+        )
 
     monkeypatch.setattr("cell.cubes.locate.locate_cube", locate)
     return made
@@ -43,7 +47,7 @@ def test_places_are_searched_in_turn_with_what_is_known_around_them(calls: list[
     known = [DisplacedCube("cube 01-02/1", "03-04/1", other)]
     found = locate_displaced(TASK, SEEN, CUBE, ["03-04/1", "01-02/4"], width, known, SEEN)
     assert isinstance(found, DisplacedCube)
-    assert (found.name, found.near) == (CUBE, "01-02/4")
+    assert (found.name, found.near, found.height_std) == (CUBE, "01-02/4", 2e-3)
     at_target, at_home = calls
     assert at_target[2] is SEEN.boards[1].pose.holes[0].T_base_hole
     assert at_target[3] is at_home[3] is width

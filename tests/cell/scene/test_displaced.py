@@ -65,6 +65,17 @@ def test_a_leaning_cube_tells_by_its_bottom_where_it_was_released() -> None:
     assert "rotated by 45 deg" in turned
 
 
+@pytest.mark.parametrize("std", [0.0, 1e-3])
+def test_a_cube_of_uncertain_height_is_released_higher(std: float) -> None:
+    """It may be lower in the jaws than it seems, and would be pressed into its seat."""
+    station = hole_station(TASK.cell, HOLE, 1e-3)
+    goal = DisplacedCube("cube 01-02/4", HOLE.name, HOLE.T_base_hole, std).goal(station)
+    for T, T_raised in zip(station.T_base_tool, goal.T_base_tool, strict=True):
+        assert T_raised[:3, 3] - T[:3, 3] == pytest.approx(2.0 * std * HOLE.T_base_hole[:3, 2])
+        assert np.allclose(T_raised[:3, :3], T[:3, :3])
+    assert (goal.name, goal.touches) == (station.name, station.touches)
+
+
 CORNERS = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
 # poses of cubes after releases in contact physics: offset in mm and its direction in deg, centre, normal of the top
 JAMMED = (
