@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
-from itertools import cycle
+from itertools import cycle, product
 from typing import Any
 
 from arm.errors import ImpossibleError
@@ -30,6 +30,9 @@ from vision.observation import Observation
 from vision.occupancy.classify import HoleState, Occupancy
 
 SHORTEST_LINE = 0.045  # m, of an approach or retract: a cube and its pocket's depth
+# m, that the approach to a displaced cube and its lift keep if it stands too close to another: beyond the paddings, by
+# which boards may have moved. No motion but its lift takes it away from there.
+NARROW = 1e-3
 
 
 def plan_fingerprint(task: Task) -> dict[str, Any]:
@@ -207,7 +210,7 @@ def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> 
     """Plan to take a displaced cube from where it is to the best of some stations.
 
     The jaws are aligned with the cube. If they cannot reach it so, they come and go on shorter lines, or lean less than
-    it does.
+    it does. If that fails too, because it stands close to another cube, lines keep `NARROW` from what the arm passes.
 
     Args:
         rest: what is left of the task; `cube` is one of its displaced cubes.
@@ -220,19 +223,22 @@ def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> 
     cell, request = rest.task.cell, empty_request(rest)
     provenance, named = plan_fingerprint(rest.task), _named(rest.task)
     refused: ImpossibleError | None = None
-    for pick, places in _recovery_grips(rest, cube, [cube.goal(goal) for goal in goals]):
-        for offset in dict.fromkeys((cell.offset, max(0.5 * cell.offset, SHORTEST_LINE))):
-            asked = replace(
-                request,
-                transfers=(Transfer(cube.name, pick, places[0]),),
-                places=tuple(places[1:]),
-                options=replace(request.options, offset=offset),
-            )
-            try:
-                if (plan := asked.plan(provenance, named)) is not None:
-                    return plan
-            except ImpossibleError as error:
-                refused = refused or error
+    offsets = dict.fromkeys((cell.offset, max(0.5 * cell.offset, SHORTEST_LINE)))
+    grips = list(_recovery_grips(rest, cube, [cube.goal(goal) for goal in goals]))
+    for clearance, (pick, places), offset in product(
+        (request.options.line_clearance, NARROW), grips, offsets
+    ):
+        asked = replace(
+            request,
+            transfers=(Transfer(cube.name, pick, places[0]),),
+            places=tuple(places[1:]),
+            options=replace(request.options, offset=offset, line_clearance=clearance),
+        )
+        try:
+            if (plan := asked.plan(provenance, named)) is not None:
+                return plan
+        except ImpossibleError as error:
+            refused = refused or error
     raise refused or ImpossibleError(f"no plan moves {cube.name}", cube=cube.name)
 
 

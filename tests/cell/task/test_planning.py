@@ -10,15 +10,21 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
+from arm.numerics.products import mul
 from arm.plan_file import Plan
+from arm.se3 import frozen, inverse, rot_z, transform
 from cell.files.task import TablePlaces, Task, read_task
 from cell.scene.build import build_scene
+from cell.scene.displaced import DisplacedCube
 from cell.scene.places import reach_of, reachable_places
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
+    NARROW,
     Rest,
+    free_goals,
     plan_motion,
     plan_otherwise,
+    plan_recovery,
     plan_rest,
     request_of,
     require_above_table,
@@ -227,3 +233,20 @@ def test_three_of_four_cubes_move_if_there_are_three_places(task2: Task, assignm
     assert len({cube["to"] for cube in plan.task["cubes"]}) == 3
     (line,) = skipped_cubes(plan)
     assert line.endswith("only 3 places are free and in reach")
+
+
+@pytest.mark.parametrize(("away", "least", "most"), [(0.026, 5e-3, 1.0), (0.032, NARROW, 5e-3)])
+def test_a_cube_too_close_to_another_is_lifted_with_less_room(
+    task2: Task, away: float, least: float, most: float
+) -> None:
+    """All lines keep 5 mm, unless the cube stands with a corner nearer than that to a seated one."""
+    seen = true_look(task2).with_states({"03-04/1": "cube", "01-02/4": "empty", "01-02/3": "empty"})
+    board = seen.board("03-04")
+    assert board is not None
+    T, other = (board.pose.holes[i].T_base_hole for i in (1, 0))
+    towards = (inverse(T) @ other)[:2, 3]
+    at = transform(rot_z(np.radians(44.0)), (*away * towards / np.hypot(*towards), 0.020))
+    cube = DisplacedCube("cube 01-02/3", "03-04/2", frozen(mul(T, at)))
+    rest = Rest(task2, seen, task2.cell.q_start, 0.5, displaced=(cube,))
+    plan = plan_recovery(rest, cube, free_goals(rest))
+    assert least <= min(move.clearance for move in plan.moves) < most
