@@ -52,6 +52,8 @@ class Recovery:
     not_located: dict[str, str] = field(default_factory=dict)
     _empty: dict[str, Observation] = field(default_factory=dict)
     _seen: dict[str, Observation] = field(default_factory=dict)  # the last look in which a cube was searched
+    _waiting: list[str] = field(default_factory=list)  # cubes that no plan moves before the others have moved
+    _waited: set[str] = field(default_factory=set)  # those, and cubes that waited before
 
     @property
     def cubes(self) -> tuple[DisplacedCube, ...]:
@@ -216,6 +218,22 @@ class Recovery:
     def leave(self, cube: DisplacedCube) -> None:
         """Leave a cube where it is."""
         self.stuck[cube.name] = self.displaced.pop(cube.name)
+
+    def wait(self, cube: DisplacedCube) -> bool:
+        """Leave a cube that no plan moves now; return whether `take_up` gives it one more try."""
+        self.leave(cube)
+        if cube.name in self._waited or self.tried[cube.name] > self.most:
+            return False
+        self._waited.add(cube.name)
+        self._waiting.append(cube.name)
+        return True
+
+    def take_up(self) -> bool:
+        """Take the waiting cubes, now that the others have moved; return whether there are any."""
+        taken = {name: self.stuck.pop(name) for name in self._waiting if name in self.stuck}
+        self._waiting.clear()
+        self.displaced |= taken
+        return bool(taken)
 
     def target(self, cube: DisplacedCube) -> str:
         """Where a cube was to go, as far as that was decided."""

@@ -88,16 +88,21 @@ class TaskRun(CheckedRun):
         return True
 
     def move_cubes(self, observation: Observation) -> None:
-        """Plan the rest and execute it, until nothing is left; take displaced cubes first."""
+        """Plan the rest and execute it, until nothing is left; take displaced cubes first, and blocked ones at last."""
         self._survey(observation)
-        observation = self._recover(observation)
+        observation = self._move_rest(self._recover(observation))
+        while self.recovery.take_up():
+            observation = self._move_rest(self._recover(observation))
+        for line in hidden_holes(self.rest(observation, self.task.cell.q_start)):
+            self.tell(line)
+
+    def _move_rest(self, observation: Observation) -> Observation:
         plan, observation = self._plan_rest(observation)
         while plan is not None:
             observation, again = self.follow(plan, observation)
             observation = self._recover(observation)
             plan, observation = self._plan_rest(observation) if again else (None, observation)
-        for line in hidden_holes(self.rest(observation, self.task.cell.q_start)):
-            self.tell(line)
+        return observation
 
     def _survey(self, observation: Observation) -> None:
         self.recovery.keep_empty(observation)
@@ -119,11 +124,15 @@ class TaskRun(CheckedRun):
             try:
                 plan = self._plan_recovery(cube, observation)
             except ImpossibleError as error:
-                recovery.leave(cube)
                 row = self.add_row({"cube": cube.name, "from": cube.place, "to": recovery.target(cube)})
                 row.at = cube.place
-                row.add_fault("stays", f"it stays {cube.place}: {error}")
-                self.tell(f"{cube.name} stays {cube.place}: {error}")
+                if recovery.wait(cube):
+                    words = f"waits {cube.place} until the others are moved: {error}"
+                    row.remarks.append(f"it {words}")
+                else:
+                    words = f"stays {cube.place}: {error}"
+                    row.add_fault("stays", f"it {words}")
+                self.tell(f"{cube.name} {words}")
                 continue
             self.keep(plan, f"recovery-{sum(recovery.tried.values())}")
             observation, _ = self.follow(plan, observation)

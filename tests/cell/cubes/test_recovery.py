@@ -178,6 +178,29 @@ def test_a_cube_that_was_never_released_goes_to_any_free_place(found: dict[str, 
     assert recovery.cubes == (found["cube"],)
 
 
+def test_a_cube_that_no_plan_moves_waits_once_for_the_others(found: dict[str, Any]) -> None:
+    recovery = Recovery(TASK, 3)
+    found["cube"] = cube = _beside(HOME)
+    recovery.after_miss(SEEN, CUBE, HOME)
+    assert not recovery.take_up()
+    assert recovery.wait(cube)
+    assert (recovery.displaced, recovery.stuck) == ({}, {CUBE: cube})
+    assert recovery.take_up()
+    assert (recovery.displaced, recovery.stuck) == ({CUBE: cube}, {})
+    assert not recovery.wait(cube)
+    assert not recovery.take_up()
+    assert recovery.stuck == {CUBE: cube}
+
+
+def test_a_cube_that_is_taken_again_no_more_does_not_wait(found: dict[str, Any]) -> None:
+    recovery = Recovery(TASK, 1)
+    found["cube"] = cube = _beside(HOME)
+    for _ in range(2):
+        recovery.after_miss(SEEN, CUBE, HOME)
+    assert not recovery.wait(cube)
+    assert not recovery.take_up()
+
+
 def test_a_survey_locates_each_cube_once_and_only_at_doubtful_holes_of_the_source(
     found: dict[str, Any],
 ) -> None:

@@ -13,8 +13,12 @@ import numpy as np
 import pytest
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
+from arm.io.storage import data_file
+from arm.se3 import transform
 from cell.console import OutputLost
 from cell.cubes.recovery import Recovery
+from cell.files.task import read_task
+from cell.scene.displaced import DisplacedCube
 from cell.task.planning import Rest
 from cell.task.run import TaskRun
 from driver.emulator import Emulator
@@ -91,3 +95,39 @@ def test_a_run_that_may_recover_takes_the_images_that_suffice_once(
     run.recovery.most, run.photographs = 0, None
     with pytest.raises(ImpossibleError, match="too likely to miss"):
         run._certain(rest, plan)
+
+
+def test_a_cube_that_no_plan_moves_is_tried_again_after_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = read_task(data_file("scenes/task2.toml"))
+    cube = DisplacedCube("cube 01-02/4", "01-02/4", transform())
+    run, seen, done, told = TaskRun.__new__(TaskRun), Observation(), list[str](), list[str]()
+    run.task, run.recovery, run.rows, run.remarks = task, Recovery(task, 3), [], []
+    run.console = cast(Any, SimpleNamespace(step=told.append))
+    run.recovery.displaced = {cube.name: cube}
+    plans: list[Any] = [SimpleNamespace(name="the others"), None, None]
+
+    def blocked(self: TaskRun, cube: DisplacedCube, seen: Observation) -> Any:
+        done.append(f"tries {cube.name}")
+        if len(done) == 1:
+            raise ImpossibleError("another cube is too near")
+        return SimpleNamespace(name=cube.name)
+
+    def follow(self: TaskRun, plan: Any, seen: Observation) -> tuple[Observation, bool]:
+        done.append(f"moves {plan.name}")
+        self.recovery.displaced.pop(plan.name, None)
+        return seen, False
+
+    monkeypatch.setattr(TaskRun, "_survey", lambda self, seen: None)
+    monkeypatch.setattr(TaskRun, "_plan_recovery", blocked)
+    monkeypatch.setattr(TaskRun, "_plan_rest", lambda self, seen: (plans.pop(0), seen))
+    monkeypatch.setattr(TaskRun, "follow", follow)
+    monkeypatch.setattr(TaskRun, "keep", lambda *_: None)
+    monkeypatch.setattr(TaskRun, "rest", lambda *_: None)
+    monkeypatch.setattr(Recovery, "locate_again", lambda *_: [])
+    monkeypatch.setattr("cell.task.run.hidden_holes", lambda _: [])
+    run.move_cubes(seen)
+    assert done == [f"tries {cube.name}", "moves the others", f"tries {cube.name}", f"moves {cube.name}"]
+    assert told == [
+        f"{cube.name} waits beside 01-02/4 until the others are moved: another cube is too near",
+    ]
+    assert run.rows[0].faults == []
