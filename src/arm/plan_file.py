@@ -140,7 +140,12 @@ _KINDS = {GripperStep: "gripper", LookStep: "look", Pause: "pause"}  # of steps 
 def _step_to_json(step: Step) -> dict[str, Any]:
     if not isinstance(step, Move):
         return {"step": _KINDS[type(step)], **vars(step)}
-    left_out = ("path", "allowed_collisions", "allowed_pairs")
+    left_out = (
+        "path",
+        "allowed_collisions",
+        "allowed_pairs",
+        *(("threaded",) if step.threaded is None else ()),
+    )
     kept = {k: v for k, v in vars(step).items() if k not in left_out}
     if step.allowed_pairs:
         kept["pairs"] = step.allowed_pairs
@@ -280,6 +285,7 @@ def _move(node: Node, name: str, counts: Rule[tuple[int, ...]]) -> Move:
         certified=certified,
         allowed_collisions=node.get("touching", _NAMES),
         allowed_pairs=tuple(pair.read(_TWO) for pair in node["pairs"].items()) if "pairs" in node else (),
+        threaded=node.get("threaded", text()) if "threaded" in node else None,
         clearances=_clearances(node, clearance, len(segments), may_lack=not certified),
     )
 

@@ -28,6 +28,7 @@ class Move:
         clearances: proved lower bound on the clearance of every segment, m; the smallest is `clearance` up to rounding.
             May be empty if the move is not certified.
         allowed_pairs: further pairs of bodies that may touch during the move, such as a finger and what it grips.
+        threaded: name of the wire that a ring on the tool stays threaded on, or None.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Move:
     allowed_collisions: tuple[str, ...] = ()
     clearances: tuple[float, ...] = ()
     allowed_pairs: tuple[tuple[str, str], ...] = ()
+    threaded: str | None = None
 
 
 def touching_pairs(move: Move) -> frozenset[frozenset[str]]:

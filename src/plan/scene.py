@@ -16,6 +16,7 @@ from arm.io.storage import sha256
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, body_from_json, body_to_json
 from arm.se3 import Array
+from plan.thread import Thread, thread_from_json
 
 Pair = frozenset[str]
 
@@ -31,6 +32,7 @@ class Scene:
         cubes: the cubes at their present poses.
         allowed: pairs of names that touch at rest (a cube and the plate with its pocket, a cube and the table).
             Transits still check these pairs; lines to and from a station exempt only `Station.touches`.
+        threads: wires on which a ring of the arm may be threaded.
     """
 
     robot_open: Robot
@@ -38,6 +40,7 @@ class Scene:
     bodies: tuple[Body, ...]
     cubes: tuple[Body, ...]
     allowed: frozenset[Pair] = field(default_factory=frozenset)
+    threads: tuple[Thread, ...] = ()
 
     def __post_init__(self) -> None:
         names = [b.name for b in self.robot_open.bodies] + [b.name for b in (*self.bodies, *self.cubes)]
@@ -64,6 +67,18 @@ class Scene:
         )
         return replace(self, bodies=bodies, cubes=cubes) if moved else self
 
+    def thread(self, name: str) -> Thread:
+        """Return the thread of that name.
+
+        Raises:
+            InputError: there is none.
+        """
+        found = next((thread for thread in self.threads if thread.name == name), None)
+        if found is not None:
+            return found
+        known = ", ".join(thread.name for thread in self.threads) or "none"
+        raise InputError(f"threaded = {name!r}: must be a thread of the scene: {known}", name=name)
+
     def cube(self, name: str) -> Body:
         """Return the cube of that name.
 
@@ -82,12 +97,14 @@ class Scene:
         Poses are rounded to 1e-12: the last bit of a matrix product differs between processors and must not change the
         file.
         """
+        threads = {"threads": [thread.to_json() for thread in self.threads]} if self.threads else {}
         return {
             "bodies": [_rounded(b) for b in self.bodies],
             "cubes": [_rounded(c) for c in self.cubes],
             "allowed": sorted(sorted(pair) for pair in self.allowed),
             "robot_open": self.robot_open.digest,
             "robot_holding": self.robot_holding.digest,
+            **threads,
         }
 
     @cached_property
@@ -120,7 +137,8 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
         why = "scene: bodies, cubes and allowed must be lists, allowed of pairs of names; plan again"
         raise InputError(why)
     bodies, cubes = (tuple(map(body_from_json, some)) for some in (bodies, cubes))
-    return Scene(robot_open, robot_holding, bodies, cubes, frozenset(map(frozenset, pairs)))
+    threads = tuple(map(thread_from_json, value.get("threads", ())))
+    return Scene(robot_open, robot_holding, bodies, cubes, frozenset(map(frozenset, pairs)), threads)
 
 
 def _pair(value: Any) -> bool:

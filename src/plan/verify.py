@@ -93,6 +93,10 @@ class MoveScene:
             raise ImpossibleError(why, step=self.move.name, touching=pairs)
         bodies = (*self.scene.bodies, *self.resting)
         held, T_tool_held = self.held or (None, None)
+        if self.move.threaded is not None:
+            thread = self.scene.thread(self.move.threaded)
+            moving = [b.name for b in self.robot.bodies] + ([] if held is None else [held.name])
+            touching, bodies = touching | thread.exempt(moving), (*bodies, thread.ray)
         return World(self.robot, bodies, held, T_tool_held, touching)
 
 
@@ -188,7 +192,8 @@ def replay(
     Raises:
         InputError: a move does not start where the one before it ends.
         ImpossibleError: a move has less clearance than the plan states, exceeds a limit at the plan's speed, or has a
-            jump of velocity at a join or at rest; data: step, pair or joint, and the excess.
+            jump of velocity at a join or at rest, or a ring is not on the wire that the plan says it stays on; data:
+            step, pair or joint, and the excess.
     """
     scaled, joints = limits.scaled(plan.speed), scene.robot_open.joint_names
     chain([move.path for move in plan.moves])
@@ -198,6 +203,9 @@ def replay(
         _require_meetings(motion, unit, jump, joints)
     replayed = []
     for (move, world, _), peak in zip(move_scenes(plan, scene, unit), peaks, strict=True):
+        if move.threaded is not None:
+            begin = unit.positions(move.path.start)
+            scene.thread(move.threaded).require_threaded(world.robot, begin, move.name)
         if asked is not None:
             _require_clearances(move, asked)
             _require_line(move, scene, unit, asked.offset)

@@ -353,6 +353,7 @@ def _move(group: Sequence[MotionPhase], path: CountPath, check: ClearanceCertifi
         allowed_collisions=tuple(sorted(phase.allowed_collisions)),
         clearances=tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds),
         allowed_pairs=tuple(sorted((min(pair), max(pair)) for pair in phase.allowed_pairs)),
+        threaded=phase.threaded,
     )
 
 

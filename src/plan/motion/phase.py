@@ -47,6 +47,7 @@ class MotionPhase:
         held: name of the body that moves with the tool, or None.
         allowed_collisions: names of bodies that the held one may touch.
         allowed_pairs: further pairs of bodies that may touch.
+        threaded: name of the thread that a ring of the arm stays on, or None.
     """
 
     name: str
@@ -58,6 +59,7 @@ class MotionPhase:
     held: str | None = None
     allowed_collisions: frozenset[str] = frozenset()
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
+    threaded: str | None = None
 
     @property
     def line(self) -> LinearPath | None:

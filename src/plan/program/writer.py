@@ -102,13 +102,14 @@ class MotionWriter:
         return MotionPhase(
             f"{target.prefix}{_line_name(item.role, target)}",
             item.role,
-            self.worlds.world(state, target.pairs),
+            self.worlds.on_lines(state, target),
             target.clearance_on_lines(self.options),
             item,
             target.cube,
             state.held,
             frozenset(name for names in touched for name in names if name is not None),
             pairs,
+            target.threaded,
         )
 
 

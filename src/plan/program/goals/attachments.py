@@ -98,18 +98,33 @@ class AttachmentWorlds:
             held = target.attach or (None if target.detach else held)
         self.movable = {name for name in (self.start.held, *(t.attach for t in targets)) if name is not None}
         self._worlds: dict[tuple[object, ...], World] = {}
+        self.scene = scene
 
-    def world(self, state: AttachmentState, allowed_collisions: Pairs = frozenset()) -> World:
-        """Return the world of a state with these allowed collisions; pairs of fixed bodies are ignored."""
+    def on_lines(self, state: AttachmentState, target: Target) -> World:
+        """Return the world of a state on the lines of a target: with its allowed collisions, and its thread if any."""
+        return self.world(state, target.pairs, target.threaded)
+
+    def world(
+        self, state: AttachmentState, allowed_collisions: Pairs = frozenset(), threaded: str | None = None
+    ) -> World:
+        """Return the world of a state with these allowed collisions; pairs of fixed bodies are ignored.
+
+        With `threaded`, the name of a thread, it has the ray of that thread as well.
+        """
         moving = {*(body.name for body in self.robot.bodies), state.held or ""}
         allowed_collisions = frozenset(pair for pair in allowed_collisions if pair & moving)
-        key = (state.key, allowed_collisions)
+        key = (state.key, allowed_collisions, threaded)
         if key not in self._worlds:
             moved = dict(state.moved)
             bodies = [b.at(moved.get(b.name, b.T_base_body)) for b in self.bodies.values()]
             still = [b for b in bodies if b.name != state.held]
             held = None if state.held is None else self.bodies[state.held]
             robot = self.holding if held is not None else self._closed if state.closed else self.robot
+            if threaded is not None:
+                thread = self.scene.thread(threaded)
+                arm = [*(b.name for b in robot.bodies), *(() if held is None else (held.name,))]
+                allowed_collisions |= thread.exempt(arm)
+                still = [*still, thread.ray]
             self._worlds[key] = World(robot, still, held, state.T_tool_held, allowed_collisions, self.padding)
         return self._worlds[key]
 

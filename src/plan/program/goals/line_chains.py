@@ -224,7 +224,7 @@ class LineChains:
     def world(self, role: str, index: int) -> World:
         """Return the world on a line."""
         state = self.worlds.nominal_state(index + (role == "retract"))
-        return self.worlds.world(state, self.targets[index].pairs)
+        return self.worlds.on_lines(state, self.targets[index])
 
 
 def _turns(target: Target, role: str) -> str | None:

@@ -36,7 +36,7 @@ class PathMoves:
 
         Raises:
             InputError: the arm has no closed-form inverse kinematics.
-            ImpossibleError: there is no clear path.
+            ImpossibleError: there is no clear path, or its start is not threaded although the path is.
         """
         chains = self._chains_of(index)
         return Solutions(
@@ -63,7 +63,12 @@ class PathMoves:
 
     def _chains_of(self, index: int) -> list[Chain]:
         if index not in self._chains:
-            self._chains[index] = self._planner(index).chains(_CANDIDATES)
+            chains, target = self._planner(index).chains(_CANDIDATES), self.worlds.targets[index]
+            if target.threaded is not None:
+                thread = self.setting.scene.thread(target.threaded)
+                for chain in chains:
+                    thread.require_threaded(self.setting.robot, chain.q[0], target.name)
+            self._chains[index] = chains
         return self._chains[index]
 
     def _planner(self, index: int) -> CurvePlanner:
@@ -71,7 +76,7 @@ class PathMoves:
         if index not in self._planners:
             if not has_closed_form(setting.robot):
                 raise target.error("by", target.by, "needs an arm with closed-form inverse kinematics")
-            world = self.worlds.world(self.worlds.nominal_state(index), target.pairs)
+            world = self.worlds.on_lines(self.worlds.nominal_state(index), target)
             clearance = target.clearance_on_lines(setting.options)
             widened = frozenset(target.clearance_of) if setting.options.aim == "clearance" else None
             self._planners[index] = CurvePlanner(

@@ -34,6 +34,7 @@ _KINDS: tuple[tuple[str, Any, str], ...] = (
     ("look", bool, "must be True or False"),
     ("cube", (Integral, NoneType), "must be a whole number, or None"),
     ("subject", str, "must be a name"),
+    ("threaded", (str, NoneType), "must be the name of a thread, or None"),
 )
 _LENGTHS = ("approach", "retract", "blend_radius", "dwell_s", "attach_within", "settle_s")
 _NUMBERS = (
@@ -72,6 +73,7 @@ class Target:
         approach, retract: lengths of the straight lines along the tool's own z axis, to the pose and from it, m. If
             `rz` is free, the tool may rotate about that axis near obstacles, unless collisions are allowed there.
         clearance_of: names of the bodies whose clearance is maximised along a path, if that is the aim; default: all.
+        threaded: name of a thread of the scene that the arm's ring stays on along a path and back.
         speed: largest speed of the tool on the lines to and from the target, m/s (rad/s for a pure rotation); default:
             `approach_speed` times `speed` of the options, on a path as the joints allow.
         blend_radius: largest distance at which the tool may pass the pose, cutting its corner, m. With 0 the tool goes
@@ -116,6 +118,7 @@ class Target:
     subject: str = ""
     back: bool = False
     clearance_of: Iterable[str] = frozenset()
+    threaded: str | None = None
 
     def __post_init__(self) -> None:
         self._require_types()
@@ -135,6 +138,8 @@ class Target:
             raise self.error("q", "a configuration", "needs by='transit' and must not have free directions")
         if self.back and self.by != "path":
             raise self.error("back", True, "needs by='path'")
+        if self.threaded is not None and self.by != "path":
+            raise self.error("threaded", self.threaded, "needs by='path'")
         if self.by == "path" and (self.approach > 0.0 or self.retract > 0.0):
             key = "approach" if self.approach > 0.0 else "retract"
             raise self.error(key, getattr(self, key), "must be 0 if by='path'; begin the path further out")

@@ -344,7 +344,7 @@ class PoseSearch:
             key = (number, index, at, state.key)
             target = self.targets[item.target]
             if key not in self._clear_lines:
-                world = self.worlds.world(state, target.pairs)
+                world = self.worlds.on_lines(state, target)
                 asked = target.clearance_on_lines(self.options)
                 ends = (item.path.q[0], item.path.q[-1])
                 clearance = searched_clearance(world, ends, asked, LINE_MARGIN)
