@@ -90,6 +90,23 @@ def rotation(rotation_vector: npt.ArrayLike) -> Array:
     return R
 
 
+def rotations(rotation_vectors: Array) -> Array:
+    """Return the rotation matrices (..., 3, 3) by rotation vectors (..., 3), many at once (Rodrigues' formula)."""
+    x, y, z = np.moveaxis(rotation_vectors, -1, 0)
+    angle = np.sqrt(x * x + y * y + z * z)
+    a, b = np.sinc(angle / np.pi), 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    R = np.empty((*angle.shape, 3, 3))
+    R[..., 0, 0], R[..., 1, 1], R[..., 2, 2] = (
+        1 - b * (y * y + z * z),
+        1 - b * (x * x + z * z),
+        1 - b * (x * x + y * y),
+    )
+    R[..., 0, 1], R[..., 1, 0] = b * x * y - a * z, b * x * y + a * z
+    R[..., 0, 2], R[..., 2, 0] = b * x * z + a * y, b * x * z - a * y
+    R[..., 1, 2], R[..., 2, 1] = b * y * z - a * x, b * y * z + a * x
+    return R
+
+
 def moved(T: Array, twist: npt.NDArray[Any]) -> Array:
     """Return T exp(twist), to first order in the translation: `T` (4x4) moved by a twist (6,) in its own frame."""
     return mul(T, transform(rotation(twist[3:]), twist[:3]))

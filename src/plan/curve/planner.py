@@ -29,10 +29,10 @@ from plan.kinematics.product_of_exponentials import product_of_exponentials
 TOLERANCE = 5e-5  # m, by which the tool may be beyond what is free, and
 ANGLE_TOLERANCE = 1e-3  # rad
 _MARGIN = 5e-4  # m, clearance of chains beyond the required one
-_ROUNDS, _MORE_ROUNDS = 20, 3  # steps of the smoothing of a chain, and with more stations
+_ROUNDS, _MORE_ROUNDS = 24, 3  # steps of the smoothing of a chain, and with more stations
 _ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
 _FINER = 4  # times that stations are doubled
-_GIVEN = 3e-4  # m, of the largest distance, for the sake of time
+_GIVEN = 5e-4  # m, of the largest distance, for the sake of time
 _WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
 
 

@@ -36,7 +36,8 @@ _BEND = 4.0  # weight of changes of motion from step to step
 _ROOM = 0.15  # of a coordinate's limits at either end, for what lies between stations
 _SMALL = 1e-5  # curvature of every variable, relative to the largest
 _TURN, _SHIFT = 0.25, 0.006  # rad and m, first trust region
-_LEAST_REGION = 0.05  # of the first trust region
+_LEAST_REGION = 0.02  # of the first trust region
+_PARTS = (1.0, 0.5)  # of a step that are tried
 _INFLUENCE = 0.015  # m beyond the clearance, of pairs that constrain a step
 _AIM = 3e-4  # m, added to the clearance where distances are linearised
 _PENALTY = 100.0  # per mm of missing clearance, relative to the largest curvature
@@ -148,17 +149,17 @@ class Smoothing:
             step = self._step(way, region)
             if step is None:
                 break
-            for part in (1.0, 0.5):
+            for part in _PARTS:
                 trial = self._moved(way, part * step)
                 if trial is None:
                     continue
                 faster = time - self.time(trial)
                 if faster > _WORTH * time and not self.blocked(trial):
                     way, time = trial, time - faster
-                    region *= 1.0 if part == 1.0 else 0.5
+                    region = min(1.0, 1.5 * part * region)
                     break
             else:
-                region *= 0.35
+                region *= 0.3
         return way
 
     def widened(self, way: Followed, rounds: int, of: Demand) -> Followed:
@@ -173,17 +174,17 @@ class Smoothing:
             step = self._step(way, region, of)
             if step is None:
                 break
-            for part in (1.0, 0.5):
+            for part in _PARTS:
                 trial = self._moved(way, part * step)
                 if trial is None:
                     continue
                 more = of.least(trial.all_q) - least
                 if more > _WORTH_M and not self.blocked(trial):
                     way, least = trial, least + more
-                    region *= 1.0 if part == 1.0 else 0.5
+                    region = min(1.0, 1.5 * part * region)
                     break
             else:
-                region *= 0.35
+                region *= 0.3
         return way
 
     def _moved(self, way: Followed, step: Array) -> Followed | None:

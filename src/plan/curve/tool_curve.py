@@ -10,7 +10,7 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.numerics.products import mul
-from arm.se3 import Array, Indices, frozen, rotation, rotation_vector
+from arm.se3 import Array, Indices, frozen, rotation_vector, rotations
 from plan.kinematics.freedom import Freedom, placed
 from plan.kinematics.numeric_ik import FREE
 from plan.kinematics.straight_line import LineDeviation
@@ -89,9 +89,7 @@ class ToolCurve:
         part = (places - self.s[i]) / np.maximum(np.diff(self.s)[i], 1e-300)
         T: Array = np.array(self.T[i])
         T[:, :3, 3] += part[:, None] * (self.T[i + 1, :3, 3] - self.T[i, :3, 3])
-        turned = np.flatnonzero((self._turns[i] != 0.0).any(axis=1))
-        for k in turned.tolist():
-            T[k, :3, :3] = mul(T[k, :3, :3], rotation(part[k] * self._turns[i[k]]))
+        T[:, :3, :3] = mul(T[:, :3, :3], rotations(part[:, None] * self._turns[i]))
         return T
 
     def placed(self, places: Array, coordinates: Array) -> Array:

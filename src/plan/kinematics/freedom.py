@@ -14,7 +14,7 @@ import numpy as np
 
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, norm
-from arm.se3 import Array, frozen
+from arm.se3 import Array, frozen, rotations
 from plan.kinematics.numeric_ik import FREE
 
 _STRAIGHT = 1e-12  # sine of the tilt below which its direction is undefined
@@ -132,18 +132,5 @@ def placed(T: Array, coordinates: Array) -> Array:
 
 
 def _swing(x: Array, y: Array) -> Array:
-    """Return the rotations (..., 3, 3) by rotation vectors (x, y, 0), by Rodrigues' formula."""
-    angle = np.sqrt(x * x + y * y)
-    sine, cosine = _sinc(angle), 0.5 * _sinc(0.5 * angle) ** 2
-    swing = np.empty((*angle.shape, 3, 3))
-    swing[..., 0, 0], swing[..., 1, 1] = 1.0 - cosine * y * y, 1.0 - cosine * x * x
-    swing[..., 0, 1] = swing[..., 1, 0] = cosine * x * y
-    swing[..., 0, 2], swing[..., 1, 2] = sine * y, -sine * x
-    swing[..., 2, 0], swing[..., 2, 1] = -sine * y, sine * x
-    swing[..., 2, 2] = 1.0 - cosine * angle * angle
-    return swing
-
-
-def _sinc(angle: Array) -> Array:
-    """Return sin(angle) / angle."""
-    return np.asarray(np.sinc(angle / np.pi))
+    """Return the rotations (..., 3, 3) by rotation vectors (x, y, 0)."""
+    return rotations(np.stack([x, y, np.zeros_like(x)], axis=-1))
