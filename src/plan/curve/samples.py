@@ -70,10 +70,10 @@ def samples_of(curve: ToolCurve) -> Samples:
 
 
 def _row(low: float, high: float, step: float) -> Array:
-    """Return values `step` apart from the lowest to the highest, the one nearest to 0 among them."""
+    """Return values at most `step` apart from the lowest to the highest, the one nearest to 0 among them."""
     middle = float(np.clip(0.0, low, high))
-    below, above = (int((side + _SAME) / step) for side in (middle - low, high - middle))
-    return np.asarray(middle + step * np.arange(-below, above + 1, dtype=float))
+    below, above = (int(np.ceil(side / step - _SAME)) for side in (middle - low, high - middle))
+    return np.concatenate([np.linspace(low, middle, below + 1)[:-1], np.linspace(middle, high, above + 1)])
 
 
 def _disc(tilt: float) -> tuple[Array, Bools]:
