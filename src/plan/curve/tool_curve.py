@@ -19,6 +19,7 @@ _TURN = 0.05  # m per rad: the length of the curve counts this for each rad by w
 _LEAST = 1e-9  # m, least distance of two poses
 # m, half widths of the searches for the place that a pose belongs to; free positions and turns move it from the nearest
 _AROUND = (1e-2, 1.25e-3, 1.6e-4, 2e-5)
+_APART, _CHUNK = 2.5e-3, 64  # m between places, and tools at a time, of the search over the whole curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +53,8 @@ class ToolCurve:
     def s(self) -> Array:
         """Place of each pose (m,): distance from the first along the path, m, and turns at 0.05 m per rad."""
         steps = np.diff(self.T[:, :3, 3], axis=0)
-        turns = np.sqrt((self._turns**2).sum(axis=1))
-        return frozen(np.concatenate([[0.0], np.cumsum(np.sqrt((steps**2).sum(axis=1)) + _TURN * turns)]))
+        sizes = np.sqrt((steps**2).sum(axis=1)) + _TURN * np.sqrt((self._turns**2).sum(axis=1))
+        return frozen(np.concatenate([[0.0], np.cumsum(sizes)]))
 
     @cached_property
     def _turns(self) -> Array:
@@ -122,15 +123,37 @@ class ToolCurve:
 
         It has the signature of `plan.kinematics.straight_line.Line.deviation`; the free directions are the curve's own.
         """
-        places = self.nearest(T_base_tool[:, :3, 3]) if fraction is None else fraction * self.length
-        rows = np.arange(len(places))
+        rows = np.arange(len(T_base_tool))
+        places = self._places_near(T_base_tool) if fraction is None else fraction * self.length
         for width in _AROUND:
             near = np.clip(places[:, None] + np.linspace(-width, width, 17), 0.0, self.length)
             wanted = self.poses(near.ravel()).reshape(*near.shape, 4, 4)
             away, turned = self.freedom.excess(wanted, T_base_tool[:, None], self.free)
-            best = np.argmin(np.round(away + _TURN * turned, 9), axis=1)
+            best = self._best(away, turned)
             places = near[rows, best]
         return LineDeviation(away[rows, best], turned[rows, best])
+
+    def _places_near(self, T_base_tool: Array) -> Array:
+        """Return places (k,) of tools (k, 4, 4): the nearest, or where they are least beyond what is free.
+
+        These differ if positions are free, and if the tool turns on the spot.
+        """
+        low, high = self.box()
+        steps = np.sqrt((np.diff(self.T[:, :3, 3], axis=0) ** 2).sum(axis=1))
+        if not (high[:3] > low[:3]).any() and (np.diff(self.s) <= 2.0 * steps).all():
+            return self.nearest(T_base_tool[:, :3, 3])
+        places = self.stations(_APART)
+        wanted = self.poses(places)
+        best = [
+            self._best(*self.freedom.excess(wanted, some[:, None], self.free))
+            for some in np.split(T_base_tool, range(_CHUNK, len(T_base_tool), _CHUNK))
+        ]
+        return np.asarray(places[np.concatenate(best)])
+
+    @staticmethod
+    def _best(away: Array, turned: Array) -> Indices:
+        """Return the column of the least excess in each row."""
+        return np.asarray(np.argmin(np.round(away + _TURN * turned, 9), axis=1))
 
 
 def directions(curve: ToolCurve) -> list[int]:
