@@ -19,17 +19,17 @@ import numpy as np
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
-from arm.se3 import Array, Indices, frozen
+from arm.se3 import Array, Bools, Indices, frozen
 from plan.collision.world import World
 from plan.curve.samples import Samples, samples_of
 from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.ik import nearest_turns
 
-STEP = 0.008  # m (or 0.08 rad of turn) between stations
+STEP = 0.008  # m (or 0.16 rad of turn) between stations
 _JUMP = 0.5  # rad, largest motion of a joint from station to station
 _HALF = 0.12  # rad; an edge with a longer motion of a joint is checked in its middle too
-_ROUNDS = 4000  # chains that are checked for one branch
+_MISSES = 200  # refused configurations at one station whose distances are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +79,13 @@ class CurveGraph:
         shape = len(self.places), len(self.samples.coordinates), len(BRANCH_NAMES)
         self.reached = (raw.reached & inside).reshape(shape)
         self.q = q.reshape(*shape, -1)
-        self.refused: list[Array] = []  # configurations that were met in collision
+        self.refused: list[list[Array]] = [[] for _ in self.places]  # configurations in collision, by station
+        self.farthest = -1  # last station to which a clear chain leads, once all chains were asked for
 
     def chains(self) -> Iterator[Chain]:
         """Yield the fastest clear chain of every branch that has one, the fastest first."""
-        branches = {
-            b: _Branch(self, b) for b in range(len(BRANCH_NAMES)) if self.reached[..., b].any(axis=1).all()
-        }
+        reached: Bools = np.asarray(self.reached.any(axis=1))
+        branches = {b: _Branch(self, b) for b in range(len(BRANCH_NAMES)) if reached[:, b].all()}
         heap = [(branch.time, b) for b, branch in branches.items() if np.isfinite(branch.time)]
         heapq.heapify(heap)
         while heap:
@@ -95,35 +95,49 @@ class CurveGraph:
                 yield branch.chain()
             elif np.isfinite(branch.time):
                 heapq.heappush(heap, (branch.time, b))
+        gaps = [int(np.argmin(some)) - 1 for some in reached.T if not some.all()]
+        self.farthest = max([*gaps, *(branch.farthest for branch in branches.values())])
 
-    def impossible(self, name: str) -> ImpossibleError:
-        """Return why there is no chain: out of reach, or the nearest miss of all that were checked."""
-        per_station = self.reached.any(axis=(1, 2))
-        if not per_station.all():
-            at = int(np.argmin(per_station))
-            place = ", ".join(f"{1e3 * x:.0f}" for x in self.curve.poses(self.places[at : at + 1])[0, :3, 3])
+    def impossible(self, name: str, clearance: float) -> ImpossibleError:
+        """Return why there is no chain: a place is out of reach, or chains end there, and what is nearest there.
+
+        Args:
+            name: of the path.
+            clearance: what was asked for, m; the graph may have more.
+        """
+        reached = self.reached.any(axis=(1, 2))
+        stuck = int(np.argmin(reached)) if not reached.all() else self._last_refused()
+        at = ", ".join(f"{1e3 * x:.0f}" for x in self.curve.poses(self.places[stuck : stuck + 1])[0, :3, 3])
+        place = f"{1e3 * self.places[stuck]:.0f} mm from its start, at ({at}) mm"
+        data = {"target": name, "done_m": float(self.places[stuck]), "length_m": self.curve.length}
+        if not reached.all():
             return ImpossibleError(
-                f"path {name!r}: {1e3 * self.places[at]:.0f} mm from its start, at ({place}) mm, the tool is out of "
-                "reach with everything that is free there; move the work, or free more directions",
-                target=name,
+                f"path {name!r}: {place}, the tool is out of reach with everything that is free there; move the work, "
+                "or free more directions",
                 solutions=0,
-                done_m=float(self.places[at]),
-                length_m=self.curve.length,
+                **data,
             )
-        if not self.refused:
-            why = f"path {name!r}: no solution continues from its start to its end; free more directions"
-            return ImpossibleError(why, target=name, solutions=int(self.reached.sum()))
-        misses = [self.world.distance(q) for q in self.refused[-200:]]
+        data["solutions"] = int(self.reached.sum())
+        misses = [self.world.distance(q) for q in self.refused[stuck][-_MISSES:]]
+        if not misses:
+            why = f"path {name!r}: {place}, no solution continues; free more directions"
+            return ImpossibleError(why, **data)
         best = max(misses, key=lambda miss: round(miss.value, 9))
+        spare = f"{1e3 * (self.clearance - clearance):g} mm to spare"
         return ImpossibleError(
-            f"path {name!r}: no way along it keeps {1e3 * self.clearance:g} mm; nearest miss: {best.pair[0]} "
-            f"{1e3 * best.value:.1f} mm from {best.pair[1]}; move the work, or free more directions",
-            target=name,
-            solutions=int(self.reached.sum()),
+            f"path {name!r}: no way along it keeps {1e3 * clearance:g} mm with {spare}; {place}, the nearest "
+            f"miss is {best.pair[0]} {1e3 * best.value:.1f} mm from {best.pair[1]}; move the work, or free more "
+            "directions",
             pair=list(best.pair),
             distance_m=best.value,
-            clearance_m=self.clearance,
+            clearance_m=clearance,
+            **data,
         )
+
+    def _last_refused(self) -> int:
+        """Return the station at which the chains that lead farthest end: the last one with a refusal, if there is."""
+        stop = min(self.farthest + 1, len(self.places) - 1)
+        return next((i for i in range(stop, -1, -1) if self.refused[i]), stop)
 
 
 class _Branch:
@@ -150,6 +164,11 @@ class _Branch:
     def time(self) -> float:
         """Estimated time of the fastest chain, s; infinite if there is none."""
         return float(self.best[-1].min())
+
+    @property
+    def farthest(self) -> int:
+        """Last station to which a chain from the first one leads that is not known to be blocked; -1 for none."""
+        return int(np.isfinite(self.best).any(axis=1).sum()) - 1
 
     def _solve(self, first: int) -> None:
         """Compute the fastest chains again from station `first` on."""
@@ -181,7 +200,7 @@ class _Branch:
             if self.clear[i, node]:
                 continue
             if self.too_near(self.q[i, node]):
-                self.of.refused.append(self.q[i, node])
+                self.of.refused[i].append(self.q[i, node])
                 self.open[i, node] = False
                 changed.append(i)
             else:
@@ -191,10 +210,13 @@ class _Branch:
                 continue
             one, two = self.q[i, a], self.q[i + 1, b]
             if np.abs(two - one).max() > _HALF and self.too_near(0.5 * (one + two)):
-                self.of.refused.append(0.5 * (one + two))
-                self.steps[i, b, self.back[i + 1, b]] = np.inf
+                self.of.refused[i + 1].append(0.5 * (one + two))
+                self.steps[i, b, self.of.samples.neighbours[b] == a] = (
+                    np.inf
+                )  # a row may repeat its own sample
                 changed.append(i + 1)
-            self.passed.add((i, a, b))
+            else:
+                self.passed.add((i, a, b))
         if changed:
             self._solve(min(changed))
         return not changed

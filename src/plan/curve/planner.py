@@ -77,7 +77,7 @@ class CurvePlanner:
         graph = CurveGraph(self.robot, self.curve, self.world, self.clearance + _MARGIN, self.limits)
         found = list(islice(graph.chains(), most))
         if not found:
-            raise graph.impossible(self.name)
+            raise graph.impossible(self.name, self.clearance)
         return found
 
     def followed(self, chain: Chain) -> JointPath:
