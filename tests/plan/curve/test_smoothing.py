@@ -1,0 +1,173 @@
+"""Smoothing: never slower, and the tool stays on the curve, the joints within limits, and both clear."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from arm.controller.unit import Unit
+from arm.robot.model import Robot
+from arm.robot.shapes import Body
+from arm.se3 import Array, frozen
+from plan.collision.world import World
+from plan.curve.graph import CurveGraph
+from plan.curve.smoothing import Followed, Smoothing
+from plan.curve.tool_curve import ToolCurve, directions
+from plan.kinematics.freedom import Freedom
+from plans.curves import CLEARANCE, LINE, POST, arc, some_coordinates
+from tasks.pose_lists import TABLE
+
+MARGIN = 5e-4  # m, of the chain beyond the clearance of the smoothing
+CASES = {
+    "turning": (ToolCurve(arc(), free=("rz",)), []),
+    "tilting": (ToolCurve(LINE, Freedom({}, 0.5), ("rz",)), [POST]),
+    "shifting": (ToolCurve(LINE, Freedom({"x": (-0.06, 0.06), "y": (-0.03, 0.06)})), []),
+    "ranges": (ToolCurve(arc(), Freedom({"rx": (-0.3, 0.1), "rz": (-1.0, 0.3), "z": (-0.02, 0.0)})), []),
+}
+GAIN = {"turning": 1.0, "tilting": 0.8, "shifting": 0.6, "ranges": 0.65}  # of the chain's time, at most
+
+
+@pytest.fixture(scope="module", params=list(CASES))
+def case(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def begun(robot: Robot, crs97: Unit, case: str) -> tuple[Smoothing, Followed]:
+    return way_along(robot, crs97, *CASES[case])
+
+
+def way_along(robot: Robot, unit: Unit, curve: ToolCurve, bodies: list[Body]) -> tuple[Smoothing, Followed]:
+    """The smoothing of a curve, and its fastest chain as it begins."""
+    world, limits = World(robot, [TABLE, *bodies]), unit.limits()
+    chain = next(CurveGraph(robot, curve, world, CLEARANCE + MARGIN, limits).chains())
+    smoothing = Smoothing(robot, curve, world, CLEARANCE, limits)
+    coordinates = np.array(chain.coordinates)
+    coordinates[:, 5] = np.unwrap(coordinates[:, 5])
+    way = smoothing.at(chain.places, coordinates, chain.q)
+    assert way is not None
+    return smoothing, way
+
+
+def check(robot: Robot, smoothing: Smoothing, way: Followed) -> None:
+    """What holds for every way."""
+    tools = np.stack([robot.T_base_tool(q) for q in way.q])
+    np.testing.assert_allclose(tools, smoothing.curve.placed(way.places, way.coordinates), atol=1e-6)
+    away, turned = smoothing.curve.excess(way.places, tools)
+    assert max(away.max(), turned.max()) < 2e-6
+    assert (way.q >= smoothing.limits.lower).all()
+    assert (way.q <= smoothing.limits.upper).all()
+    middles = 0.5 * (way.q[1:] + way.q[:-1])
+    for q in np.concatenate([way.q, middles]):
+        assert smoothing.world.distance(q).value >= smoothing.clearance
+
+
+def test_a_smoothed_way_is_faster_on_the_curve_within_limits_and_clear(
+    robot: Robot, begun: tuple[Smoothing, Followed], case: str
+) -> None:
+    smoothing, way = begun
+    check(robot, smoothing, way)
+    times = [smoothing.time(way)]
+    for rounds in (1, 1, 4, 14):
+        way = smoothing.smoothed(way, rounds)
+        check(robot, smoothing, way)
+        times.append(smoothing.time(way))
+    assert times == sorted(times, reverse=True)
+    assert times[-1] <= GAIN[case] * times[0]
+
+
+def test_a_step_is_within_the_trust_region_and_what_is_free(
+    robot: Robot, begun: tuple[Smoothing, Followed]
+) -> None:
+    smoothing, way = begun
+    low, high = smoothing.curve.box()
+    for region in (1.0, 0.3):
+        step = smoothing._step(way, region)
+        assert step is not None
+        for k, column in enumerate(smoothing.columns):
+            assert np.abs(step[:, k]).max() <= region * (0.006 if column < 3 else 0.25) + 1e-9
+            c = way.coordinates[:, column] + step[:, k]
+            assert (c >= low[column] - 1e-9).all()
+            assert (c <= high[column] + 1e-9).all()
+
+
+def test_the_derivatives_keep_the_tool_where_the_coordinates_say(
+    robot: Robot, begun: tuple[Smoothing, Followed]
+) -> None:
+    """The joints that follow a small change of the coordinates lead to the changed pose, to second order."""
+    smoothing, way = begun
+    D, size = smoothing._derivatives(way), 1e-4
+    assert D.shape == (len(way.q), 6, len(smoothing.columns))
+    for k, column in enumerate(smoothing.columns):
+        coordinates = np.array(way.coordinates)
+        coordinates[:, column] += size
+        wanted = smoothing.curve.placed(way.places, coordinates)
+        tools = np.stack([robot.T_base_tool(q) for q in way.q + size * D[:, :, k]])
+        np.testing.assert_allclose(tools, wanted, atol=20.0 * size**2)
+
+
+def test_a_finer_way_keeps_its_stations_and_has_as_many_between_them(
+    robot: Robot, begun: tuple[Smoothing, Followed]
+) -> None:
+    smoothing, way = begun
+    finer = smoothing.finer(way)
+    assert finer is not None
+    assert len(finer.q) == 2 * len(way.q) - 1
+    np.testing.assert_allclose(finer.places[::2], way.places, atol=1e-12)
+    np.testing.assert_allclose(finer.places[1::2], 0.5 * (way.places[1:] + way.places[:-1]), atol=1e-12)
+    np.testing.assert_allclose(finer.coordinates[::2], way.coordinates, atol=1e-12)
+    np.testing.assert_allclose(finer.q[::2], way.q, atol=1e-6)
+    tools = np.stack([robot.T_base_tool(q) for q in finer.q])
+    away, turned = smoothing.curve.excess(finer.places, tools)
+    assert max(away.max(), turned.max()) < 2e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_coordinates_are_moved_into_their_limits_and_not_within_them(case: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    curve = CASES[case][0]
+    smoothing = object.__new__(Smoothing)  # the limits of a curve alone
+    smoothing.columns, smoothing.tilt = directions(curve), curve.freedom.tilt
+    smoothing.low, smoothing.high = (side[smoothing.columns] for side in curve.box())
+    inside = some_coordinates(rng, curve, 50)
+    kept = np.array(inside)
+    smoothing._within(kept)
+    np.testing.assert_allclose(kept, inside, atol=1e-12)
+    beyond = np.zeros((50, 6))
+    beyond[:, smoothing.columns] = rng.normal(size=(50, len(smoothing.columns)))
+    smoothing._within(beyond)
+    places = np.zeros(50)
+    away, turned = curve.excess(places, curve.placed(places, beyond))
+    assert max(away.max(), turned.max()) < 1e-9
+
+
+def test_what_has_no_freedom_is_not_smoothed(robot: Robot, crs97: Unit) -> None:
+    smoothing, way = way_along(robot, crs97, ToolCurve(LINE), [])
+    assert smoothing.smoothed(way, 5) is way
+
+
+def test_a_way_is_refused_that_the_joints_cannot_follow(robot: Robot, crs97: Unit) -> None:
+    smoothing, way = way_along(robot, crs97, *CASES["turning"])
+    low = replace(smoothing.limits, upper=frozen(way.q.max(axis=0) - 0.01))
+    cramped = Smoothing(robot, smoothing.curve, smoothing.world, CLEARANCE, low)
+    assert cramped.at(way.places, way.coordinates, way.q) is None
+    turned = np.array(way.coordinates)
+    turned[:, 5] += 1.0  # farther than a solution near q may be
+    assert smoothing.at(way.places, turned, way.q) is None
+
+
+def test_a_way_is_blocked_at_a_station_or_between_two(robot: Robot, crs97: Unit) -> None:
+    smoothing, way = way_along(robot, crs97, *CASES["ranges"])
+    assert not smoothing.blocked(way)
+
+    def at_only(q: Array) -> None:
+        smoothing.too_near = lambda one: bool(np.array_equal(one, q))
+
+    at_only(way.q[7])
+    assert smoothing.blocked(way)
+    at_only(0.5 * (way.q[7] + way.q[8]))
+    assert smoothing.blocked(way)
+    at_only(way.q[7] + 1e-6)
+    assert not smoothing.blocked(way)
