@@ -38,6 +38,7 @@ DECIDES_NOTHING = {
     "driver/emulator/options.py": "plain data: what is not known of the real unit",
     "driver/emulator/unit/plant.py": "a protocol without code",
     "driver/execution/progress.py": "plain data: options, progress and result of a stream",
+    "plan/program/goals/linear_move.py": "plain data: a line or path of a chain, with its role and target",
 }
 
 

@@ -3,7 +3,7 @@
 The variables are changes of the free coordinates at every station. The tool stays on the curve, since the joints follow
 from the coordinates. Each program minimises, for the joint motions d_i from station to station,
 
-    sum over i, joints k of  w_ik (d_ik / velocity_k)^2  +  b (d_ik - d_(i-1)k)^2 / velocity_k^2
+    sum over i, joints k of  w_ik (d_ik / velocity_k)^2  +  b ((d_ik - d_jk) / velocity_k)^2,  with j = i - 1,
 
 subject to the limits of the coordinates and of the joints, a trust region, and linearised distances of all near pairs.
 The weights w are those of iteratively reweighted least squares for a norm of high order over the joints, because the

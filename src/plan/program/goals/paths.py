@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from arm.se3 import Array
+from plan.cartesian.line import JointPath
 from plan.curve.graph import Chain
 from plan.curve.planner import CurvePlanner
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.numeric_ik import Solutions
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.linear_move import LinearMove
+from plan.program.goals.target import Target
 from plan.program.setting import Setting
 
 _CANDIDATES = 4  # chains along a path, of different branches
@@ -57,9 +60,22 @@ class PathMoves:
             chain = next(chain for chain in self._chains_of(index) if np.array_equal(chain.q[0], q))
             target = self.worlds.targets[index]
             path = self._planner(index).followed(chain)
-            speed = _NO_CAP if target.speed is None else target.speed
-            self._moves[key] = LinearMove(target.curve, path, speed, "xyz", role="line", target=index)
+            self._moves[key] = LinearMove(
+                target.curve, path, self._rate(target, path), "xyz", role="line", target=index
+            )
         return self._moves[key]
+
+    def _rate(self, target: Target, path: JointPath) -> float:
+        """Return the largest rate along a path, m/s: with it the tool is nowhere faster than its target allows.
+
+        Where positions are free, the tool's way is longer than the path.
+        """
+        if target.speed is None:
+            return _NO_CAP
+        places = np.linspace(0.0, path.s[-1], 4 * len(path.s))
+        tools = product_of_exponentials(self.setting.robot).tool_poses(path.spline(places))
+        ways = np.sqrt((np.diff(tools[:, :3, 3], axis=0) ** 2).sum(axis=1))
+        return target.speed / max(1.0, round(float((ways / np.diff(places)).max()), 4))
 
     def _chains_of(self, index: int) -> list[Chain]:
         if index not in self._chains:
