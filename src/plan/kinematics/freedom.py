@@ -76,6 +76,9 @@ class Freedom:
         now = coordinates_of(T, T_now)
         low, high = self.box(free)
         beyond = np.maximum(np.maximum(low - now, now - high), 0.0)
+        # a twist near half a revolution may be met from the other side
+        twist = now[..., 5:] + 2.0 * np.pi * np.arange(-1.0, 2.0)
+        beyond[..., 5] = np.maximum(np.maximum(low[5] - twist, twist - high[5]), 0.0).min(axis=-1)
         if self.tilt > 0.0:
             beyond[..., 3] = np.maximum(np.sqrt((now[..., 3:5] ** 2).sum(axis=-1)) - self.tilt, 0.0)
             beyond[..., 4] = 0.0

@@ -103,7 +103,9 @@ def test_as_many_chains_as_asked_for(robot: Robot, crs97: Unit) -> None:
 
 def test_what_was_asked_for_is_named_when_nothing_is_clear(robot: Robot, crs97: Unit) -> None:
     planner = planner_of(robot, crs97, ToolCurve(LINE, free=("rz",)), [PLATE])
-    with pytest.raises(ImpossibleError, match=r"path 'cut': no way along it keeps 5 mm .* from plate") as error:
+    with pytest.raises(
+        ImpossibleError, match=r"path 'cut': no way along it keeps 5 mm .* from plate"
+    ) as error:
         planner.chains(1)
     assert error.value.data["clearance_m"] == CLEARANCE
 

@@ -230,7 +230,8 @@ class Target:
         try:
             return ToolCurve(poses, self.freedom, tuple(self.free))
         except InputError as error:
-            raise self.error("T_base_tool", "a path", str(error)) from error
+            key = "free" if "free" in error.data else "T_base_tool"
+            raise InputError(f"target {self.name!r}: {error}", target=self.name, key=key) from error
 
     @property
     def poses(self) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
+from arm.se3 import transform
 from plan.options import PlanOptions
 from plan.program.goals.target import Target
 
@@ -76,6 +77,49 @@ def test_no_axis_is_free_that_would_turn_with_what_is_free_within_limits(freedom
 )
 def test_what_is_free_and_what_is_limited_go_together_where_no_axis_turns(freedom: dict[str, object]) -> None:
     assert Target("a", np.eye(4), **freedom).freedom  # type: ignore[arg-type]
+
+
+PATH = np.stack([transform(t=(0.1 * k, 0.0, 0.2)) for k in range(3)])
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "says"),
+    [
+        ({"T_base_tool": np.eye(4)}, "T_base_tool", "must be poses .k, 4, 4. if by='path'"),
+        (
+            {"T_base_tool": PATH[:1]},
+            "T_base_tool",
+            "a path of 1 poses: must have at least two different ones",
+        ),
+        (
+            {"T_base_tool": PATH[[1, 1]]},
+            "T_base_tool",
+            "a path of 2 poses: must have at least two different ones",
+        ),
+        ({"T_base_tool": None, "q": [0.0] * 6}, "q", "a configuration': needs by='transit'"),
+        ({"free": "rz x"}, "free", "free = 'x': on a path only rz may be free without limits"),
+        ({"free": "ry"}, "free", "free = 'ry': on a path only rz .* give it a range or a tilt"),
+        ({"approach": 0.1}, "approach", "approach = 0.1: must be 0 if by='path'; begin the path further out"),
+        ({"retract": 0.2}, "retract", "retract = 0.2: must be 0 if by='path'"),
+        ({"back": "yes"}, "back", "back = 'yes': must be True or False"),
+        ({"by": "line", "T_base_tool": np.eye(4), "back": True}, "back", "back = True: needs by='path'"),
+        ({"by": "transit", "back": True}, "back", "back = True: needs by='path'"),
+    ],
+)
+def test_wrong_paths(change: dict[str, object], key: str, says: str) -> None:
+    with pytest.raises(InputError, match=f"target 'a': .*{says}") as error:
+        Target(**{"name": "a", "T_base_tool": PATH, "by": "path", **change})
+    assert error.value.data["key"] == key
+
+
+def test_a_path_ends_at_its_last_pose_and_has_what_is_free_along_it() -> None:
+    ranges = {"y": (-0.1, 0.0)}
+    target = Target("a", PATH, by="path", free="rz", tilt=0.2, ranges=ranges, back=True)
+    assert np.array_equal(target.poses, PATH[-1:])
+    assert np.array_equal(target.curve.T, PATH)
+    assert (target.curve.freedom, target.curve.free) == (target.freedom, ("rz",))
+    assert (target.freedom.ranges, target.freedom.tilt) == (ranges, 0.2)
+    assert len(Target("a", PATH).poses) == 3  # otherwise one of them
 
 
 def test_the_tool_stops_where_something_is_done() -> None:
