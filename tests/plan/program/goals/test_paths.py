@@ -32,6 +32,7 @@ from tasks.pose_lists import EFFORT, FAST, TABLE, check_plan, down
 OFF_PATH = 1e-4  # m, largest deviation of the tool as it is sent
 ENDS = 5e-5  # m and rad, of its ends: a path ends at whole counts, and within its tolerance
 DRAWN = Target("draw", arc(), free="rz", by="path", back=True, dwell_s=0.4)
+ASIDE = Body("post", Cylinder(0.01, 0.3), transform(t=(0.485, 0.02, 0.1)), "post")
 # over this wall the pen has to lift
 WALL = Body("wall", Box((0.2, 0.02, 0.1)), transform(t=(0.42, 0.01, 0.06)), "wall")
 
@@ -124,6 +125,17 @@ def test_the_tool_is_as_fast_as_allowed_and_no_faster(
 def test_paths_follow_the_options_of_motions(robot: Robot, crs97: Unit, options: PlanOptions) -> None:
     target = Target("p", LINE, by="path", tilt=0.2, free="rz")
     check_sent(planned(robot, crs97, [TABLE], target, options=options), target)
+
+
+def test_the_clearance_may_be_the_aim(robot: Robot, crs97: Unit) -> None:
+    """Past a post: of all bodies, or of the post alone."""
+    found = {}
+    for aim, of in (("time", ()), ("clearance", ()), ("clearance", ("post",))):
+        target = Target("p", LINE, by="path", tilt=0.26, clearance_of=of)
+        plan = planned(robot, crs97, [TABLE, ASIDE], target, options=PlanOptions(speed=1.0, aim=aim))
+        check_sent(plan, target)
+        (found[aim, of],) = (move.clearance for move in along(plan))
+    assert min(found["clearance", ()], found["clearance", ("post",)]) > found["time", ()] + 5e-3
 
 
 def test_a_path_without_a_stop_at_its_ends(robot: Robot, crs97: Unit) -> None:

@@ -104,6 +104,8 @@ PATH = np.stack([transform(t=(0.1 * k, 0.0, 0.2)) for k in range(3)])
         ({"back": "yes"}, "back", "back = 'yes': must be True or False"),
         ({"by": "line", "T_base_tool": np.eye(4), "back": True}, "back", "back = True: needs by='path'"),
         ({"by": "transit", "back": True}, "back", "back = True: needs by='path'"),
+        ({"by": "transit", "threaded": "wire"}, "threaded", "threaded = 'wire': needs by='path'"),
+        ({"threaded": 5}, "threaded", "threaded = 5: must be the name of a thread, or None"),
     ],
 )
 def test_wrong_paths(change: dict[str, object], key: str, says: str) -> None:
