@@ -182,20 +182,24 @@ def test_a_way_is_refused_that_the_joints_cannot_follow(robot: Robot, crs97: Uni
     assert smoothing.at(way.places, turned, way.q) is None
 
 
+class AllBut:
+    """A demand that all configurations but one meet."""
+
+    def __init__(self, one: Array) -> None:
+        self.one = one
+
+    def met(self, q: Array) -> bool:
+        return not (q == self.one).all(axis=1).any()
+
+
 def test_a_way_is_blocked_at_a_station_or_between_two(robot: Robot, crs97: Unit) -> None:
     smoothing, way = way_along(robot, crs97, *CASES["ranges"])
     assert not smoothing.blocked(way)
-
-    class Only(Demand):
-        """Met by all configurations but one."""
-
-        def met(self, q: Array) -> bool:
-            return not (q == one).all(axis=1).any()
 
     for one, blocked in (
         (way.q[7], True),
         (0.5 * (way.q[7] + way.q[8]), True),
         (way.q[7] + 1e-6, False),
     ):
-        smoothing.demands = (*smoothing.demands[:1], Only(smoothing.demands[0].world, 0.0))
+        smoothing.demands = (AllBut(one),)  # type: ignore[assignment]
         assert smoothing.blocked(way) == blocked
