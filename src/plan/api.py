@@ -9,7 +9,7 @@ from arm.former import former_names
 from arm.plan_file import Pause, Plan
 from arm.robot.mesh import read_mesh_points
 from arm.robot.model import Robot, load_a465, load_robot
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, convex
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, Torus, convex
 from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import inverse, rot_x, rot_y, rot_z, rotation, transform
 from plan.budget import PlanningInterrupted, SearchBudget, TransitBudget
@@ -36,7 +36,7 @@ __all__ = [
     "A465Error", "Body", "Box", "Capsule", "Convex", "Cylinder", "ImpossibleError", "InputError", "Limits",
     "Line", "LineOptions", "Pause", "Plan", "PlanOptions", "Planned", "PlanningInterrupted", "Program",
     "Reached", "Robot", "Scene", "SearchBudget", "SearchEffort", "SearchOptions", "Sphere", "Station",
-    "Target", "Transfer", "Transfers", "Transit", "TransitBudget", "Unit", "World", "certify",
+    "Target", "Torus", "Transfer", "Transfers", "Transit", "TransitBudget", "Unit", "World", "certify",
     "certify_curve", "certify_move", "convex", "curve_of_waypoints", "explain_pose", "find_transit",
     "follow_line", "inverse", "inverse_kinematics", "load_a465", "load_robot", "load_unit",
     "plan_joint_motion", "plan_poses", "plan_program", "plan_task", "plan_transit", "reach",

@@ -13,7 +13,7 @@ from arm.io.node import Node
 from arm.io.rules import number, numbers, path, text, triple
 from arm.numerics.products import mul
 from arm.robot.mesh import read_mesh_points
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus, convex
 from arm.se3 import Array, rot_x, rot_y, rot_z, transform
 
 MESH_UNITS = {"mm": 1e-3, "m": 1.0}
@@ -21,7 +21,7 @@ FARTHEST_MM, LARGEST_MM = 5000, 10000
 _LENGTH = number("mm", 1, LARGEST_MM)
 PLACE = numbers(3, "mm", -FARTHEST_MM, FARTHEST_MM)
 TURN = numbers(3, "deg", -360, 360)
-SHAPE = text("box", "cylinder", "sphere", "capsule", "mesh")
+SHAPE = text("box", "cylinder", "sphere", "capsule", "torus", "mesh")
 
 
 class BodyKeys(Keys):
@@ -32,6 +32,7 @@ class BodyKeys(Keys):
     size: tuple[float, float, float] = key("size_mm", triple("mm", 1, LARGEST_MM))
     radius: float = key("radius_mm", _LENGTH)
     length: float = key("length_mm", _LENGTH)
+    tube: float = key("tube_mm", _LENGTH)
     mesh: Path = key("mesh", path())
     mesh_unit: str = key("mesh_unit", text(*MESH_UNITS))
     centre: Array = key("centre_mm", PLACE)
@@ -78,6 +79,7 @@ SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
     "cylinder": (lambda _, radius, length: Cylinder(radius, length), ("radius", "length")),
     "sphere": (lambda _, radius: Sphere(radius), ("radius",)),
     "capsule": (lambda _, radius, length: Capsule(radius, length), ("radius", "length")),
+    "torus": (lambda _, radius, tube: Torus(radius, tube), ("radius", "tube")),
     "mesh": (_hull, ("mesh", "mesh_unit")),
 }
 """Constructor and own keys of each shape."""

@@ -3,7 +3,7 @@
 The links, joints and jaws are those of the arm's own description. Joint origins are those of the exported arm, so a
 calibrated arm keeps its corrections. Joint limits are those of planning. Every body is a link fixed to the base, or to
 the tool if it is held, or to the end of the arm if it is part of the tool. A mesh of the arm becomes the hull that is
-checked. A capsule, which URDF does not have, becomes a cylinder and two spheres in one link.
+checked. A capsule, which URDF does not have, becomes a cylinder and two spheres in one link; a torus becomes capsules.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ import numpy as np
 
 from arm.controller.unit import Limits
 from arm.errors import InputError
+from arm.numerics.products import mul
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, hull_faces
+from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Simple, Sphere, hull_faces, simple_parts
 from arm.se3 import Array, frozen, inverse, rot_y, rot_z, transform
 from cell.export.link_tree import base_link, end_link, links_beyond, urdf_root
 from plan.collision.world import World
@@ -203,17 +204,18 @@ def _add_body(
         root.append(ElementTree.Comment(f" {json.dumps(body.name).replace('--', '- -')} "))
     _fixed(root, link, parent, T_parent_body)
     element = root.findall("link")[-1]
-    match body.shape:
-        case Capsule(radius, length):
-            _collide(element, Cylinder(radius, length), "")
-            for end in (-length / 2.0, length / 2.0):
-                _collide(element, Sphere(radius), "", transform(t=(0.0, 0.0, end)))
-        case Convex():
-            mesh = f"{MESHES}/{link}.stl"
-            meshes[mesh] = stl_of(body.shape)
-            _collide(element, body.shape, mesh)
-        case _:
-            _collide(element, body.shape, "")
+    for part, T_body_part in simple_parts(body.shape):
+        match part:
+            case Capsule(radius, length):
+                _collide(element, Cylinder(radius, length), "", T_body_part)
+                for end in (-length / 2.0, length / 2.0):
+                    _collide(element, Sphere(radius), "", mul(T_body_part, transform(t=(0.0, 0.0, end))))
+            case Convex():
+                mesh = f"{MESHES}/{link}.stl"
+                meshes[mesh] = stl_of(part)
+                _collide(element, part, mesh, T_body_part)
+            case _:
+                _collide(element, part, "", T_body_part)
 
 
 def _fixed(root: Element, link: str, parent: str, T_parent_link: Array) -> None:
@@ -224,9 +226,9 @@ def _fixed(root: Element, link: str, parent: str, T_parent_link: Array) -> None:
     SubElement(root, "link", {"name": link})
 
 
-def _collide(link: Element, shape: Shape, mesh: str, T_link_shape: Array | None = None) -> None:
+def _collide(link: Element, shape: Simple, mesh: str, T_link_shape: Array) -> None:
     collision = SubElement(link, "collision")
-    if T_link_shape is not None:
+    if not np.array_equal(T_link_shape, np.eye(4)):
         collision.append(_origin(T_link_shape))
     geometry = SubElement(collision, "geometry")
     match shape:

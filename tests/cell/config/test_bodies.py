@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from arm.errors import InputError
-from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, convex, shape_from_json, shape_to_json
+from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, Torus, convex, shape_from_json, shape_to_json
 from cell.config.bodies import pose_of
 from cell.config.cell_file import read_cell
 from cell.task.plan_matches import _same_shape as same_shape
@@ -45,6 +45,14 @@ mesh = "wedge.obj"
 mesh_unit = "mm"
 origin_mm = [500, 300, 200]
 rpy_deg = [0, 0, 90]
+
+[[walls]]
+name = "ring"
+shape = "torus"
+radius_mm = 32.4
+tube_mm = 4.8
+centre_mm = [500, 300, 200]
+rpy_deg = [90, 0, 0]
 """
 
 
@@ -57,6 +65,8 @@ def test_walls_of_every_shape(scenes: Path) -> None:
     assert walls["column"].T_base_body[:3, 3] == pytest.approx([0.5, 0.3, 0.2])
     assert walls["ball"].shape == Sphere(0.05)
     assert walls["rail"].shape == Capsule(0.02, 0.3)
+    assert walls["ring"].shape == Torus(0.0324, 0.0048)
+    assert walls["ring"].T_base_body[:3, 2] == pytest.approx([0, -1, 0])  # the axis of its circle
     wedge = walls["wedge"].shape
     assert isinstance(wedge, Convex)
     corners = np.array([(0, 0, 0), (0, 0, 0.09), (0, 0.06, 0), (0.08, 0, 0)])
@@ -73,6 +83,8 @@ def test_walls_of_every_shape(scenes: Path) -> None:
             r"walls\[1\].shape = 'cylnder': must be one of box.*did you mean 'cylinder'",
         ),
         ("radius_mm = 50", "", r"walls\[2\].radius_mm: is missing"),
+        ("tube_mm = 4.8", "", r"walls\[5\].tube_mm: is missing"),
+        ("tube_mm = 4.8", "tube_mm = 0", r"walls\[5\].tube_mm = 0: must be a number in mm from 1 to 10000"),
         ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
         ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
         ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that does not exist"),

@@ -17,7 +17,7 @@ from arm.io.storage import data_file
 from arm.robot.dh import A465
 from arm.robot.link_errors import LinkErrors
 from arm.robot.model import load_a465
-from arm.robot.shapes import Body, Box, Capsule, Sphere, convex
+from arm.robot.shapes import Body, Box, Capsule, Sphere, Torus, convex
 from arm.se3 import frozen, rot_x, rot_y, rotation, transform
 from cell.config.cell_file import read_cell
 from cell.console import Console
@@ -85,6 +85,17 @@ def test_every_shape_held_and_standing(tmp_path: Path) -> None:
     disabled = {frozenset(pair) for pair in describe(there).disabled}
     assert frozenset((links[held.name], "tool_2")) in disabled
     assert frozenset((links[held.name], "finger_l")) in disabled
+
+
+def test_tori_become_capsules_that_keep_the_hole(tmp_path: Path) -> None:
+    """Off by no more than 0.25 % of the radius."""
+    loop = Body("loop", Torus(0.1, 0.01), transform(rotation((0.3, -1.0, 2.0)), (0.5, 0.2, 0.4)), "wall")
+    there = Surroundings(load_a465(0.134112, 0.012), load_unit("crs97").limits(), (loop,))
+    require_same(there, tmp_path / "out", seed=5, error=0.0025 * 0.1)
+    parts = ElementTree.parse(tmp_path / "out/cell.urdf").findall(
+        "link[@name='loop']/collision/geometry/cylinder"
+    )
+    assert len(parts) == 32
 
 
 def test_a_calibrated_cell_exports_the_corrected_arm(tmp_path: Path) -> None:

@@ -13,11 +13,11 @@ import pytest
 
 from arm.controller.segments import CountPath
 from arm.plan_file import Move
-from arm.robot.shapes import body_from_json
+from arm.robot.shapes import Torus, body_from_json
 from cell.console import Console
 from cell.preview.clearance import sample_clearance
 from cell.preview.of_log import preview_log
-from cell.preview.overlays import ExecutedMove
+from cell.preview.overlays import ExecutedMove, shape_numbers
 from cell.preview.page import write_preview
 from cell.preview.timeline import cube_tracks, timed_steps
 from pages.browsers import keep_screenshot, picture_of
@@ -39,6 +39,18 @@ def test_the_kinematics_of_the_page_are_the_robots(browser, page_file, preview_c
             shown = page.evaluate("(t) => a465.motion.toolPose(a465.motion.q(t)).elements", t)
             expected = case.robot_open.T_base_tool(case.unit.positions(counts))
             assert np.abs(np.reshape(shown, (4, 4)).T - expected).max() < 2e-6
+
+
+@pytest.mark.slow
+def test_a_torus_is_drawn_as_a_tube_around_its_circle(browser, page_file) -> None:
+    """And as the checked body with its padding."""
+    shape = shape_numbers(Torus(0.0324, 0.0048))
+    with opened(browser, page_file) as page:
+        for drawn, tube in (("bodyGeometry(s, 0.01)", 0.0048), ("checkedGeometry(s, 0.002)", 0.0068)):
+            corners = page.evaluate(f"(s) => [...{drawn}.attributes.position.array]", shape)
+            x, y, z = np.reshape(corners, (-1, 3)).T
+            assert np.hypot(np.hypot(x, y) - 0.0324, z) == pytest.approx(tube, abs=1e-7)
+            assert np.ptp(x) == pytest.approx(2.0 * (0.0324 + tube), rel=1e-6)
 
 
 @pytest.mark.slow

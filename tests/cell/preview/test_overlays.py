@@ -8,7 +8,7 @@ import pytest
 
 import arm.board
 from arm.errors import InputError
-from arm.robot.shapes import Capsule, convex
+from arm.robot.shapes import Capsule, Torus, convex
 from cell.preview.content import page_content
 from cell.preview.overlays import ExecutedMove, marker_rows, shape_numbers
 from pages.content import matrix
@@ -34,6 +34,7 @@ def test_hulls_are_drawn_with_triangles_that_close() -> None:
     assert len(drawn["convex"]) == 4
     assert sorted(i for face in drawn["faces"] for i in face) == sorted([0, 1, 2, 3] * 3)
     assert shape_numbers(Capsule(0.1, 0.2)) == {"capsule": [0.1, 0.2]}
+    assert shape_numbers(Torus(0.1, 0.02)) == {"torus": [0.1, 0.02]}
 
 
 def test_marker_rows_are_opencvs() -> None:

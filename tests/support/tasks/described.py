@@ -69,15 +69,17 @@ class Exported:
         return np.array(self.data.oMf[self.model.getFrameId(frame)].homogeneous)
 
 
-def require_same(there: Surroundings, folder: Path, seed: int) -> None:
-    """What Pinocchio reads from an export is what it was made from."""
+def require_same(there: Surroundings, folder: Path, seed: int, error: float = 1e-6) -> None:
+    """What Pinocchio reads from an export is what it was made from, to an error of distances, m."""
     described = describe(there)
     write_folder(folder, described.files)
-    require_read(there, described.links, Exported(folder), seed)
+    require_read(there, described.links, Exported(folder), seed, error)
 
 
-def require_read(there: Surroundings, links: Mapping[str, str], exported: Exported, seed: int) -> None:
-    """Kinematics to 1e-9, the same pairs, the same distances to 1e-6 m where bodies are apart; overlaps in both."""
+def require_read(
+    there: Surroundings, links: Mapping[str, str], exported: Exported, seed: int, error: float = 1e-6
+) -> None:
+    """Kinematics to 1e-9, the same pairs, the same distances to `error` m where bodies are apart; overlaps in both."""
     links = {body.name: body.link for body in there.robot.bodies if body.link} | dict(links)
     world = World(there.robot, there.bodies, there.held, there.T_tool_held, there.allowed)
     pairs = [frozenset(links[name] for name in world.pair_names(i)) for i in range(len(world.pairs))]
@@ -95,9 +97,9 @@ def require_read(there: Surroundings, links: Mapping[str, str], exported: Export
         found = exported.pair_distances(full)
         assert set(found) == set(ours)
         for pair, value in ours.items():
-            if value > 1e-5:
+            if value > 10.0 * error:
                 apart += 1
-                assert found[pair] == pytest.approx(value, abs=1e-6), (pair, q)
+                assert found[pair] == pytest.approx(value, abs=error), (pair, q)
             else:
-                assert found[pair] < 2e-5, (pair, q)
+                assert found[pair] < 20.0 * error, (pair, q)
     assert apart > COUNT * len(set(pairs)) / 2

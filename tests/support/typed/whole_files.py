@@ -29,6 +29,13 @@ length_mm = 100
 centre_mm = [0, 900, 800]
 
 [[walls]]
+name = "ring"
+shape = "torus"
+radius_mm = 100
+tube_mm = 5
+centre_mm = [0, 900, 900]
+
+[[walls]]
 name = "bracket"
 mesh = "fixtures/meshes/bracket.stl"
 mesh_unit = "mm"

@@ -35,6 +35,16 @@ function capsule(radius, length) {
   return new THREE.LatheGeometry(profile, 56).rotateX(Math.PI / 2);
 }
 
+// A torus about z; `radius` of its circle.
+function torus(radius, tube) {
+  const profile = [];
+  for (let k = 0; k <= 24; k++) {
+    const a = (k / 24) * 2 * Math.PI;
+    profile.push(new THREE.Vector2(Math.max(radius + tube * Math.cos(a), 0), tube * Math.sin(a)));
+  }
+  return new THREE.LatheGeometry(profile, 72).rotateX(Math.PI / 2);
+}
+
 // Flat triangles with separate corners, so that edges stay sharp.
 function facets(points, faces) {
   const geometry = new THREE.BufferGeometry();
@@ -48,6 +58,7 @@ function bodyGeometry(shape, rounding) {
   if (shape.box) return roundedBox(shape.box, rounding);
   if (shape.cylinder) return roundedCylinder(shape.cylinder[0], shape.cylinder[1], rounding);
   if (shape.capsule) return capsule(shape.capsule[0], shape.capsule[1]);
+  if (shape.torus) return torus(shape.torus[0], shape.torus[1]);
   if (shape.convex) return facets(shape.convex, shape.faces);
   return new THREE.SphereGeometry(shape.sphere, 48, 32);
 }
@@ -62,6 +73,7 @@ function checkedGeometry(shape, padding) {
   }
   if (shape.cylinder) return roundedCylinder(shape.cylinder[0] + p, shape.cylinder[1] + 2 * p, rounding);
   if (shape.capsule) return capsule(shape.capsule[0] + p, shape.capsule[1]);
+  if (shape.torus) return torus(shape.torus[0], shape.torus[1] + p);
   if (shape.convex) return facets(shape.convex, shape.faces);
   return new THREE.SphereGeometry(shape.sphere + p, 48, 32);
 }
