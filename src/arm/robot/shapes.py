@@ -239,17 +239,19 @@ def thickness(points: Array) -> float:
     return float(np.ptp(mul(centred, axes[-1]))) if len(axes) == 3 else 0.0
 
 
-def simple_parts(shape: Shape) -> list[tuple[Simple, Array]]:
+def simple_parts(shape: Shape, covering: bool = False) -> list[tuple[Simple, Array]]:
     """Return the shape, or capsules along the circle of a torus, with poses in its frame (4x4).
 
     For programs that know no torus. The capsules form a polygon, whose corners are outside of the circle by 0.25 % of
-    its radius, and the middles of its edges inside by the same.
+    its radius, and the middles of its edges inside by the same. They have the radius of the tube or, if `covering`, as
+    much more, so that they contain the torus.
     """
     if not isinstance(shape, Torus):
         return [(shape, transform())]
     half_angle = np.pi / _CAPSULES
     corner = 2.0 * shape.radius / (1.0 + np.cos(half_angle))
-    part = Capsule(shape.tube, 2.0 * corner * np.sin(half_angle))
+    size = shape.tube + (corner - shape.radius if covering else 0.0)
+    part = Capsule(size, 2.0 * corner * np.sin(half_angle))
     edge = transform(rot_x(np.pi / 2.0), (corner * np.cos(half_angle), 0.0, 0.0))
     return [(part, mul(transform(rot_z(2.0 * half_angle * i)), edge)) for i in range(_CAPSULES)]
 

@@ -47,8 +47,10 @@ def cover(shape: Shape) -> tuple[Array, float]:
             across = np.delete(np.array(size), int(np.argmax(size)))
             return _row(np.array(size), float(norm(across)) / 2.0)
         case Torus(radius, tube):
-            # balls about the middles of chords hold the arcs of these
-            return _polygon(radius * np.cos(np.pi / _SIDES)), tube + radius * np.sin(np.pi / _SIDES)
+            # about the middles of chords; the furthest points of the torus are its outermost ones above their ends
+            half_chord = np.sin(np.pi / _SIDES)
+            ball = np.sqrt(radius * (radius + 2.0 * tube) * half_chord**2 + tube**2)
+            return _polygon(radius * np.cos(np.pi / _SIDES)), float(ball)
         case Convex(points):
             corners = np.array(points)
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0

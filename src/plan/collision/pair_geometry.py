@@ -14,8 +14,10 @@ from arm.robot.model import LinkBody
 from arm.robot.shapes import Shape, Torus
 from arm.se3 import Array, Indices
 from plan.budget import spend
-from plan.collision.narrow.coal_shapes import GJK_TOLERANCE, coal_shape
-from plan.collision.narrow.torus_pairs import TorusDistance, TorusPairs
+from plan.collision.narrow.coal_shapes import GJK_ERROR, GJK_TOLERANCE, coal_shape
+from plan.collision.narrow.torus_pairs import TorusDistance, TorusPairs, covered
+
+_FEW_TESTS = 25  # of pairs of a torus: they take as long as making the capsules that replace most tests
 
 
 class PairGeometry:
@@ -54,8 +56,10 @@ class PairGeometry:
         self._index = np.empty(len(pairs), dtype=np.intp)
         self._index[~of_torus] = self._geometry.collisionPairMapping[first, second]
         self._index[of_torus] = -1 - np.arange(of_torus.sum())
-        self._tori = TorusPairs(parts, pairs[of_torus]) if of_torus.any() else None
-        self._torus_padding = paddings[of_torus]
+        self._tori: TorusPairs | None = None
+        if of_torus.any():
+            self._tori = TorusPairs(parts, pairs[of_torus])
+            self._torus_pairs = parts, pairs[of_torus], paddings[of_torus]
         self._placements = pin.GeometryData(self._geometry)
         # fresh requests: Pinocchio's own start GJK from the previous result, so that the last digits of a distance
         # would depend on earlier calls
@@ -107,12 +111,37 @@ class PairGeometry:
 
     def too_near(self, clearance: float) -> Callable[[Array], bool]:
         """Return a function of q (n,): whether some pair is closer than `clearance` m, paddings taken off."""
-        if self._tori is None:
-            return self._too_near_of_coal(clearance)
-        tori, limits = self._tori, self._torus_padding + clearance
         # the managers need a pair of bodies
         others = self._too_near_of_coal(clearance) if len(self._geometry.collisionPairs) else lambda q: False
-        return lambda q: others(q) or tori.too_near(self._poses(tori, q)[None], limits)
+        if self._tori is None:
+            return others
+        tori, limits = self._tori, self._torus_pairs[2] + clearance
+        exact, capsules = 0, None
+
+        def test(q: Array) -> bool:
+            nonlocal exact, capsules
+            if others(q):
+                return True
+            if capsules is None and exact == _FEW_TESTS:
+                capsules = self._too_near_of_capsules(clearance)
+            if capsules is not None:
+                outer, inner = capsules
+                if not outer(q):
+                    return False
+                if inner(q):
+                    return True
+            exact += 1
+            return tori.too_near(self._poses(tori, q)[None], limits)
+
+        return test
+
+    def _too_near_of_capsules(self, clearance: float) -> list[Callable[[Array], bool]]:
+        """Return `too_near` of capsules around tori and of ones inside: what is false and what is true of the tori."""
+        found = covered(*self._torus_pairs)
+        return [
+            PairGeometry(self._model, found.parts, found.pairs, found.paddings)._too_near_of_coal(margin)
+            for margin in (clearance + GJK_ERROR, clearance - 2.0 * found.excess - GJK_ERROR)
+        ]
 
     def _too_near_of_coal(self, clearance: float) -> Callable[[Array], bool]:
         """Return `too_near` of the pairs that coal has.

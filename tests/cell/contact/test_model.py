@@ -9,6 +9,8 @@ import pytest
 
 from arm.errors import InputError
 from arm.io.storage import data_file
+from arm.robot.shapes import Body, Sphere, Torus
+from arm.se3 import rot_x, transform
 from cell.config.cell_file import read_cell
 from cell.contact.model import STEP_S, Builder, load_mujoco
 from cell.sim.cell import SimulatedCell
@@ -43,3 +45,17 @@ def test_the_model_is_the_true_cell() -> None:
         assert np.abs(model.body(b.board.name).pos - b.T_base_board[:3, 3]).max() < 1e-12
         assert model.body(b.board.name).mass[0] == pytest.approx(truth.world.contact.plate_mass)
     assert model.body("hand").ipos == pytest.approx([0.0] * 3)
+
+
+def test_a_torus_that_stands_still_is_a_ring_of_capsules() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    builder = Builder(mujoco, world_of("scenes/realistic/task2.world.toml", {}).contact)
+    at = transform(rot_x(1.0), (0.3, -0.2, 0.1))
+    builder.add_still([Body("ring", Torus(0.1, 0.01), at, "wall"), Body("ball", Sphere(0.02), at, "wall")])
+    model = builder.spec.compile()
+    rings = [model.geom(i) for i in range(model.ngeom) if model.geom(i).name.startswith("ring")]
+    assert model.ngeom == len(rings) + 1
+    local = (np.array([ring.pos for ring in rings]) - at[:3, 3]) @ at[:3, :3]
+    assert np.hypot(local[:, 0], local[:, 1]) == pytest.approx(0.1, rel=0.0025)
+    assert local[:, 2] == pytest.approx(0.0, abs=1e-12)
+    assert {float(ring.size[0]) for ring in rings} == {0.01}

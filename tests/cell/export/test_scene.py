@@ -92,10 +92,11 @@ def test_tori_become_capsules_that_keep_the_hole(tmp_path: Path) -> None:
     loop = Body("loop", Torus(0.1, 0.01), transform(rotation((0.3, -1.0, 2.0)), (0.5, 0.2, 0.4)), "wall")
     there = Surroundings(load_a465(0.134112, 0.012), load_unit("crs97").limits(), (loop,))
     require_same(there, tmp_path / "out", seed=5, error=0.0025 * 0.1)
-    parts = ElementTree.parse(tmp_path / "out/cell.urdf").findall(
-        "link[@name='loop']/collision/geometry/cylinder"
-    )
-    assert len(parts) == 32
+    urdf = ElementTree.parse(tmp_path / "out/cell.urdf")
+    origins = urdf.findall("link[@name='loop']/collision/origin")
+    centres = [[float(v) for v in origin.attrib["xyz"].split()] for origin in origins]
+    assert len(centres) == 3 * 32  # cylinders and balls
+    assert np.linalg.norm(centres, axis=1) == pytest.approx(0.1, rel=0.0025)
 
 
 def test_a_calibrated_cell_exports_the_corrected_arm(tmp_path: Path) -> None:

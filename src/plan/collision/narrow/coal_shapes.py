@@ -11,6 +11,7 @@ import numpy as np
 from arm.robot.shapes import Box, Capsule, Convex, Cylinder, Shape, Sphere
 
 GJK_TOLERANCE = 1e-7
+GJK_ERROR = 1e-6  # m, more than the largest error of a distance that was measured
 
 
 @lru_cache(maxsize=1024)

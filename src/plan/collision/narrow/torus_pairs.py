@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from math import inf
 from typing import NamedTuple
 
@@ -10,8 +12,8 @@ import numpy as np
 
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody
-from arm.robot.shapes import Body, Convex, Torus
-from arm.se3 import Array, Indices
+from arm.robot.shapes import Body, Capsule, Convex, Torus, simple_parts
+from arm.se3 import Array, Indices, frozen
 from plan.budget import TORUS_CHECKS, spend
 from plan.collision.narrow.circle import Circles, nearest
 from plan.collision.narrow.solids import HullSolids, RoundedSolids, Solids
@@ -134,6 +136,37 @@ def _torus_first(a: LinkBody, b: LinkBody) -> bool:
     """Return whether the first body of a pair is the one that is taken as the torus."""
     radius = [part.shape.radius if isinstance(part.shape, Torus) else inf for part in (a, b)]
     return radius[0] < radius[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Covered:
+    """Pairs of tori with capsules that cover these in their place.
+
+    Attributes:
+        parts, pairs, paddings: as of a world.
+        excess: m, by which the capsules reach out of the tori at most; those of a radius less by twice that are inside.
+    """
+
+    parts: list[LinkBody]
+    pairs: Indices
+    paddings: Array
+    excess: float
+
+
+def covered(parts: Sequence[LinkBody], pairs: Indices, paddings: Array) -> Covered:
+    """Return capsules in the place of each torus of pairs (p, 2), indices into `parts`, with paddings (p,) m."""
+    found, places, excess = list[LinkBody](), dict[int, range](), 0.0
+    for index in np.unique(pairs).tolist():
+        part = parts[index]
+        capsules = simple_parts(part.shape, covering=True)
+        places[index] = range(len(found), len(found) + len(capsules))
+        for shape, at in capsules:
+            found.append(replace(part, shape=shape, T_joint_body=frozen(mul(part.T_joint_body, at))))
+            if isinstance(part.shape, Torus) and isinstance(shape, Capsule):
+                excess = max(excess, shape.radius - part.shape.tube)
+    each = [(*both, i) for i, (a, b) in enumerate(pairs.tolist()) for both in product(places[a], places[b])]
+    indices = np.array(each, dtype=np.intp).reshape(-1, 3)
+    return Covered(found, indices[:, :2], paddings[indices[:, 2]], excess)
 
 
 def torus_distance(inner: Body, outer: Body) -> TorusDistance:

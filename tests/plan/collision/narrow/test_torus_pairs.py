@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm.robot.model import LinkBody
 from arm.robot.shapes import Body, Box, Capsule, Convex, Sphere, Torus
 from arm.se3 import Array, frozen, inverse, rot_x, rot_z, rotation, transform
 from arms.around import KINDS
 from arms.grazing import obstacle
 from plan.collision.narrow.circle import ERROR
 from plan.collision.narrow.solids import HullSolids, RoundedSolids
-from plan.collision.narrow.torus_pairs import torus_distance
+from plan.collision.narrow.torus_pairs import covered, torus_distance
 from plan.collision.world import DISTANCE_ERROR, distance_of
 
 PARTS = 240  # capsules that stand for a torus
@@ -144,3 +145,29 @@ def test_the_depth_is_that_of_the_deepest_point_of_the_circle() -> None:
     for height in (0.054, 0.05, 0.03, -0.02):
         ring = Body("ring", Torus(0.03, 0.005), transform(t=(0.0, 0.0, height)), "tool")
         assert distance_of(ring, box).value == pytest.approx(abs(height) - 0.05 - 0.005, abs=1e-12)
+
+
+def test_covering_capsules_contain_a_torus_and_thinner_ones_are_inside() -> None:
+    rng = np.random.default_rng(5)
+    torus, other = some_torus(rng), Body("other", Box((0.1, 0.02, 0.3)), transform(t=(0.2, 0.0, 0.0)), "wall")
+    assert isinstance(torus.shape, Torus)
+    parts = [LinkBody(body.name, 0, body.shape, body.T_base_body) for body in (other, torus)]
+    found = covered(parts, np.array([[0, 1], [0, 0]]), np.array([0.01, 0.02]))
+    assert sorted(found.pairs.tolist()) == [[0, 0], *([0, i] for i in range(1, len(found.parts)))]
+    assert sorted(set(found.paddings.tolist())) == [0.01, 0.02]
+    assert found.parts[0].shape == other.shape
+    assert np.array_equal(found.parts[0].T_joint_body, other.T_base_body)
+    angles = rng.uniform(0.0, 2.0 * np.pi, 3000)
+    circle = torus.shape.radius * np.array([np.cos(angles), np.sin(angles), 0.0 * angles])
+    points = torus.T_base_body[:3, :3] @ circle + torus.T_base_body[:3, 3:]
+    away = np.full(len(angles), np.inf)
+    for part in found.parts[1:]:
+        assert isinstance(part.shape, Capsule)
+        assert part.shape.radius == pytest.approx(torus.shape.tube + found.excess, abs=1e-12)
+        x, y, z = part.T_joint_body[:3, :3].T @ (points - part.T_joint_body[:3, 3:])
+        over = np.maximum(np.abs(z) - part.shape.length / 2.0, 0.0)
+        away = np.minimum(away, np.sqrt(x * x + y * y + over * over))
+    # from the middle lines of the capsules, all along the circle
+    assert away.max() <= found.excess + 1e-12
+    assert away.max() > 0.9 * found.excess
+    assert found.excess < 0.003 * torus.shape.radius
