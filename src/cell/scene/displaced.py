@@ -24,6 +24,9 @@ LEANS = np.sin(np.radians(4.0))  # least slope of a cube that leans
 MOST_OFFSET = 6e-3  # m; an upright cube further from its pocket was pushed or fell: its release is unknown
 MOST_TURN = np.radians(6.0)  # the same for one that is rotated further
 HIDES = 0.075  # m between the middles of a displaced cube and of a hole that it may hide in part
+# m between the middles of a displaced cube, at any yaw, and of a hole beside which the jaws need its room: half a cube,
+# half its diagonal, and the 8 mm of clearance and paddings
+NEEDS_ROOM = 0.056
 
 # Reasons for which a hole may be unsure although its cube is seated. Files of other versions may lack a reason.
 _MAY_BE_SEATED = ("", LIGHT, NO_MARKER, OUT, POSE, FAINT)
@@ -49,6 +52,10 @@ class DisplacedCube:
     def place(self) -> str:
         """Name of the place where it is: ``beside 03-04/1``."""
         return BESIDE + self.near
+
+    def carried(self, T_before: Array, T_after: Array) -> DisplacedCube:
+        """The cube after what it stands on moved from one pose to another, 4x4 each."""
+        return replace(self, T_base_cube=frozen(mul(mul(T_after, inverse(T_before)), self.T_base_cube)))
 
     def station(self, cell: Cell) -> Station:
         """The place as a station: the jaws grip the cube as deep below its top as a seated one."""
@@ -142,6 +149,11 @@ def is_hidden(hole: HolePose, occupancy: Occupancy, displaced: Iterable[Displace
     return occupancy.state == "unsure" and any(
         norm(cube.T_base_cube[:3, 3] - hole.T_base_hole[:3, 3]) < HIDES for cube in displaced
     )
+
+
+def has_room(hole: HolePose, displaced: Iterable[DisplacedCube]) -> bool:
+    """Whether no displaced cube is where a cube must pass that is put into a hole."""
+    return all(norm(cube.T_base_cube[:3, 3] - hole.T_base_hole[:3, 3]) >= NEEDS_ROOM for cube in displaced)
 
 
 def support_of(place: str) -> str:

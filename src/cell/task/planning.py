@@ -10,7 +10,7 @@ from typing import Any
 
 from arm.errors import ImpossibleError
 from arm.io.storage import sha256
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
 from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array, frozen
@@ -18,7 +18,7 @@ from cell.accuracy.clearances import erring_clearances
 from cell.cubes.confirm_placed import T_base_of
 from cell.files.task import Task
 from cell.scene.build import build_scene, cube_name
-from cell.scene.displaced import DisplacedCube, is_displaced, is_hidden, with_displaced
+from cell.scene.displaced import DisplacedCube, has_room, is_displaced, is_hidden, with_displaced
 from cell.scene.options import options_of
 from cell.scene.places import hole_stations, reachable_places, unused_holes
 from plan.advice.changes import Request
@@ -110,10 +110,20 @@ class Rest:
     def scene(self) -> Scene:
         """What surrounds the arm now."""
         cell = self.task.cell
-        free: dict[str, HoleState] = {cube.near: "empty" for cube in self.displaced}
+        free: dict[str, HoleState] = {
+            cube.near: "empty" for cube in self.displaced if not self._stands_beside_another(cube)
+        }
         return with_displaced(
             cell, build_scene(cell, self.observation.with_states(free), self.on_table), self.displaced
         )
+
+    def _stands_beside_another(self, cube: DisplacedCube) -> bool:
+        """Whether the hole that a displaced cube is nearest to holds another one, as far away as that takes."""
+        T_base_place = T_base_of(self.task, self.observation, cube.near)
+        holds = self.observation.state(cube.near) == "cube" and cube.name != cube_name(cube.near)
+        if T_base_place is None or not holds:
+            return False
+        return float(norm(cube.T_base_cube[:3, 3] - T_base_place[:3, 3])) > self.task.cell.cube_size
 
 
 def request_of(rest: Rest) -> Request:
@@ -123,6 +133,7 @@ def request_of(rest: Rest) -> Request:
         ImpossibleError: more cubes than free places, or a board was not detected.
     """
     task, observation, done = rest.task, rest.observation, rest.done
+    skip = task.skip or bool(rest.displaced)  # a cube that stays where it is does not keep the others
     source = observation.board(task.from_board.name)
     if source is None:
         raise ImpossibleError(f"board {task.from_board.name} was not found", board=task.from_board.name)
@@ -146,7 +157,7 @@ def request_of(rest: Rest) -> Request:
             skipped_cubes.append({"cube": cube_name(hole.name), "from": hole.name, "reason": str(error)})
     goals = free_goals(rest)
     if len(goals) < len(picks):
-        if not task.skip or not goals:
+        if not skip or not goals:
             raise _too_few(len(picks), goals, rest)
         if task.assignment == "given":
             reason = f"only {len(goals)} places are free and in reach"
@@ -161,7 +172,7 @@ def request_of(rest: Rest) -> Request:
         empty_request(rest),
         transfers=tuple(transfers),
         places=tuple(goals[len(picks) :]),
-        skip=task.skip,
+        skip=skip,
         skipped=tuple(skipped_cubes),
     )
 
@@ -262,7 +273,10 @@ def _recovery_grips(
 
 
 def free_goals(rest: Rest) -> tuple[Station, ...]:
-    """The places to which a cube may be moved, in order of preference: none holds a cube or may hold one."""
+    """The places to which a cube may be moved, in order of preference.
+
+    None holds a cube or may hold one, and no displaced cube stands where that cube must pass.
+    """
     task, observation, filled = rest.task, rest.observation, set(rest.done.values())
     if task.to_board is None:
         return tuple(s for s in reachable_places(task, observation, rest.speed) if s.name not in filled)
@@ -271,7 +285,11 @@ def free_goals(rest: Rest) -> tuple[Station, ...]:
         name = task.to_board.name
         raise ImpossibleError(f"board {name} was not seen, so its holes are not known", board=name)
     stations, kept_out = {s.name: s for s in hole_stations(task, observation)}, filled | unused_holes(task)
-    return tuple(stations[h.name] for h in target.holes("empty") if h.name not in kept_out)
+    return tuple(
+        stations[hole.name]
+        for hole in target.holes("empty")
+        if hole.name not in kept_out and has_room(hole, rest.displaced)
+    )
 
 
 def _require_seat(hole: HolePose, occupancy: Occupancy) -> None:

@@ -93,6 +93,11 @@ class TaskRun(CheckedRun):
         observation = self._move_rest(self._recover(observation))
         while self.recovery.take_up():
             observation = self._move_rest(self._recover(observation))
+        for cube in self.recovery.stuck.values():
+            row = self.add_row({"cube": cube.name, "from": cube.place, "to": self.recovery.target(cube)})
+            row.at = cube.place
+            if "stays" not in row.faults:
+                row.add_fault("stays", f"it stays {cube.place}")
         for line in hidden_holes(self.rest(observation, self.task.cell.q_start)):
             self.tell(line)
 
@@ -140,7 +145,8 @@ class TaskRun(CheckedRun):
     def _plan_recovery(self, cube: DisplacedCube, observation: Observation) -> Plan:
         """Plan to take a displaced cube to its target or, after the last attempt, back to its hole."""
         rest = self.rest(observation, self.q_now())
-        goals = self.recovery.goals(cube, observation, lambda: free_goals(rest))
+        others = tuple(other for other in rest.displaced if other is not cube)
+        goals = self.recovery.goals(cube, observation, lambda: free_goals(replace(rest, displaced=others)))
         with self.console.doing("planning"), spending(self.budget):
             plan = plan_recovery(rest, cube, goals)
         erring_clearances(self.task.cell, plan, observation)

@@ -250,3 +250,38 @@ def test_a_cube_too_close_to_another_is_lifted_with_less_room(
     rest = Rest(task2, seen, task2.cell.q_start, 0.5, displaced=(cube,))
     plan = plan_recovery(rest, cube, free_goals(rest))
     assert least <= min(move.clearance for move in plan.moves) < most
+
+
+def _aside(seen: Observation, name: str, near: str, away: float) -> DisplacedCube:
+    """A cube that stands flat on a plate, `away` m from a hole, towards the middle of the board's other long side."""
+    board, number = near.split("/")
+    found = seen.board(board)
+    assert found is not None
+    T = mul(found.pose.holes[int(number) - 1].T_base_hole, transform(t=(away, 0.0, 0.020)))
+    return DisplacedCube(name, near, frozen(T))
+
+
+def test_no_cube_is_put_beside_a_displaced_one_and_the_others_go_on(task2: Task) -> None:
+    """It keeps a hole from being filled; the cube for which no place is left stays, and the plan says so."""
+    seen = true_look(task2).with_states({"01-02/4": "empty"})
+    stays = _aside(seen, "cube 01-02/4", "03-04/1", 0.030)
+    for displaced, free in (((), 4), ((stays,), 3), ((replace(stays, T_base_cube=transform()),), 4)):
+        rest = Rest(task2, seen, task2.cell.q_start, 0.5, displaced=displaced)
+        assert len(free_goals(rest)) == free
+    full = seen.with_states({"03-04/3": "cube"})
+    for assignment in ("free", "given"):
+        task = replace(task2, assignment=assignment)
+        plan = plan_rest(Rest(task, full, task.cell.q_start, 0.5, displaced=(stays,)))
+        assert plan is not None
+        assert len(plan.task["cubes"]) == 2
+        assert len(skipped_cubes(plan)) == 1
+
+
+def test_a_cube_in_the_hole_beside_a_displaced_one_is_in_the_scene(task2: Task) -> None:
+    """A leaning cube may look like one in its hole; one that stands far enough aside is another."""
+    seen = true_look(task2).with_states({"01-02/4": "empty", "03-04/1": "cube"})
+    for away, both in ((0.003, False), (0.045, True)):
+        cube = _aside(seen, "cube 01-02/4", "03-04/1", away)
+        names = {c.name for c in Rest(task2, seen, task2.cell.q_start, 0.5, displaced=(cube,)).scene.cubes}
+        assert cube.name in names
+        assert ("cube 03-04/1" in names) is both
