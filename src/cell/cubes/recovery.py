@@ -9,7 +9,7 @@ look locates ends the run, because the arm could hit it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from arm.errors import ImpossibleError
@@ -95,25 +95,51 @@ class Recovery:
         """Update where cubes are that an earlier look located, because their board may have moved since.
 
         Returns:
-            A line for each cube to be taken that this look does not locate. It stays, and is assumed to be where the
-            last look located it.
+            A line for each cube to be taken that this look does not locate. It stays, and is assumed to be on its board
+            where the last look located it.
         """
         lines = []
         for cube in self.cubes:
-            if self._seen.get(cube.name) is observation:
+            before = self._seen.get(cube.name)
+            if before is observation:
                 continue
             self._seen[cube.name] = observation
             others = [other for other in self.cubes if other.name != cube.name]
             width = self.widths.get(cube.name)
             found = locate_displaced(self.task, observation, cube.name, [cube.near], width, others)
-            if isinstance(found, DisplacedCube):
-                (self.displaced if cube.name in self.displaced else self.stuck)[cube.name] = found
-            elif cube.name in self.displaced:
+            now = self._carried(cube, before, observation) if isinstance(found, str) else found
+            (self.displaced if cube.name in self.displaced else self.stuck)[cube.name] = now
+            if isinstance(found, str) and cube.name in self.displaced:
                 self.leave(cube)
                 lines.append(
                     f"{cube.name} stays {cube.place}, where it was located before; in this look not: {found}"
                 )
         return lines
+
+    def _carried(self, cube: DisplacedCube, before: Observation | None, now: Observation) -> DisplacedCube:
+        """A cube that moved with its board between two looks, as far as they show the board."""
+        T_before = None if before is None else T_base_of(self.task, before, cube.near)
+        T_now = T_base_of(self.task, now, cube.near)
+        return cube if T_before is None or T_now is None else cube.carried(T_before, T_now)
+
+    def assume(self, cubes: Iterable[DisplacedCube], then: Observation) -> None:
+        """Take over cubes of a stopped run, which located them while the boards were as in `then`; they stay."""
+        for cube in cubes:
+            self.most = self.task.cell.recovery_attempts
+            self.stuck[cube.name], self._seen[cube.name] = cube, then
+
+    def find(self, cube: str, target: str, observation: Observation) -> str | None:
+        """Locate a cube that a stopped run was to bring to a target, so that it is brought there; else say why not."""
+        known = self.stuck.pop(cube)
+        found = locate_displaced(
+            self.task, observation, cube, [known.near], self.widths.get(cube), self.cubes
+        )
+        if isinstance(found, str):
+            self.stuck[cube] = known
+            return found
+        self.displaced[cube], self._seen[cube] = found, observation
+        self.targets[cube], self.searches[cube] = target, Search()
+        return None
 
     def _is_known(self, found: DisplacedCube) -> bool:
         half = self.task.cell.cube_size / 2.0

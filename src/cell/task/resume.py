@@ -18,16 +18,17 @@ from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import require_placements
 from cell.cubes.confirm_placed import NOT_CONFIRMED, seated
 from cell.cubes.locate import WITHIN
+from cell.cubes.recovery import Recovery
+from cell.cubes.stopped import NEAR_PATH, displaced_in, released_at, released_before
 from cell.files.task import Task
 from cell.scene.build import (
     RELEASE_GAP,
     T_base_cube_on_table,
-    build_scene,
     cube_name,
     hole_station,
     table_station,
 )
-from cell.scene.displaced import BESIDE, support_of
+from cell.scene.displaced import BESIDE, DisplacedCube, support_of
 from cell.scene.options import options_of
 from cell.session.grasp_monitor import grip_fault
 from cell.task.plan_matches import planned_observation
@@ -38,7 +39,6 @@ from plan.scene import Station, scene_from_json
 from vision.observation import Observation
 
 STANDS = 3e-3  # m; jaws this close to fully open or shut count as open or shut
-NEAR_PATH = np.radians(2.0)  # an arm this close to a carrying move of the plan holds the cube of that move
 
 
 def resume(run: TaskRun, plan: Plan) -> None:
@@ -57,9 +57,16 @@ def resume(run: TaskRun, plan: Plan) -> None:
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     run.console.step(f"the arm stands at [{degrees}] deg, the jaws are {abs(round(100 * closed))} % closed")
     observed = run.see("from where the arm stands", arm_in_view=True)
-    observation = _known(observed, task, plan)
     width = cell.gripper.width(closed)
     why_not = grip_fault(cell, width)
+    planned = _planned(task, plan)
+    displaced = displaced_in(cell, plan, planned)
+    if why_not:
+        gone = released_before(plan, cell.unit.positions(counts), cell.unit)
+        displaced = tuple(cube for cube in displaced if cube.name not in gone)
+    observation = _known(observed, task, plan, displaced)
+    run.recovery.assume(displaced, planned)
+    run.recovery.locate_again(observation)  # in no image: they moved with their boards
     if not why_not:
         transfer, jaws = carried_by(task, plan, counts, observed)
         run.console.step(f"{transfer['cube']} is in the jaws; its target is {transfer['to']}")
@@ -78,11 +85,18 @@ def resume(run: TaskRun, plan: Plan) -> None:
     run.move_cubes(observation)
 
 
-def _known(observation: Observation, task: Task, plan: Plan) -> Observation:
-    """Boards as observed, or as planned if the arm hides them, with a cube wherever one may be."""
+def _planned(task: Task, plan: Plan) -> Observation:
+    """Boards as planned, with a cube wherever one may be."""
     cell = task.cell
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
-    planned = planned_observation(cell, scene, (transfer["to"] for transfer in plan.task["cubes"]))
+    return planned_observation(cell, scene, (transfer["to"] for transfer in plan.task["cubes"]))
+
+
+def _known(
+    observation: Observation, task: Task, plan: Plan, displaced: Collection[DisplacedCube] = ()
+) -> Observation:
+    """Boards as observed, or as planned if the arm hides them, with a cube wherever one may be in a hole."""
+    planned = _planned(task, plan).with_states({Recovery.home(cube.name): "empty" for cube in displaced})
     boards = [
         b if (now := observation.board(b.name)) is None else replace(b, pose=now.pose) for b in planned.boards
     ]
@@ -202,18 +216,23 @@ def _set_down(
     """
     task, cell, (observation, observed) = run.task, run.task.cell, looks
     run.on_table = _on_table(task, plan, (transfer["to"],))
-    scene = build_scene(cell, observation.with_states({transfer["to"]: "empty"}), run.on_table)
     others = [t for t in plan.task["cubes"] if t != transfer]
-    q = run.q_now()
+    q, number = run.q_now(), plan.task["cubes"].index(transfer)
+    scene = run.rest(observation.with_states({transfer["to"]: "empty"}), q).scene
+    run.recovery.stuck.pop(transfer["cube"], None)
     touches = _touched(task, observation, transfer, scene.robot_open.T_base_tool(q))
     jaws, station = replace(jaws, touches=touches), _station(task, observation, transfer["to"])
+    if transfer["from"].startswith(BESIDE):
+        station = replace(
+            station, T_base_tool=(released_at(task, plan, number, _planned(task, plan), observation),)
+        )
     options, inputs = options_of(task, run.speed), plan_fingerprint(task)
     stated = {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]}
     made = place_held_object(
         scene, q, jaws, station, cell.q_start, cell.unit, cell.limits, options, inputs, stated
     )
     erring_clearances(cell, made, observed, jaws.cube)
-    q_grip = _gripped_at(task, plan, plan.task["cubes"].index(transfer))
+    q_grip = _gripped_at(task, plan, number)
     budgets = require_placements(cell, observed, made, gripped={0: q_grip})
     run.budgets |= {budget.cube: budget for budget in budgets}
     run.keep(made, "set-down")
@@ -233,7 +252,7 @@ def _back_out(run: TaskRun, observation: Observation, blocked: ImpossibleError) 
         ImpossibleError: there is none; names its obstacle and that of `blocked`, the motion to q_start.
     """
     cell, q, options = run.task.cell, run.q_now(), options_of(run.task, run.speed)
-    scene = build_scene(cell, observation, run.on_table)
+    scene = run.rest(observation, q).scene
     refused: ImpossibleError | None = None
     for share in (1.0, 0.6, 0.3):
         try:
@@ -260,7 +279,7 @@ def _leave(run: TaskRun, observation: Observation) -> None:
 
 
 def _take_stock(run: TaskRun, plan: Plan, observation: Observation) -> None:
-    """Mark the cubes that the look shows at their targets as done.
+    """Mark the cubes that the look shows at their targets as done, and locate those that were to be taken from beside.
 
     A cube that is not certainly seated is left where it is, and the run ends as not confirmed.
 
@@ -271,22 +290,30 @@ def _take_stock(run: TaskRun, plan: Plan, observation: Observation) -> None:
     run.on_table = _on_table(task, plan, [transfer["to"] for transfer in plan.task["cubes"]])
     unsure = 0
     for transfer in plan.task["cubes"]:
-        if observation.state(transfer["from"]) != "empty":
+        cube, beside = transfer["cube"], transfer["from"].startswith(BESIDE)
+        if not beside and observation.state(transfer["from"]) != "empty":
             continue
+        state = observation.state(transfer["to"])
+        seat = seated(task, observation, transfer["to"], run.widths.get(cube))
+        if cube in run.recovery.stuck and (state not in (None, "cube") or seat.state != "seated"):
+            if why_not := run.recovery.find(cube, transfer["to"], observation):
+                run.tell(
+                    f"{cube} stays {transfer['from']}, where the plan has it; in this look not: {why_not}"
+                )
+            continue
+        run.recovery.stuck.pop(cube, None)
         if transfer["to"].startswith("table/"):
             run.on_table[cube_name(transfer["to"])] = T_base_cube_on_table(task, transfer["to"])
-        if transfer["cube"] in run.done:
+        if cube in run.done:
             continue  # released in this run, so the look has judged it
-        state = observation.state(transfer["to"])
-        seat = seated(task, observation, transfer["to"], run.widths.get(transfer["cube"]))
         if state not in (None, "cube") or (state == "cube" and seat.state == "off"):
             why = seat.reason if state == "cube" else f"that hole looks {state}"
             raise ExecutionStopped(
                 f"the cube of {transfer['from']} is not confirmed in {transfer['to']}: {why}; correct or remove it, "
                 "and run again; the arm is at q_start",
-                cube=transfer["cube"],
+                cube=cube,
             )
-        run.done[transfer["cube"]] = transfer["to"]  # so that no other cube is placed there
+        run.done[cube] = transfer["to"]  # so that no other cube is placed there
         if seat.state != "seated":
             unsure += 1
             row = run.add_row(transfer)

@@ -12,7 +12,7 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.numerics.products import mul
-from arm.se3 import frozen
+from arm.se3 import frozen, rot_z, transform
 from cell.cubes.confirm_placed import Release
 from cell.cubes.recovery import Recovery
 from cell.files.task import read_task
@@ -229,9 +229,46 @@ def test_cubes_of_an_earlier_look_are_located_again_and_left_alone_if_that_fails
     found["cube"] = "nothing shows"
     (line,) = recovery.locate_again(replace(SEEN))
     assert line == f"{CUBE} stays beside {HOME}, where it was located before; in this look not: nothing shows"
-    assert recovery.stuck == {CUBE: moved}
+    assert recovery.stuck[CUBE].T_base_cube == pytest.approx(moved.T_base_cube)
     assert not recovery.displaced
     assert recovery.locate_again(replace(SEEN)) == []
+
+
+@pytest.mark.parametrize("kind", ["displaced", "stuck"])
+def test_a_cube_that_a_look_does_not_locate_has_moved_with_its_board(
+    found: dict[str, Any], kind: str
+) -> None:
+    recovery = Recovery(TASK, 3)
+    getattr(recovery, kind)[CUBE] = cube = _beside(TARGET)
+    found["cube"] = cube
+    recovery.locate_again(SEEN)
+    found["cube"] = "nothing shows"
+    push = transform(rot_z(0.05), (0.012, -0.007, 0.0))
+    boards = [
+        replace(b, pose=replace(b.pose, T_base_board=frozen(push @ b.pose.T_base_board))) for b in SEEN.boards
+    ]
+    recovery.locate_again(replace(SEEN, boards=tuple(boards)))
+    assert recovery.stuck[CUBE].T_base_cube == pytest.approx(push @ cube.T_base_cube)
+    assert recovery.stuck[CUBE].near == TARGET
+    recovery.locate_again(Observation())  # nobody sees its board
+    assert recovery.stuck[CUBE].T_base_cube == pytest.approx(push @ cube.T_base_cube)
+
+
+def test_what_a_stopped_run_knew_is_assumed_until_a_look_shows_it(found: dict[str, Any]) -> None:
+    recovery, cube = Recovery(TASK, 0), _beside(TARGET)
+    recovery.assume([], SEEN)
+    assert recovery.most == 0
+    recovery.assume([cube], SEEN)
+    assert (recovery.stuck, recovery.most) == ({CUBE: cube}, TASK.cell.recovery_attempts)
+    assert recovery.find(CUBE, TARGET, SEEN) == "nothing shows"
+    assert recovery.stuck == {CUBE: cube}
+    found["cube"] = now = _beside(TARGET, "half")
+    assert recovery.find(CUBE, TARGET, SEEN) is None
+    assert (recovery.stuck, recovery.displaced) == ({}, {CUBE: now})
+    (goal,) = recovery.goals(now, SEEN, cast(Any, lambda: pytest.fail("its target is known")))
+    assert goal.name == TARGET
+    assert recovery.locate_again(SEEN) == []
+    assert found["asked"] == [(TARGET,)] * 2
 
 
 def test_only_looks_that_show_a_place_certainly_empty_are_kept_for_it() -> None:

@@ -16,13 +16,15 @@ from arm.controller.segments import CountPath, Segment
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.io.storage import data_file
 from arm.plan_file import Move, Plan, read_plan
-from arm.se3 import inverse
+from arm.se3 import frozen, inverse, transform
 from cell.accuracy.plan_budgets import plan_budgets
 from cell.commands.run import execute_plan, resume_plan
 from cell.console import Console
+from cell.cubes.recovery import Recovery
 from cell.files.cube_widths import FILE, read_widths
 from cell.files.task import read_task
 from cell.scene.build import cube_name
+from cell.scene.displaced import DisplacedCube
 from cell.session.connection import WhichCell
 from cell.task.planning import Rest, plan_rest
 from cell.task.resume import (
@@ -32,6 +34,7 @@ from cell.task.resume import (
     _on_table,
     _set_down,
     _station,
+    _take_stock,
     _touched,
     carried_by,
     resume,
@@ -228,7 +231,15 @@ def test_a_cube_in_the_jaws_is_set_down_only_if_it_enters_its_pocket(following_d
         raise RuntimeError(name)  # what follows moves the arm
 
     q = cell.unit.positions(lift.path.end)
-    run: Any = SimpleNamespace(task=task, q_now=lambda: q, speed=0.5, keep=keep, budgets={})
+    run: Any = SimpleNamespace(
+        task=task,
+        q_now=lambda: q,
+        speed=0.5,
+        keep=keep,
+        budgets={},
+        recovery=Recovery(task, 0),
+        rest=lambda look, q: Rest(task, look, q, 0.5),
+    )
     if following_deg:
         with pytest.raises(ImpossibleError, match=f"{transfer['cube']} enters {transfer['to']} with"):
             _set_down(run, plan, (seen, seen), transfer, jaws, 0.3)
@@ -307,7 +318,9 @@ def test_a_way_out_that_there_is_not_is_told_by_what_blocked_the_longest(
     monkeypatch.setattr("cell.task.resume.plan_retreat", blocked)
     seen = _known(Observation(), lasting.task, read_plan(lasting.plan))
     q = lasting.task.cell.q_start
-    run: Any = SimpleNamespace(task=lasting.task, q_now=lambda: q, speed=0.5, on_table={})
+    run: Any = SimpleNamespace(
+        task=lasting.task, q_now=lambda: q, speed=0.5, rest=lambda look, q: Rest(lasting.task, look, q, 0.5)
+    )
     with pytest.raises(
         ImpossibleError, match="the start: no; and backing out along the jaws: blocked 1; "
     ) as refused:
@@ -332,3 +345,55 @@ def test_a_cube_that_was_taken_from_beside_a_hole_may_touch_the_plate_there(
     T[2, 3] += off
     transfer = {"cube": "cube 01-02/4", "from": "beside 01-02/4", "to": "03-04/1"}
     assert (plate_name("01-02") in _touched(task, seen, transfer, T)) is touched
+
+
+BESIDE = {"cube": "cube 01-02/4", "from": "beside 01-02/4", "to": "03-04/1"}
+
+
+@pytest.mark.parametrize(
+    ("state", "seat", "located", "ends"),
+    [
+        ("cube", "seated", "nothing shows", "done"),
+        ("empty", "unsure", "nothing shows", "stays"),
+        ("empty", "unsure", "a cube", "displaced"),
+        ("unsure", "off", "a cube", "displaced"),
+    ],
+)
+def test_a_cube_that_was_to_be_taken_from_beside_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch, state: Any, seat: Any, located: str, ends: str
+) -> None:
+    """It was passed over: neither taken again nor avoided, and the run ended well."""
+    task = read_task(data_file("scenes/task2.toml"))
+    look = true_look(task).with_states({"01-02/4": "empty", "03-04/1": state})
+    cube = DisplacedCube(BESIDE["cube"], "01-02/4", frozen(transform(t=(0.3, 0.2, 0.1))))
+    recovery, told = Recovery(task, 0), list[str]()
+    recovery.assume([cube], look)
+    monkeypatch.setattr("cell.task.resume.seated", lambda *_: Seating(seat, "its sides"))
+    monkeypatch.setattr(
+        "cell.cubes.recovery.locate_displaced", lambda *_: cube if located == "a cube" else located
+    )
+    run: Any = SimpleNamespace(
+        task=task,
+        recovery=recovery,
+        done={},
+        widths={},
+        tell=told.append,
+        console=SimpleNamespace(step=print),
+    )
+    _take_stock(run, SimpleNamespace(task={"cubes": [BESIDE]}), look)  # type: ignore[arg-type]
+    assert run.done == ({BESIDE["cube"]: "03-04/1"} if ends == "done" else {})
+    assert bool(recovery.stuck) is (ends == "stays")
+    assert bool(recovery.displaced) is (ends == "displaced")
+    assert bool(told) is (ends == "stays")
+
+
+def test_a_cube_from_beside_that_was_released_before_the_stop_is_judged_at_its_target(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    task = read_task(data_file("scenes/task2.toml"))
+    look = true_look(task).with_states({"01-02/4": "empty", "03-04/1": "unsure"})
+    monkeypatch.setattr("cell.task.resume.seated", lambda *_: Seating("off", "it leans"))
+    run: Any = SimpleNamespace(task=task, recovery=Recovery(task, 0), done={}, widths={})
+    plan: Any = SimpleNamespace(task={"cubes": [BESIDE]})
+    with pytest.raises(ExecutionStopped, match="is not confirmed in 03-04/1: that hole looks unsure"):
+        _take_stock(run, plan, look)
