@@ -40,7 +40,8 @@ MOST_WEDGED_MISFIT = 9.0  # of a wedged cube, whose tilt follows from its place;
 MOST_GAIN = 25.0  # of misfit by a free pose
 RIVAL = 10.0  # difference of evidence, -2 log, within which another rest is possible
 MOST_STD = (0.35e-3, 0.7e-3, np.radians(1.3))  # across the normal, along it, any angle
-MOST_UPRIGHT_STD = 1.2e-3  # along the normal, m: fingers hold the sides of an upright cube at any height
+# the same of an upright cube: fingers hold its sides at any height, and the pocket that it is in captures it again
+MOST_UPRIGHT_STD = (0.5e-3, 1.2e-3, np.radians(1.3))
 ALIKE = (0.8e-3, np.radians(2.0))  # two poses that differ less are the same for a gripper
 SAME_PLACE = 12e-3  # m: the centre of a known cube
 SAME_CUBE = 2e-3  # m: two candidates that are the same cube
@@ -278,8 +279,8 @@ def _decided(found: _Found, T_base_place: Array) -> LooseCube | NotLocated:
         float(np.sqrt(np.linalg.eigvalsh(part)[-1]))
         for part in (best.covariance[:2, :2], best.covariance[2:3, 2:3], best.covariance[3:, 3:])
     )
-    most_along = MOST_UPRIGHT_STD if best.rest.kind == "upright" else MOST_STD[1]
-    if across > MOST_STD[0] or along > most_along or angle > MOST_STD[2]:
+    most = MOST_UPRIGHT_STD if best.rest.kind == "upright" else MOST_STD
+    if across > most[0] or along > most[1] or angle > most[2]:
         return NotLocated(
             f"its pose is too uncertain: {1e3 * across:.2f} mm across, {1e3 * along:.2f} mm along its normal, "
             f"{np.degrees(angle):.1f} deg, standard deviations"
