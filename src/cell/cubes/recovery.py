@@ -19,7 +19,7 @@ from cell.cubes.search import Search
 from cell.files.task import Task
 from cell.report.cubes import UNDECIDED
 from cell.scene.build import RELEASE_GAP, cube_name, hole_station, table_station
-from cell.scene.displaced import BESIDE, DisplacedCube, is_displaced
+from cell.scene.displaced import BESIDE, DisplacedCube, is_beside, is_displaced
 from plan.scene import Station
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
@@ -61,10 +61,10 @@ class Recovery:
         return (*self.displaced.values(), *self.stuck.values())
 
     def keep_empty(self, observation: Observation) -> None:
-        """Keep a look for the places that are certainly empty in it."""
+        """Keep a look for the places that are certainly empty in it, and have no displaced cube beside them."""
         for board in observation.boards:
             for hole in board.holes("empty"):
-                if hole.name not in observation.moved_since:
+                if hole.name not in observation.moved_since and not is_beside(hole, self.cubes):
                     self._empty[hole.name] = observation
 
     def empty_look(self, place: str) -> Observation | None:

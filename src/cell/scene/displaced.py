@@ -146,9 +146,12 @@ def is_displaced(occupancy: Occupancy) -> bool:
 
 def is_hidden(hole: HolePose, occupancy: Occupancy, displaced: Iterable[DisplacedCube]) -> bool:
     """Whether a displaced cube may be what makes a hole unsure."""
-    return occupancy.state == "unsure" and any(
-        norm(cube.T_base_cube[:3, 3] - hole.T_base_hole[:3, 3]) < HIDES for cube in displaced
-    )
+    return occupancy.state == "unsure" and is_beside(hole, displaced)
+
+
+def is_beside(hole: HolePose, displaced: Iterable[DisplacedCube]) -> bool:
+    """Whether a displaced cube may hide a part of a hole or of what is around it."""
+    return any(norm(cube.T_base_cube[:3, 3] - hole.T_base_hole[:3, 3]) < HIDES for cube in displaced)
 
 
 def has_room(hole: HolePose, displaced: Iterable[DisplacedCube]) -> bool:

@@ -121,7 +121,6 @@ class CheckedRun(OpenRun):
         if self.recovery.most and any(why is not None and why.lost for _, why in judged):
             observation = self.look("again, for a cube that is not confirmed")
             judged = [one.judge(self.task, observation) for one, _ in judged]
-        self.recovery.keep_empty(observation)
         for release, why in judged:  # of all, before one ends the run
             release.row.at = "unknown" if why is not None and why.lost else release.target
         for release, why in judged:
@@ -129,6 +128,7 @@ class CheckedRun(OpenRun):
                 self._not_confirmed(release, why, observation)
             elif not release.row.placed:
                 release.row.add_fault("put back", f"put back into {release.target}")
+        self.recovery.keep_empty(observation)  # now that it is known which cubes stand beside holes
         return observation
 
     def _not_confirmed(self, release: Release, why: Unconfirmed, observation: Observation) -> None:

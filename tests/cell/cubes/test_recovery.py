@@ -282,6 +282,17 @@ def test_only_looks_that_show_a_place_certainly_empty_are_kept_for_it() -> None:
     assert recovery.empty_look("01-02/1") is None
 
 
+def test_a_look_at_a_cube_beside_an_empty_hole_does_not_show_that_place_without_it() -> None:
+    """Compared with itself, it would show that there is no cube."""
+    recovery = Recovery(TASK, 3)
+    recovery.keep_empty(SEEN)
+    recovery.displaced = {CUBE: _beside(TARGET)}
+    later = replace(SEEN)
+    recovery.keep_empty(later)
+    assert recovery.empty_look(TARGET) is SEEN
+    assert recovery.empty_look("03-04/4") is later
+
+
 def test_a_width_is_measured_before_the_jaws_disturb_a_cube_and_never_after(
     found: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,3 +120,28 @@ def test_the_retract_after_a_missed_grasp_is_no_longer_than_the_approach(
             run.missed(cycle, TRANSFER, CubeRow("01-02/3", "03-04/1"), true_look(TASK), "on nothing")
     x, y = cell.robot().T_base_tool(q)[:2, 3]
     assert asked == [pytest.approx(2.0 * np.hypot(x, y) * np.sin(0.025), abs=1e-5), cell.offset]
+
+
+def test_the_look_in_which_a_cube_is_searched_is_not_the_one_of_the_empty_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hole with a cube beside it looks empty: compared with itself, the image shows no cube."""
+    first, look = true_look(TASK), true_look(TASK)
+    run, asked = _run(), list[Observation | None]()
+    run.pictures, run._released = [cast(Any, SimpleNamespace(file=SimpleNamespace(name="look-2.png")))], []
+    run.recovery.keep_empty(first)
+    release = Release(CubeRow("01-02/3", "03-04/1"), "01-02/3", "03-04/1", first, transform())
+    monkeypatch.setattr(Release, "judge", lambda self, *_: (self, Unconfirmed(("not there",), True)))
+    monkeypatch.setattr(CheckedRun, "look", lambda *_: look)
+    monkeypatch.setattr(CheckedRun, "_stop", lambda self, why: pytest.fail(why))
+    beside = DisplacedCube("cube 01-02/3", "03-04/1", look.boards[1].pose.holes[0].T_base_hole)
+
+    def locate(*given: Any) -> DisplacedCube:
+        asked.append(given[-1])
+        return beside
+
+    monkeypatch.setattr("cell.cubes.recovery.locate_displaced", locate)
+    run._released = [release]
+    run.confirm_placed(look)
+    assert asked == [first]
+    assert run.recovery.empty_look("03-04/1") is first
