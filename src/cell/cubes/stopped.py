@@ -46,7 +46,7 @@ def displaced_in(cell: Cell, plan: Plan, planned: Observation) -> tuple[Displace
 def released_before(plan: Plan, q: Array, unit: Unit) -> frozenset[str]:
     """The cubes that a plan releases before the move with empty jaws that passes closest to q (6,) rad.
 
-    None if no such move is near.
+    Without such a move nearby, no cube.
     """
     best, gone, at = NEAR_PATH, frozenset[str](), frozenset[str]()
     for step in plan.steps:
