@@ -15,7 +15,7 @@ from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.markers.border_shift import border_shift, moved_outwards
 from vision.markers.dictionaries import predefined
-from vision.markers.edge_lines import PROFILE_PART, refine_by_border_lines
+from vision.markers.edge_lines import BY_TURN, PROFILE_PART, refine_by_border_lines
 from vision.markers.edge_profiles import LEAST_HALF_PX
 
 SEARCH_WIDTH_PX = 960  # images are searched at the integer fraction of their size that is at least this wide
@@ -84,13 +84,29 @@ def detect_markers(image: Image, camera: Camera, dictionary: str = "DICT_4X4_50"
             shift = border_shift(image_f, corners, _bits(dictionary, int(marker_id)), reach, camera)
             corners = moved_outwards(corners, -shift.shift_px)
             sigma = frozen(shift.sigma_px) if shift.known else None
-            by_side = np.stack([moved_outwards(corners, one) - corners for one in np.eye(4)], axis=-1)
-            by_shift = by_side.reshape(8, 4)
-            noise = lines.noise_px[index] ** 2 * np.eye(8) + by_shift @ shift.noise @ by_shift.T
+            noise = _corner_noise(corners, lines.side_noise_px[index] ** 2, shift.noise)
             markers.append(Marker(int(marker_id), frozen(corners), "lines", sigma, frozen(noise)))
         elif _inside(rough[index], grey):
             markers.append(Marker(int(marker_id), frozen(_subpix(grey, rough[index], modules)), "subpix"))
     return sorted(markers, key=lambda marker: marker.id)
+
+
+def _corner_noise(corners: Array, middle: Array, shift: Array) -> Array:
+    """Covariance (8, 8) px^2 of corners that are intersections of lines.
+
+    Both ends of a line share the error at its middle, and its turn moves them in opposite directions.
+
+    Args:
+        corners: (4, 2) px.
+        middle: variance of each side at its middle, (4,) px^2.
+        shift: covariance of a further shift of the sides, (4, 4) px^2.
+    """
+    by_shift = np.stack([moved_outwards(corners, one) - corners for one in np.eye(4)], axis=-1)
+    last = np.roll(np.eye(4), 1, axis=0)[:, None]  # corner k + 1 ends side k, which starts at corner k
+    by_turn = (by_shift * (2.0 * last - 1.0)).reshape(8, 4)
+    by_shift = by_shift.reshape(8, 4)
+    lines, turns = np.diag(middle), np.diag(BY_TURN * middle)
+    return np.asarray(by_shift @ (lines + shift) @ by_shift.T + by_turn @ turns @ by_turn.T)
 
 
 def _lines_start(grey: Image, rough_px: Array, modules: int) -> Array:

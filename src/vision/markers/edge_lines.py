@@ -18,6 +18,8 @@ from vision.markers.edge_profiles import LEAST_HALF_PX, NARROW_PX, WIDE_PX, Grey
 
 ROWS = 64  # profiles across a side
 END_GAP_PX, END_GAP = 4.0, 0.06  # distance of the profiles from the corners, px and relative to the side
+BY_TURN = 3.0 / (1.0 - 2.0 * END_GAP) ** 2
+"""Variance of a line at its ends due to its turn, over that at its middle: its points lie within END_GAP of them."""
 LEAST_INLIERS = 0.6  # fraction of a side's profiles that must agree on its line
 INLIER_PX = 1.0  # largest distance of an inlier from its line
 PROFILE_PART = 0.45  # half length of a profile in modules: it stays inside the black border and the white one
@@ -33,13 +35,13 @@ class BorderCorners:
     Attributes:
         corners_px: (m, 4, 2) px.
         good: which markers (m,) have four good lines; corners of the others are meaningless.
-        noise_px: standard deviation of a corner's coordinate in this image alone, (m,) px, from the scatter of the edge
-            points about their lines. It does not contain what all images share.
+        side_noise_px: standard deviation of each side's line at its middle in this image alone, (m, 4) px, from the
+            scatter of the edge points about it. It does not contain what shifts or turns a whole side in all images.
     """
 
     corners_px: Array
     good: Bools
-    noise_px: Array
+    side_noise_px: Array
 
 
 def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules: int) -> BorderCorners:
@@ -55,7 +57,7 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
     sides = np.linalg.norm(np.roll(rough_px, -1, axis=1) - rough_px, axis=-1)
     fits = sides.min(axis=1) >= LEAST_MODULE_PX * modules
     reach = np.maximum(PROFILE_PART * sides.min(axis=1) / modules, LEAST_HALF_PX)
-    corners, good, noise = rough_px, fits, np.zeros(len(rough_px))
+    corners, good, sigma = rough_px, fits, np.zeros(rough_px.shape[:2])
     for half in (WIDE_PX, NARROW_PX):
         edges = _edge_points(image, corners, np.minimum(reach, half))
         normals, offsets, inliers, sigma = _fit_lines(*edges, camera)
@@ -63,9 +65,8 @@ def refine_by_border_lines(grey: Image, rough_px: Array, camera: Camera, modules
         crossings = camera.project(np.insert(corners_on_plane, 2, 1.0, axis=-1))
         good = fits & (inliers >= LEAST_INLIERS).all(axis=1) & np.isfinite(crossings).all(axis=(1, 2))
         corners = np.where(good[:, None, None], crossings, rough_px)
-        noise = np.sqrt((sigma**2).mean(axis=1))
     near = np.abs(corners - rough_px).max(axis=(1, 2)) < MOST_MOVED_PX
-    return BorderCorners(corners, good & near, noise)
+    return BorderCorners(corners, good & near, sigma)
 
 
 def _edge_points(image: Grey, corners: Array, half: Array) -> tuple[Array, Array]:
@@ -87,7 +88,7 @@ def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> tuple[Ar
 
     Returns:
         Normals (m, 4, 2), offsets (m, 4), fractions of inliers (m, 4), and standard deviations of the lines at their
-        ends (m, 4) px.
+        middles (m, 4) px.
     """
     points = camera.normalised(edges_px) @ camera.K[:2, :2].T  # undistorted px from the centre
     weights = edge_weights
@@ -101,17 +102,15 @@ def _fit_lines(edges_px: Array, edge_weights: Array, camera: Camera) -> tuple[Ar
         offsets = (normals * mean).sum(axis=-1)
         distance = (centred * normals[..., None, :]).sum(axis=-1)
         spread = 1.4826 * np.median(np.abs(distance), axis=-1, keepdims=True)
-        sigma = _sigma_at_ends(weights, distance)
+        sigma = _sigma_at_middle(weights, distance)
         limit = np.clip(4.0 * spread, 0.1, INLIER_PX)
         weights = edge_weights * np.clip(1.0 - (distance / limit) ** 2, 0.0, None) ** 2  # Tukey's biweight
     agree = (edge_weights > 0.0) & (np.abs(distance) < INLIER_PX)
     return normals, offsets, agree.mean(axis=-1), sigma
 
 
-def _sigma_at_ends(weights: Array, distance: Array) -> Array:
-    """Standard deviation (m, 4) px of lines at the corners, if each edge point has its own error.
-
-    With profiles over the part p of a side, the variance at its ends is 1 + 3 / p^2 times that at its middle.
+def _sigma_at_middle(weights: Array, distance: Array) -> Array:
+    """Standard deviation (m, 4) px of lines at their middles, if each edge point has its own error.
 
     Args:
         weights: of edge points, (m, 4, ROWS).
@@ -119,8 +118,7 @@ def _sigma_at_ends(weights: Array, distance: Array) -> Array:
     """
     total = np.maximum(weights.sum(axis=-1), 1e-9)
     variance = (weights * distance**2).sum(axis=-1) / total
-    at_ends = 1.0 + 3.0 / (1.0 - 2.0 * END_GAP) ** 2
-    return np.asarray(np.sqrt(variance * at_ends / total))
+    return np.asarray(np.sqrt(variance / total))
 
 
 def _intersections(normals: Array, offsets: Array) -> Array:

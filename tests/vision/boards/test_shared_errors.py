@@ -161,7 +161,7 @@ def test_repeatability_is_the_scatter_of_single_photographs_of_a_board_at_rest()
         again = np.mean([p.repeatability for p in poses], axis=0)
         squares.append(float(np.trace(np.linalg.solve(again, scatter))) / 6.0)
         assert (np.diag(np.mean([p.covariance for p in poses], axis=0)) > 2.0 * np.diag(again)).all()
-    assert 0.6 < np.mean(squares) < 1.5, squares
+    assert 0.7 < np.mean(squares) < 1.8, squares
 
 
 def test_repeatability_of_many_photographs_comes_from_their_scatter() -> None:
