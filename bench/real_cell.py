@@ -7,6 +7,7 @@ and camera pose of that cell are not known: the intrinsics here are assumed, so 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import platform
 import subprocess
@@ -25,6 +26,7 @@ from arm.poses import BoardPose
 from arm.se3 import Array, inverse, rotation, rotation_vector
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.view_selection import TargetPhoto
+from cell.files.board_shift import board_shift
 from vision.background.camera_shift import CameraShift, as_calibrated, measure_shift
 from vision.background.features import Background, background_features
 from vision.boards.pose import assess_board
@@ -232,6 +234,17 @@ def still(photos: Photos, camera: Camera) -> None:
     table("A board that stands still (group A), single photographs", *header)
     for name, poses in zip(("as taken", "corrected by the background"), zip(*rows, strict=True), strict=True):
         print(f"| {name} | {len(poses)} | {spread(poses)} |")
+    print(f"\nbetween two corrected ones, any point of the plate moves {moved([pose for _, pose in rows])}")
+
+
+def moved(poses: Sequence[BoardPose]) -> str:
+    """How far a board at rest seems to move between two looks, as `look.moved_mm` and `look.moved_deg` compare them."""
+    shifts = [
+        board_shift(a.board, 0.0, a.T_base_board, b.T_base_board) for a, b in itertools.combinations(poses, 2)
+    ]
+    far, turn = 1e3 * np.array([s.farthest for s in shifts]), np.degrees([s.turn for s in shifts])
+    middle, most = (f"{of(far):.2f} mm, {of(turn):.2f} deg" for of in (np.median, np.max))
+    return f"{middle} (median), {most} (most)"
 
 
 def spread(poses: Sequence[BoardPose]) -> str:
