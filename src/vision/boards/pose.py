@@ -163,11 +163,15 @@ def _common_mode(marker: Marker) -> float:
 
 
 def _angle(fits: Sequence[Fitted | None], hypotheses: _Hypotheses) -> float:
-    """Angle between the two solutions, rad; 0 if, with shared errors, both end up in the same one."""
+    """Angle between the two solutions, rad; 0 if, with shared errors, both end up in the first one."""
     first, second = fits
     if first is None or second is None:
         return hypotheses.angle
-    return float(angle_between(first.T_camera_board[:3, :3], second.T_camera_board[:3, :3]))
+    ends = (first.T_camera_board, hypotheses.best.T_camera_board, hypotheses.second.T_camera_board)
+    apart, from_best, from_second = (
+        angle_between(end[:3, :3], second.T_camera_board[:3, :3]) for end in ends
+    )
+    return 0.0 if apart <= checks.FLIP and from_best < from_second else float(apart)
 
 
 def _shared(board: Board, fit: Fit, frames: Sequence[Sequence[Marker]], camera: Camera) -> Array | None:
