@@ -114,7 +114,7 @@ def grid(count: int) -> Query:
         holes.append((ends[0][1], ends[1][1]))
     scene = Scene(
         cell.robot(),
-        cell.robot(cell.cube_size),
+        cell.robot_holding(),
         tuple(cell.fixed),
         tuple(cubes),
         frozenset(frozenset((c.name, "table")) for c in cubes),

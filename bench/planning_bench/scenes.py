@@ -127,7 +127,7 @@ def scene_of(cell: Cell, a: Placed, b: Placed, obstacles: Sequence[Body], placed
     on = [b if i < placed else a for i in range(4)]
     return Scene(
         cell.robot(),
-        cell.robot(cell.cube_size),
+        cell.robot_holding(),
         (*cell.fixed, *boards, *obstacles),
         tuple(cubes),
         frozenset(frozenset((c.name, plate_name(p.board.name))) for c, p in zip(cubes, on, strict=True)),

@@ -83,9 +83,15 @@ class Limits:
 
 
 class GripperAxis(GripperValues):
-    """The gripper's analogue servo axis. `registers` maps REG* names to values."""
+    """The gripper's analogue servo axis.
+
+    Attributes:
+        registers: REG* name to value.
+        fitted: whether the arm carries the gripper. If not, nothing is sent to its axis.
+    """
 
     registers: dict[str, int]
+    fitted: bool = True
 
     def adc(self, fraction_closed: float) -> int:
         """Return the ADC position for 0 (open) to 1 (closed)."""

@@ -18,6 +18,7 @@ from arm.arguments import number
 from arm.errors import InputError
 from arm.io.storage import data_file, read_text
 from arm.robot.model import Robot, load_a465
+from arm.se3 import Array, transform
 
 SHIPPED_URDF = "urdf/a465/a465.urdf"
 LEAST_BODY = 1e-3  # m; a shorter round body is left out
@@ -77,6 +78,11 @@ class Gripper:
 
     def _measures(self) -> tuple[float, ...]:
         return (self.length, *self.finger, *self.palm, self.body_radius)
+
+    @property
+    def T_flange_tool(self) -> Array:
+        """Pose of the tool frame, between the finger tips, in the flange frame."""
+        return transform(t=(0.0, 0.0, self.length))
 
     @property
     def body_length(self) -> float:

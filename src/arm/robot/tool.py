@@ -1,9 +1,10 @@
-"""Additions to a bare URDF: a tool, disabled collisions, padding, and acceleration limits."""
+"""Additions to a bare URDF: a tool, disabled collisions, padding, and acceleration limits; a tool without jaws."""
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -13,12 +14,46 @@ from arm.arguments import number, rigid
 from arm.controller.unit import Limits
 from arm.errors import InputError
 from arm.former import former_names
-from arm.io.storage import sha256
+from arm.io.storage import data_file, read_text, sha256
 from arm.numerics.products import mul
-from arm.robot.model import LinkBody, Robot, by_link
+from arm.robot.gripper import HAND, SHIPPED_URDF
+from arm.robot.model import LinkBody, Robot, by_link, load_robot
 from arm.robot.shapes import Body, shape_to_json
 from arm.robot.urdf import bodies_of
-from arm.se3 import frozen
+from arm.se3 import Array, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class FixedTool:
+    """What the A465 carries on its flange instead of a gripper, and what never opens or closes: a ring, a pen.
+
+    Attributes:
+        T_flange_tool: the tool frame in the flange frame, 4x4, m.
+        bodies: its bodies, with poses in the flange frame, not in the base.
+    """
+
+    T_flange_tool: Array
+    bodies: tuple[Body, ...]
+
+    def robot(self) -> Robot:
+        """Return the A465 with this tool.
+
+        Raises:
+            InputError: a body has the name of one of the arm's.
+        """
+        urdf = data_file(SHIPPED_URDF)
+        bare = load_robot(urdf, "flange", np.eye(4), text=_without_hand(read_text(urdf)))
+        return with_tool(bare, self.T_flange_tool, self.bodies)
+
+
+def _without_hand(urdf: str) -> str:
+    """Return the text of the arm's URDF without the links of the gripper and the joints that carry them."""
+    root = ElementTree.fromstring(urdf)
+    for part in list(root):
+        child = part.find("child")
+        if part.get("name") in HAND or (child is not None and child.get("link") in HAND):
+            root.remove(part)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def with_tool(robot: Robot, T_end_tool: npt.ArrayLike, bodies: Iterable[Body] = ()) -> Robot:

@@ -12,18 +12,20 @@ import numpy as np
 
 from arm.calibration_file import COVARIANCE
 from arm.errors import InputError
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
 from arm.plan_file import Plan
 from arm.poses import adjoint
 from arm.robot.dh import A465
+from arm.robot.gripper import Gripper
 from arm.robot.shapes import Body, Box
-from arm.se3 import Array, frozen, inverse, skew
+from arm.se3 import Array, apply, frozen, inverse, skew
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.linear_error import LinearError
 from cell.accuracy.placement import grip_error
 from cell.accuracy.plan_budgets import gripper_positions, hole_of
 from cell.config.cell import Cell
 from plan.collision.certificate import ArmErrors
+from plan.collision.covers import hull
 from plan.scene import Scene
 from vision.observation import Observation
 
@@ -111,4 +113,16 @@ def _length_behind(cell: Cell) -> Array:
     """Largest distance of any point of arm, tool and cube from the frame behind each joint, (6,) m."""
     links = np.hypot(A465.a, A465.d)
     behind = np.cumsum(links[::-1])[::-1] - links
-    return np.asarray(behind + cell.gripper.length + _BODY)
+    return np.asarray(behind + _tool_length(cell))
+
+
+def _tool_length(cell: Cell) -> float:
+    """Largest distance of any point of the tool, and of a cube in it, from the flange's centre, m."""
+    tool = cell.tool
+    if isinstance(tool, Gripper):
+        return tool.length + _BODY
+    far = [0.0]
+    for body in tool.bodies:
+        points, radius = hull(body.shape)
+        far.append(radius + max(float(norm(at)) for at in apply(body.T_base_body, points)))
+    return max(far)

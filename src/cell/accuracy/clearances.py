@@ -42,7 +42,7 @@ def erring_clearances(
     errors = arm_errors(cell)
     if errors is None:
         return ()
-    scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    scene = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
     off = {} if seen is None else body_errors(cell, seen, plan, scene)
     scene = replace(scene, bodies=_grown(scene.bodies, off), cubes=_grown(scene.cubes, off))
     scenes = list(scenes_of_moves(plan, scene, cell.unit, begins_with))

@@ -86,7 +86,7 @@ def plan_poses_step(
         f"clearance at least {least:.1f} mm"
     )
     warn_of(plan, console)
-    if seen is None and place.gripper is not None:
+    if seen is None and not isinstance(task, ArmFile):
         console.say("this plan considers only the table and the walls; add boards and cubes with --look FILE")
     if any(entry.jaws for entry in poses.entries):
         console.say("objects in the jaws are unknown and not checked for collisions")

@@ -114,7 +114,7 @@ def execute_plan(
     require_start_at(task, plan)
     speed = f"speed {plan.speed * control.ceiling:g}"
     speed += f", lowered from the plan's {plan.speed:g}" if control.ceiling < 1.0 else ""
-    tool = f"; {tool_words(plan, cell.robot(cell.cube_size), cell.unit, control.ceiling)}" if moves else ""
+    tool = f"; {tool_words(plan, cell.robot_holding(), cell.unit, control.ceiling)}" if moves else ""
     console.step(f"plan {plan.sha256[:12]}: {len(moves)} moves verified for this cell; {speed}{tool}")
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed = plan_file if plan.task["cubes"] else None

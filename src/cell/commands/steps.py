@@ -241,7 +241,7 @@ def _print_plan(plan: Plan, cell: Cell, console: Console, erring: tuple[float, .
     console.table(header, rows)
     console.say(
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "
-        f"{tool_words(plan, cell.robot(cell.cube_size), cell.unit)}; "
+        f"{tool_words(plan, cell.robot_holding(), cell.unit)}; "
         f"no plan takes less than {plan.task['no_plan_is_faster_than_s']:.1f} s"
     )
     above, share = plan.task["above_that_s"], plan.task["no_plan_is_faster_than_s"] / plan.duration_s

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,22 @@ def read_body(node: Node, kind: str) -> Body:
     values = read_values({name: one for name, one in BodyKeys.declared().items() if name in wanted}, node)
     shape = make(node, *(values[part] for part in parts))
     return Body(values["name"], shape, pose_of(values[place], values["rpy"]), kind)
+
+
+def require_names_differ(tables: Node, bodies: Sequence[Body], others: Sequence[Body] = ()) -> None:
+    """Require different names of bodies.
+
+    Args:
+        tables: of the bodies.
+        bodies: read from them.
+        others: bodies whose names they must not have either.
+
+    Raises:
+        InputError: two have the same.
+    """
+    for index, body in enumerate(bodies):
+        if any(body.name == other.name for other in (*others, *bodies[:index])):
+            raise tables.items()[index].error_at("name", "is used twice; names of bodies must differ")
 
 
 def pose_of(place: Array, rpy: Array) -> Array:

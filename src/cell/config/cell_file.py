@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +18,25 @@ from arm.io.node import Node
 from arm.io.rules import integer, integers, number, numbers, path, tables, text
 from arm.io.storage import canonical_json, sha256
 from arm.robot.dh import A465
+from arm.robot.gripper import Gripper
 from arm.robot.shapes import Body, Box
+from arm.robot.tool import FixedTool
 from arm.se3 import Array, frozen, transform
 from cell.config.board_keys import BoardKeys, boards_of
-from cell.config.bodies import BodyKeys, read_body
+from cell.config.bodies import BodyKeys, read_body, require_names_differ
 from cell.config.camera_keys import CameraKeys, camera_of
 from cell.config.cell import Cell
-from cell.config.cell_values import ARM_PADDING_MM, CellValues
+from cell.config.cell_values import ARM_PADDING_MM, CellValues, JawValues
+from cell.config.fixed_tool import read_fixed_tool, with_tool_stated
 from cell.config.inputs import LEFT_OUT, config_inputs
-from cell.config.tool_keys import GripperKeys, gripper_of, with_force
+from cell.config.tool_keys import (
+    BodiesKeys,
+    GripperKeys,
+    gripper_of,
+    is_without_jaws,
+    with_force,
+    without_gripper,
+)
 from plan.options import LEAST_CLEARANCE, PlanOptions
 from vision.boards.checks import BoardLimits
 from vision.camera.model import Camera, read_camera
@@ -47,8 +58,8 @@ class _FixedKeys(Keys):
     walls: tuple[Body, ...] = key("walls", tables(lambda node: read_body(node, "wall"), BodyKeys), default=[])
 
 
-class CellKeys(CameraKeys, _FixedKeys, BoardKeys, GripperKeys, CellValues, _DeviceKeys):
-    """All keys of a cell file."""
+class _CommonKeys(CameraKeys, _FixedKeys, BoardKeys, CellValues, _DeviceKeys):
+    """Keys of all cell files."""
 
     rest_tolerance: int | None = key(
         "motion.rest_tolerance_counts", integer(1, MOST_REST_TOLERANCE), default=None
@@ -57,6 +68,42 @@ class CellKeys(CameraKeys, _FixedKeys, BoardKeys, GripperKeys, CellValues, _Devi
     acceleration_registers: tuple[int, ...] | None = key(
         "motion.acceleration_registers", _REGISTERS, default=None
     )
+
+
+class CellKeys(_CommonKeys, GripperKeys, JawValues):
+    """Keys of the file of a cell with a gripper."""
+
+
+class FixedToolCellKeys(_CommonKeys, BodiesKeys):
+    """Keys of the file of a cell whose tool has no jaws: cubes may stand in its boards, but stay there."""
+
+    cube_size: float = key("cube.size_mm", number("mm", 5, 80), 40)
+    offset: float = key("motion.offset_mm", number("mm", 45, 300), 1e3 * PlanOptions.offset)
+
+
+_NO_JAWS = JawValues(grip_height=0.0, settle_s=0.0, grip_tolerance=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Flange:
+    """What the arm carries, the values of its jaws, its unit, and the content of cell and tool file together."""
+
+    tool: Gripper | FixedTool
+    jaws: JawValues
+    unit: Unit
+    inputs: Mapping[str, Any]
+
+
+def _flange(keys: CellKeys | FixedToolCellKeys, root: Node) -> _Flange:
+    unit = load_unit(keys.unit)
+    if isinstance(keys, CellKeys):
+        gripper = gripper_of(keys, root, keys.cube_size)
+        return _Flange(gripper, keys, with_force(unit, keys.force_v), root.value)
+    file = Node.of_toml(root["tool"]["bodies"].read(path()))
+    tool, inputs = read_fixed_tool(file), with_tool_stated(root.value, file.value)
+    if keys.walls:
+        require_names_differ(root["walls"], keys.walls, tool.bodies)
+    return _Flange(tool, _NO_JAWS, without_gripper(unit), inputs)
 
 
 def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
@@ -71,8 +118,9 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         InputError: a value is wrong; names file, key, value, unit and rule.
     """
     root = Node.of_toml(path)
-    keys = CellKeys.read(root)
-    nominal_unit, nominal_camera = with_force(load_unit(keys.unit), keys.force_v), read_camera(keys.camera)
+    keys = FixedToolCellKeys.read(root) if is_without_jaws(root) else CellKeys.read(root)
+    flange = _flange(keys, root)
+    nominal_unit, nominal_camera = flange.unit, read_camera(keys.camera)
     if keys.rest_tolerance is not None:
         nominal_unit = replace(nominal_unit, rest_tolerance=keys.rest_tolerance)
     calibration = None
@@ -91,9 +139,10 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     _check_padding(keys, root)
     _check_motion(keys, root)
     boards = boards_of(keys, root, keys.cube_size)
-    inputs = config_inputs(root.value, LEFT_OUT, boards)
+    inputs = config_inputs(flange.inputs, LEFT_OUT, boards)
     cell = Cell(
         **keys.values_of(CellValues),
+        **flange.jaws.values_of(JawValues),
         file=path,
         unit=unit,
         camera=camera,
@@ -102,7 +151,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         calibration=calibration,
         camera_file=keys.camera,
         background_file=keys.background,
-        gripper=gripper_of(keys, root, keys.cube_size),
+        tool=flange.tool,
         boards=boards,
         tilts=tuple(float(np.radians(v)) for v in sorted(keys.tilts_deg)),
         board_limits=BoardLimits(sideways_m=keys.sideways, height_m=keys.height, turn_rad=keys.turn),
@@ -115,7 +164,9 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         inputs=inputs,
         digest=sha256(canonical_json(inputs)),
     )
-    cell.robot()  # raises if length, fingers and palm of the gripper are inconsistent
+    cell.robot()  # raises if parts of the tool are inconsistent, or have names of the arm's
+    if not cell.has_jaws:
+        return cell
     room = (cell.gripper.opening - cell.cube_size) / 2.0 - PlanOptions.line_clearance
     if cell.moved > room + 1e-9:
         raise root.error_at(
@@ -127,7 +178,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     return cell
 
 
-def _check_padding(keys: CellKeys, root: Node) -> None:
+def _check_padding(keys: _CommonKeys, root: Node) -> None:
     """Check that ``arm_compared`` is a date and a name, and is there if the padding is less than the default."""
     compared = keys.arm_compared
     if keys.arm_padding < ARM_PADDING_MM / 1e3 and not compared:
@@ -139,7 +190,7 @@ def _check_padding(keys: CellKeys, root: Node) -> None:
         raise root.error_at("arm_compared", rule)
 
 
-def _check_motion(keys: CellKeys, root: Node) -> None:
+def _check_motion(keys: _CommonKeys, root: Node) -> None:
     """Check the clearance of transits against the smallest value allowed for it, and the timing against jerk limits."""
     if keys.timing == "toppra" and keys.jerk_time > 0.0:
         raise root.error_at("motion.timing", "must be own with a jerk limit (motion.jerk_time_s)")
@@ -163,7 +214,7 @@ def _calibrated(camera: Camera, calibration: ArmCalibration) -> Camera:
     return replace(camera, K=K, distortion=frozen(distortion), lens_covariance=left)
 
 
-def _calibration(keys: CellKeys, root: Node, unit: Unit, camera: Camera) -> ArmCalibration | None:
+def _calibration(keys: _CommonKeys, root: Node, unit: Unit, camera: Camera) -> ArmCalibration | None:
     """Read the calibration file of the cell, if any. It must be of this unit, arm and lens."""
     if keys.calibration is None:
         return None
@@ -192,12 +243,9 @@ def _registers(root: Node, name: str, given: tuple[int, ...] | None, unit: Unit)
     return given
 
 
-def _fixed_bodies(keys: CellKeys, root: Node) -> tuple[Body, ...]:
+def _fixed_bodies(keys: _CommonKeys, root: Node) -> tuple[Body, ...]:
     (x, y), (width, depth), z = keys.centre.tolist(), keys.size.tolist(), keys.table_z - keys.thickness / 2.0
     top = Body("table", Box((width, depth, keys.thickness)), transform(t=(x, y, z)), "table")
-    bodies = [top, *keys.walls]
-    for index, wall in enumerate(keys.walls):
-        if any(wall.name == b.name for b in bodies[: index + 1]):
-            rule = "is used twice; names of bodies must differ"
-            raise root["walls"].items()[index].error_at("name", rule)
-    return tuple(bodies)
+    if keys.walls:
+        require_names_differ(root["walls"], keys.walls, (top,))
+    return top, *keys.walls

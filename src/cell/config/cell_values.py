@@ -12,6 +12,14 @@ ARM_PADDING_MM = 10.0  # default; of links whose bodies were not compared with t
 _FRACTION = number("", 0.01, 1.0)
 
 
+class JawValues(Keys):
+    """Values of a cell about its jaws, in m and s; a cell whose tool has none has the defaults of `Cell`."""
+
+    grip_height: float = key("tool.grip_height_mm", number("mm", 0, 32))
+    settle_s: float = key("tool.settle_s", number("s", 0, 30))
+    grip_tolerance: float = key("tool.grip_tolerance_mm", number("mm", 0.1, 20), 3)
+
+
 class CellValues(Keys):
     """Values of a cell, in m, s and rad; `cell/files/keys.toml` explains each key."""
 
@@ -20,9 +28,6 @@ class CellValues(Keys):
     arm_compared: str = key(
         "arm_compared", rule_of("a string", lambda v: isinstance(v, str), str.strip), default=""
     )
-    grip_height: float = key("tool.grip_height_mm", number("mm", 0, 32))
-    settle_s: float = key("tool.settle_s", number("s", 0, 30))
-    grip_tolerance: float = key("tool.grip_tolerance_mm", number("mm", 0.1, 20), 3)
     tool_sideways: float = key("tool.least_certain_mm", number("mm", 0.01, 20), 1.0)
     tool_height: float = key("tool.least_certain_height_mm", number("mm", 0.01, 20), 1.5)
     cube_size: float = key("cube.size_mm", number("mm", 5, 80))

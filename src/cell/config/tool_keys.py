@@ -1,4 +1,4 @@
-"""Keys of the cell file about the gripper: ``[tool]``."""
+"""Keys of the cell file about the tool, a gripper or one without jaws: ``[tool]``."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node
 from arm.io.rules import number, path, triple
 from arm.robot.gripper import Gripper, Size
+from cell.config.cell_values import JawValues
 
 SHIPPED = Gripper()
 VOLTS_A_REGISTER = 7.5 / 10_000  # volts per unit of the register REGME of the gripper's axis
@@ -33,6 +34,28 @@ class GripperKeys(Keys):
     palm: Size | None = key("tool.palm_mm", _BOX, None)
     body_radius: float | None = key("tool.body_radius_mm", number("mm", 1, 300), None)
     urdf: Path | None = key("tool.urdf", path(), None)
+
+
+class BodiesKeys(Keys):
+    """The key of a tool without jaws."""
+
+    tool_file: Path | None = key("tool.bodies", path(), None)
+
+
+def is_without_jaws(root: Node) -> bool:
+    """Whether a cell file has a tool without jaws.
+
+    Raises:
+        InputError: it also has a key of a gripper.
+    """
+    if not ("tool" in root and "bodies" in root["tool"]):
+        return False
+    of_jaws = [one.name for kind in (GripperKeys, JawValues) for one in kind.declared().values()]
+    for name in (name.removeprefix("tool.") for name in of_jaws):
+        if name in root["tool"]:
+            rule = "belongs to a gripper, and cannot be combined with tool.bodies"
+            raise root.error_at(f"tool.{name}", rule)
+    return True
 
 
 def gripper_of(keys: GripperKeys, root: Node, cube_size: float) -> Gripper:
@@ -86,8 +109,13 @@ def with_force(unit: Unit, volts: float | None) -> Unit:
     return replace(unit, gripper=replace(unit.gripper, registers=registers))
 
 
+def without_gripper(unit: Unit) -> Unit:
+    """Return the unit with nothing on its gripper's axis."""
+    return replace(unit, gripper=replace(unit.gripper, fitted=False))
+
+
 def gripper_of_inputs(inputs: Any) -> Gripper | None:
-    """Return the gripper of a plan's cell, or None if it has its own URDF or cannot be derived.
+    """Return the gripper of a plan's cell; None if it has none, has its own URDF, or cannot be derived.
 
     Args:
         inputs: dotted key to value (`cell.config.inputs`).

@@ -15,7 +15,9 @@ from arm.robot.model import Robot
 from arm.robot.tool import padded
 from arm.se3 import Array
 from cell.config.arm_file import ARM, ArmFile, read_arm_file
+from cell.config.cell import tool_bodies
 from cell.config.cell_values import ARM_PADDING_MM
+from cell.config.fixed_tool import fixed_tool_of_inputs
 from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
 from cell.files.observation import read_observation, require_boards
@@ -151,14 +153,18 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> Unit:
 def _robots(path: Path, plan: Plan, place: Task | None) -> tuple[Robot, Robot]:
     """The arm with open jaws, and the arm with a cube in the jaws."""
     if place is not None:
-        return place.cell.robot(), place.cell.robot(place.cell.cube_size)
+        return place.cell.robot(), place.cell.robot_holding()
     inputs = plan.provenance.get("inputs")
     cell_keys = inputs.get("cell") if isinstance(inputs, Mapping) else None
+    padding = _metres(cell_keys, "arm_padding_mm")
+    padding = ARM_PADDING_MM / 1e3 if padding is None else padding
+    tool = fixed_tool_of_inputs(cell_keys) if isinstance(cell_keys, Mapping) else None
+    if tool is not None:
+        robot = padded(tool.robot(), padding, but=tool_bodies(tool))
+        return robot, robot
     gripper, cube = gripper_of_inputs(cell_keys), _metres(cell_keys, "cube.size_mm")
     if gripper is None or cube is None:
         raise FileInputError(path, "provenance.inputs", None, "does not describe the arm's tool", _GIVE_CELL)
-    padding = _metres(cell_keys, "arm_padding_mm")
-    padding = ARM_PADDING_MM / 1e3 if padding is None else padding
     opened, holding = (padded(gripper.robot(width), padding, but=HAND) for width in (gripper.opening, cube))
     return opened, holding
 

@@ -18,7 +18,8 @@ from arm.io.keys import Key, Keys
 from arm.io.node import REQUIRED
 from arm.io.toml_reader import read_toml
 from arm.io.toml_writer import toml_value
-from cell.config.cell_file import CellKeys
+from cell.config.cell_file import CellKeys, FixedToolCellKeys
+from cell.config.fixed_tool import FixedToolKeys
 from cell.files.hand_target import HandCharucoKeys
 from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
@@ -26,7 +27,8 @@ from vision.camera.model import CameraKeys
 
 Texts = Mapping[str, Mapping[str, str]]
 FILES: dict[str, tuple[type[Keys], ...]] = {
-    "cell": (CellKeys,),
+    "cell": (FixedToolCellKeys, CellKeys),  # the later one's defaults are those of the rows
+    "tool": (FixedToolKeys,),
     "task": (Task1Keys, Task2Keys),
     "world": (WorldKeys,),
     "camera": (CameraKeys,),

@@ -227,7 +227,7 @@ def _of_cell(cell: Cell) -> SceneFile:
         cell.file,
         cell.unit,
         cell.robot(),
-        cell.gripper.opening,
+        cell.jaw_opening,
         cell.fixed,
         None,
         transform(),

@@ -67,7 +67,7 @@ def plan_page(
         InputError: the plan does not fit the cell.
     """
     cell = task.cell
-    arms = cell.robot(), cell.robot(cell.cube_size)
+    arms = cell.robot(), cell.robot_holding()
     drawn: Drawn = {"boards": cell.boards, "dictionary": cell.dictionary, "camera": cell.camera}
     drawn["executed"] = executed
     drawn["erring"] = _erring(cell, plan, arms)

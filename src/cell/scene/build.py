@@ -118,7 +118,7 @@ def build_scene(
         allowed.add(frozenset((name, "table")))
     return Scene(
         robot_open=cell.robot(),
-        robot_holding=cell.robot(cell.cube_size),
+        robot_holding=cell.robot_holding(),
         bodies=(*cell.fixed, *board_bodies(cell, observation.poses)),
         cubes=tuple(cubes),
         allowed=frozenset(allowed),
@@ -127,7 +127,7 @@ def build_scene(
 
 def unseen_scene(cell: Cell) -> Scene:
     """The scene before any look: the whole zone for boards counts as occupied."""
-    return Scene(cell.robot(), cell.robot(cell.cube_size), (*cell.fixed, cell.zone), ())
+    return Scene(cell.robot(), cell.robot_holding(), (*cell.fixed, cell.zone), ())
 
 
 def free_table_stations(task: Task, poses: Iterable[BoardPose]) -> list[Station]:

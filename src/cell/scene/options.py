@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from cell.files.task import Task
 from plan.options import PlanOptions
@@ -11,6 +12,9 @@ from plan.options import PlanOptions
 def options_of(task: Task, speed: float) -> PlanOptions:
     """Planner options for a task at a speed."""
     cell = task.cell
+    jaws: dict[str, Any] = {}
+    if cell.has_jaws:
+        jaws["fraction_closed"] = round(cell.gripper.fraction_closed(cell.gripper.close_to), 9)
     return PlanOptions(
         speed=speed,
         velocity_fraction=cell.velocity_fraction,
@@ -19,7 +23,6 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         least_clearance=cell.least_clearance,
         offset=cell.offset,
         approach_speed=cell.approach_speed,
-        fraction_closed=round(cell.gripper.fraction_closed(cell.gripper.close_to), 9),
         jerk_time=cell.jerk_time,
         solver=cell.solver,
         timing=cell.timing,
@@ -30,6 +33,7 @@ def options_of(task: Task, speed: float) -> PlanOptions:
         aim=task.aim,
         clearance_worth=task.clearance_worth,
         seed=task.seed,
+        **jaws,
     )
 
 

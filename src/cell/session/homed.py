@@ -42,8 +42,8 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
     """
     mars.initialise(home=False)
     counts = mars.settled_counts()
-    width = cell.gripper.width(mars.jaws())
-    if jaws_too and not grip_fault(cell, width):
+    width = cell.gripper.width(mars.jaws()) if cell.has_jaws else None
+    if jaws_too and width is not None and not grip_fault(cell, width):
         raise ImpossibleError(
             f"the jaws are {1e3 * width:.1f} mm apart, as on a cube, and would drop it where the arm stands: "
             "take it out by hand, or continue with execute --resume",
@@ -68,21 +68,26 @@ def home_or_check(
         initialise_without_homing(mars, cell, console, jaws_too)
     else:
         still = "the jaws do not move, so the plate must be firm in the gripper"
-        jaws = "then the jaws open" if jaws_too else still
-        console.step(f"homing: the controller moves every axis, without collision checks; {jaws}")
+        jaws = "; then the jaws open" if jaws_too else f"; {still}"
+        words = "homing: the controller moves every axis, without collision checks"
+        console.step(words + (jaws if cell.has_jaws else ""))
         with console.doing("homing"):
             mars.initialise(home=True, soft_home=False)  # the motion from the marks is planned like any other
     mars.set_registers(cell.speed_registers, cell.acceleration_registers)
 
 
 def initialise_arm(mars: Mars, cell: Cell, console: Console, homed_before: bool) -> None:
-    """Home the arm, unless it was homed before; open the jaws.
+    """Home the arm, unless it was homed before; open the jaws, if it has any.
 
     Raises:
         ImpossibleError: see `initialise_without_homing`.
         ExecutionStopped: homing failed, or the jaws do not open.
     """
     home_or_check(mars, cell, console, homed_before)
+    if not cell.has_jaws:
+        if not homed_before:
+            console.step("homed")
+        return
     if mars.gripper(0.0).stalled:
         where = "where it was" if homed_before else "at its homing marks"
         raise ExecutionStopped(f"the jaws do not open: something blocks them; the arm stands {where}")

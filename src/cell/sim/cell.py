@@ -120,8 +120,8 @@ class SimulatedCell:
         self.record: Callable[[int], Record] = no_record
         self._joint_errors = JointErrors(world)
         self._lock = threading.RLock()
-        self._robot = self.true_robot(cell.gripper.opening)
-        self._opening = cell.gripper.opening
+        self._robot = self.true_robot(cell.jaw_opening)
+        self._opening = cell.jaw_opening
         self._release_faults, self._grasp_faults = list(world.releases), list(world.grasps)
         places = [(b, hole) for b in boards for hole in b.cubes]
         self._cubes = [
@@ -201,6 +201,8 @@ class SimulatedCell:
     def jaws(self, counts: tuple[int, ...], from_adc: int, to_adc: int) -> int:
         """Move the jaws from one ADC position towards another; return where they stop (`driver.emulator.Plant`)."""
         gripper = self.cell.unit.gripper
+        if not gripper.fitted:
+            return to_adc
         with self._lock:
             T_base_tool = self.T_base_tool(counts)
             before, target = (min(max(gripper.fraction_closed(a), 0.0), 1.0) for a in (from_adc, to_adc))

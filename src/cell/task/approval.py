@@ -95,7 +95,7 @@ class Approval:
 
     def _report(self, run: TaskRun) -> None:
         plan, cell, say = self.plan, run.task.cell, self.console.say
-        of = overview(plan, cell.robot(cell.cube_size), cell.unit)
+        of = overview(plan, cell.robot_holding(), cell.unit)
         factor = run.control.ceiling
         cubes, lasts = len(plan.task["cubes"]), f"{plan.duration_s / factor:.0f} s of motion"
         what = f"{cubes or 'no'} cube{'s' if cubes > 1 else ''}"

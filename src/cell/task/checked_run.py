@@ -60,7 +60,7 @@ class CheckedRun(OpenRun):
                 transfer["from"],
                 target,
                 observation,
-                cell.robot(cell.cube_size).T_base_tool(cell.unit.positions(last.path.end)),
+                cell.robot_holding().T_base_tool(cell.unit.positions(last.path.end)),
                 self.widths.get(cube) or self.recovery.widths.get(cube),
                 self.recovery.empty_look(target),
                 disturbed=self.recovery.tried[cube] > 0,

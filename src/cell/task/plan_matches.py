@@ -98,7 +98,7 @@ def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
     return {
         **{key: value for key, value in plan_fingerprint(task).items() if key != "notes"},
         "robot_open": cell.robot().digest,
-        "robot_holding": cell.robot(cell.cube_size).digest,
+        "robot_holding": cell.robot_holding().digest,
         "unit": cell.unit.digest,
         "options": options.to_json(),
         "scene": sha256(plan.scene),
@@ -212,7 +212,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
         ImpossibleError: the plan's scene has other bodies, cubes or allowed collisions; names them.
     """
     cell = task.cell
-    stated = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    stated = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
     planned = planned_observation(cell, stated)
     on_table: dict[str, Array] = {}
     for cube in stated.cubes:

@@ -96,7 +96,7 @@ def place_of_cell(task: Task, observation: Observation | None, speed: float) -> 
         cell.limits,
         cell.q_start,
         pose_list_options(task, speed),
-        cell.gripper,
+        cell.gripper if cell.has_jaws else None,
         plan_fingerprint(task),
     )
 

@@ -88,7 +88,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
 def _planned(task: Task, plan: Plan) -> Observation:
     """Boards as planned, with a cube wherever one may be."""
     cell = task.cell
-    scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    scene = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
     return planned_observation(cell, scene, (transfer["to"] for transfer in plan.task["cubes"]))
 
 
@@ -142,7 +142,7 @@ def carried_by(
             "resume again"
         )
     robot = cell.robot()
-    cube = scene_from_json(plan.scene, robot, cell.robot(cell.cube_size)).cube(transfer["cube"])
+    cube = scene_from_json(plan.scene, robot, cell.robot_holding()).cube(transfer["cube"])
     index = plan.task["cubes"].index(transfer)
     T_tool_cube = mul(inverse(robot.T_base_tool(_gripped_at(task, plan, index))), cube.T_base_body)
     return transfer, InJaws(transfer["cube"], frozen(T_tool_cube))

@@ -76,7 +76,7 @@ class TaskRun(CheckedRun):
             self.console.step(f"board {self.task.from_board.name} holds no cube: nothing to do")
             return False
         cell = self.task.cell
-        speed = tool_words(plan, cell.robot(cell.cube_size), cell.unit, self.control.ceiling)
+        speed = tool_words(plan, cell.robot_holding(), cell.unit, self.control.ceiling)
         self.console.step(
             f"foreseen: {len(plan.task['cubes'])} cubes in {plan.duration_s:.1f} s of motion, {speed}"
         )

@@ -316,12 +316,13 @@ class Mars:
         """Move the jaws, 0 open to 1 closed, and wait until they rest, at the target or on an object.
 
         Raises:
-            InputError: `fraction_closed` is not from 0 to 1.
+            InputError: `fraction_closed` is not from 0 to 1, or the arm carries no gripper.
             ExecutionStopped: a fault, or the jaws do not come to rest in time; with the state.
         """
         if not 0.0 <= fraction_closed <= 1.0:
             why = f"fraction_closed = {fraction_closed:g}: must be from 0 to 1"
             raise InputError(why, value=fraction_closed)
+        self._require_gripper()
         with self.guarded("gripper"):
             if not self._initialised:
                 raise ExecutionStopped("call initialise() before any motion", reason="order")
@@ -333,10 +334,16 @@ class Mars:
         """Read how far the jaws are closed, 0 open to 1 closed. Nothing moves.
 
         Raises:
+            InputError: the arm carries no gripper.
             ExecutionStopped: no answer; with the state.
         """
+        self._require_gripper()
         with self.guarded("jaws"):
             return read_jaws(self.link, self.unit.gripper)
+
+    def _require_gripper(self) -> None:
+        if not self.unit.gripper.fitted:
+            raise InputError(f"{self.unit.name}: the arm carries no gripper", unit=self.unit.name)
 
     # -- stopping
 

@@ -32,8 +32,10 @@ def limit_lines(unit: Unit, speed: tuple[int, ...], acceleration: tuple[int, ...
 
 
 def gripper_lines(unit: Unit) -> list[str]:
-    """Set up the gripper as an analog servo axis."""
+    """Set up the gripper as an analog servo axis; nothing for an arm without one."""
     gripper = unit.gripper
+    if not gripper.fitted:
+        return []
     setup = encode("ANAXSETUP", gripper.adc_channel, gripper.current_channel, axis=gripper.axis)
     return [setup, *(encode(name, value, axis=gripper.axis) for name, value in gripper.registers.items())]
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from arm.errors import FileInputError, InputError
-from arm.robot.model import Robot, load_robot
+from arm.robot.gripper import HAND
+from arm.robot.model import Robot, load_a465, load_robot
 from arm.robot.shapes import Body, Box, Sphere
-from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
-from arm.se3 import rot_y, transform
+from arm.robot.tool import FixedTool, urdf_limits, with_disabled_collisions, with_tool
+from arm.se3 import rot_x, rot_y, transform
 from arms.made_up import UR_LIKE, arm, urdf
 from plan.collision.world import World
 
@@ -86,3 +87,23 @@ def test_a_joint_of_more_freedoms_is_refused(tmp_path: Path) -> None:
         load_robot(_written(tmp_path, text), "l6", np.eye(4))
     with pytest.raises(FileInputError, match="is not a URDF"):
         load_robot(_written(tmp_path, "<robot"), "l6", np.eye(4))
+
+
+def test_a_fixed_tool_is_on_the_bare_flange_of_the_a465() -> None:
+    """The arm is the shipped one without its gripper; the tool stands in the flange frame."""
+    T = transform(rot_x(np.pi), (-0.135, 0.0, 0.013))
+    handle = Body("handle", Box((0.07, 0.01, 0.0066)), transform(t=(-0.05, 0.0, 0.013)), "tool")
+    robot, shipped = FixedTool(T, (handle,)).robot(), load_a465(0.134112, 0.06)
+    assert {b.name for b in robot.bodies} == {b.name for b in shipped.bodies} - set(HAND) | {"handle"}
+    assert frozenset(("wrist", "handle")) in robot.disabled_collisions
+    assert frozenset(("forearm", "handle")) not in robot.disabled_collisions
+    rng = np.random.default_rng(21)
+    for q in rng.uniform(-1.5, 1.5, (20, 6)):
+        T_base_flange = shipped.T_base_tool(q) @ transform(t=(0.0, 0.0, -0.134112))
+        np.testing.assert_allclose(robot.T_base_tool(q), T_base_flange @ T, atol=1e-12)
+        body = next(b for b in robot.bodies_at(q) if b.name == "handle")
+        np.testing.assert_allclose(body.T_base_body, T_base_flange @ handle.T_base_body, atol=1e-12)
+    other = FixedTool(T, (Body("handle", Box((0.07, 0.01, 0.0067)), handle.T_base_body, "tool"),))
+    assert other.robot().digest != robot.digest
+    with pytest.raises(InputError, match="already has a body named 'wrist'"):
+        FixedTool(T, (Body("wrist", Box((0.1, 0.1, 0.1)), T, "tool"),)).robot()

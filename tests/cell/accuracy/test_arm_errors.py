@@ -29,7 +29,7 @@ from vision.observation import Observation, ObservedBoard
 
 @pytest.fixture
 def scene(cell: Cell, plan: Plan) -> Scene:
-    return scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    return scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
 
 
 def _with_links(cell: Cell, sigma: float, first: int = 0) -> Cell:

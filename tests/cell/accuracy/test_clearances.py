@@ -88,7 +88,7 @@ def test_boards_and_cubes_take_off_what_they_may_be_off(task: Task, seen: Observ
     )
     alone, both = (erring_clearances(cell, plan, look) for look in (None, noisy))
     assert all(0.5e-3 < a - b < 6e-3 for a, b in zip(alone, both, strict=True))
-    scene = scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size))
+    scene = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
     off = body_errors(cell, noisy, plan, scene)
     assert set(off) == {b.name for b in (*scene.bodies, *scene.cubes) if b.kind in ("board", "stand", "cube")}
     errors = arm_errors(cell)

@@ -40,7 +40,7 @@ def _with(scenes: Path, lines: str) -> Path:
 
 def test_links_are_padded_by_default_and_the_gripper_is_not(scenes: Path) -> None:
     cell = read_cell(scenes / "cell.toml")
-    for robot in (cell.robot(), cell.robot(cell.cube_size)):
+    for robot in (cell.robot(), cell.robot_holding()):
         assert {b.name: b.padding for b in robot.bodies} == {
             b.name: 0.0 if b.name in HAND else 0.010 for b in robot.bodies
         }

@@ -11,7 +11,7 @@ import pytest
 
 import cell.session.homed
 import cell.task.free_cell
-from arm.errors import ExecutionStopped, ImpossibleError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.io.storage import data_file
 from cell.commands.run import run_task
 from cell.config.cell import Cell
@@ -22,6 +22,7 @@ from cell.session.homed import initialise_arm, initialise_without_homing, may_be
 from driver.emulator import Emulator
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from tasks.tool_cells import tool_cell
 from wire.lasting_cell import LastingCell
 
 
@@ -112,7 +113,7 @@ def test_homing_ends_at_the_marks_and_nothing_goes_on_with_jaws_that_do_not_open
         set_registers=lambda *registers: done.append(registers),
         gripper=lambda closed: SimpleNamespace(stalled=stalled),
     )
-    cell_ = SimpleNamespace(speed_registers=(1,) * 6, acceleration_registers=(2,) * 6)
+    cell_ = SimpleNamespace(speed_registers=(1,) * 6, acceleration_registers=(2,) * 6, has_jaws=True)
     run: Any = SimpleNamespace(
         connection=SimpleNamespace(mars=mars),
         task=SimpleNamespace(cell=cell_),
@@ -137,3 +138,22 @@ def test_a_unit_that_was_not_homed_is_refused_before_anything_is_looked_at(
         run_task(lasting.file, Console(), where, folder)
     assert not list(folder.glob("look-*.png"))
     assert not any(line.startswith(("HH", "REG", "COORD", "SPDT")) for _, line in lasting.emulator.lines)
+
+
+def test_nothing_is_sent_to_the_jaws_of_an_arm_without_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """But the question whose arm it is, which names each axis that may have a gripper."""
+    here, clock = read_cell(tool_cell(tmp_path)), SteppedClock()
+    with Emulator(here.unit, clock) as emulator, Mars(emulator.open_line(), here.unit, clock) as mars:
+        mars.identify()
+        initialise_arm(mars, here, Console(), homed_before=False)
+        mars.initialise()
+        initialise_arm(mars, here, Console(), homed_before=True)
+        axis = here.unit.gripper.axis
+        to_jaws = {line for _, line in emulator.lines if line.partition(":")[0].rstrip("?").endswith(axis)}
+        assert to_jaws == {f"AP{axis}?"}
+        for act in (lambda: mars.gripper(0.0), mars.jaws):
+            with pytest.raises(InputError, match="crs93: the arm carries no gripper"):
+                act()
+    assert "jaws" not in capsys.readouterr().err

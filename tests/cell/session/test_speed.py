@@ -48,7 +48,7 @@ def test_a_tenth_is_as_fast_in_a_plan_as_in_the_execution_of_a_faster_one(
     planned = (slow.fastest / allowed).max()
     assert planned == pytest.approx(lowered, rel=0.1)  # the same share of the registers
     assert planned <= 0.1
-    told = tool_words(plans[0.5], task.cell.robot(task.cell.cube_size), task.cell.unit, 0.2)
+    told = tool_words(plans[0.5], task.cell.robot_holding(), task.cell.unit, 0.2)
     assert told == f"the tool at most {200 * overview(plans[0.5], task.cell.robot(0.04), unit).tool:.0f} mm/s"
 
 

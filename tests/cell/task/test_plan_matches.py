@@ -244,7 +244,7 @@ def test_a_plan_that_starts_elsewhere_is_refused_by_axis_and_counts(
 
 def test_bodies_written_twice_are_the_same_up_to_rounding_and_no_further(plan: Plan, task: Task) -> None:
     """In place, padding and shape; names that one scene alone has differ."""
-    scene = scene_from_json(plan.scene, task.cell.robot(), task.cell.robot(task.cell.cube_size))
+    scene = scene_from_json(plan.scene, task.cell.robot(), task.cell.robot_holding())
     scene = replace(scene, bodies=(Body("box", Box((0.1, 0.1, 0.1)), transform(), "plate"), *scene.bodies))
     box = scene.bodies[0]
     assert _differing(scene, scene) == []

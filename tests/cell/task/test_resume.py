@@ -207,7 +207,7 @@ def test_which_cube_is_in_the_jaws_is_told_or_refused(lasting: LastingCell) -> N
 def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> None:
     task, plan = lasting.task, read_plan(lasting.plan)
     unit, robot = task.cell.unit, task.cell.robot()
-    scene = scene_from_json(plan.scene, robot, task.cell.robot(task.cell.cube_size))
+    scene = scene_from_json(plan.scene, robot, task.cell.robot_holding())
     for index, transfer in enumerate(plan.task["cubes"]):
         lift = next(m for m in plan.moves if m.cube == index and m.held is not None)
         held = carried_by(task, plan, lift.path.end, Observation())[1]

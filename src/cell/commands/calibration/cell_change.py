@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm.robot.shapes import Box
-from arm.se3 import Array, angle_between, apply, transform
+from arm.se3 import Array, angle_between, apply
 from calib.hand_eye.calibrate import HandEye
 from calib.hand_eye.verdict import WorkPlace
 from cell.config.cell import Cell
@@ -94,7 +94,7 @@ def change_of(found: HandEye, cell: Cell) -> CellChange:
 
 def work_place(cell: Cell) -> WorkPlace:
     """Return where a calibration of this cell is to be right: all over the zone of its boards."""
-    tool = transform(t=(0.0, 0.0, cell.gripper.length))
+    tool = cell.tool.T_flange_tool
     if not isinstance(cell.zone.shape, Box):
         return WorkPlace(None, tool)
     grid = np.stack(np.meshgrid(_ACROSS, _ACROSS, _ACROSS[::2], indexing="ij"), axis=-1).reshape(-1, 3)
