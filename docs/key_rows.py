@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from cell.files.key_texts import FILES, rows_of
+from cell.texts.key_texts import FILES, rows_of
 
 PAGE = Path(__file__).with_name("formats.md")
 

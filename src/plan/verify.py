@@ -164,11 +164,14 @@ def placed_cubes(plan: Plan, scene: Scene, unit: Unit) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class RequiredClearance:
-    """The cell's requirements on a plan: clearance of transits and of lines, and length of the lines, m."""
+    """The cell's requirements on a plan: clearance of transits and of lines, and length of approach and retract, m.
+
+    Without a length (None), these need not be lines along the tool's axis.
+    """
 
     clearance: float
     line_clearance: float
-    offset: float
+    offset: float | None
 
 
 def replay(
@@ -208,7 +211,8 @@ def replay(
             scene.thread(move.threaded).require_threaded(world.robot, begin, move.name)
         if asked is not None:
             _require_clearances(move, asked)
-            _require_line(move, scene, unit, asked.offset)
+            if asked.offset is not None:
+                _require_line(move, scene, unit, asked.offset)
         erring = None
         if errors is not None:
             erring = certify_move(world, move.path, unit, 0.0, errors=errors)

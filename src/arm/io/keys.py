@@ -1,6 +1,6 @@
 """Keys of a file, declared once: fields of a dataclass made by `key`.
 
-`Keys.read` reads a file by them. `cell.files.key_texts` makes the comments of a new file and the rows of
+`Keys.read` reads a file by them. `cell.texts.key_texts` makes the comments of a new file and the rows of
 docs/formats.md from them.
 """
 

@@ -157,8 +157,10 @@ def reach(
     epilog=examples("a465 plan scenes/task2.toml --look look.json -o plan.json"),
 )
 def plan(
-    task: shared.TaskFile,
-    look: shared.LookFile,
+    task: shared.ProgramFile,
+    look: Annotated[
+        Path | None, Option(help="Boards as written by a465 look; a program needs it if its work is on one.")
+    ] = None,
     output: shared.PlanOutput = Path("plan.json"),
     speed: shared.Speed = None,
     advice: shared.Advice = True,
@@ -167,10 +169,22 @@ def plan(
     as_json: shared.Json = False,
 ) -> None:
     with answering("planning", as_json) as console:
-        from cell.commands.steps import plan_step
+        from cell.program.program_file import is_program
         from cell.session.budget import budget_of
 
-        console.result(plan_step(task, look, output, speed, console, advice, budget_of(budget, give_up)))
+        allowed = budget_of(budget, give_up)
+        if is_program(task):
+            from cell.commands.plan_poses import plan_program_step
+
+            console.result(plan_program_step(task, look, output, speed, console, advice, allowed))
+            return
+        from cell.commands.steps import plan_step
+
+        if look is None:
+            raise InputError(
+                "--look is missing: a task is planned for boards that were seen", option="--look"
+            )
+        console.result(plan_step(task, look, output, speed, console, advice, allowed))
 
 
 @app.command(

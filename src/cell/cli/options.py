@@ -18,6 +18,10 @@ from cell.console import Console, say_on_stderr
 
 TaskFile = Annotated[Path, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
 PlanFile = Annotated[Path, Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
+ProgramFile = Annotated[
+    Path,
+    Argument(help="Task or program file, such as scenes/task2.toml or scenes/hoop/b.toml.", metavar="TASK"),
+]
 LookFile = Annotated[Path, Option(help="File of detected boards, as written by a465 look.")]
 _JSON = "Print one JSON object on standard output, the rest on standard error."
 Json = Annotated[bool, Option("--json", help=_JSON)]
@@ -139,7 +143,7 @@ def refuse_swapped(verb: str, plan: Path, task: Path | None) -> None:
     keys: set[str] = set()
     with suppress(InputError):
         keys = set() if task is None or not begins_as_object(task) else set(read_toml(plan))
-    if keys & {"task", "camera", "arm"}:
+    if keys & {"task", "camera", "arm", "program"}:
         why = f"{plan} and {task} are swapped: the plan comes first, then its task; give a465 {verb} {task} {plan}"
         raise InputError(why, plan=str(task), task=str(plan))
 

@@ -33,7 +33,8 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from arm.plan_file import read_plan
     from cell.commands.second_opinion import second_opinion
     from cell.export.scene import arm_of_plan
-    from cell.files.task import Task, place_or_arm
+    from cell.files.task import Task
+    from cell.program.program_file import place_of_file
     from cell.scene.options import options_of
     from cell.task.plan_matches import check_plan, replayed_to_json
     from plan.program.setting import planned_limits
@@ -42,7 +43,7 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from plan.verify import replay
 
     plan = read_plan(plan_file)
-    place = None if task_file is None else place_or_arm(task_file)
+    place = None if task_file is None else place_of_file(task_file)
     if plan.unit == NO_UNIT:
         arm = arm_of_plan(plan_file, plan, place)
         result = replayed_to_json(plan, replay(plan, arm.scene(plan), arm.unit, arm.limits))

@@ -117,10 +117,10 @@ def _cell(task_file: Path | None, world: Path | None, hand_file: Path | None) ->
     """Return the simulated cell of the task, or None."""
     if task_file is None:
         return None
-    from cell.files.task import read_task
+    from cell.program.program_file import task_of_file
     from cell.session.connection import simulated_cell
 
-    simulated = simulated_cell(read_task(task_file), world)
+    simulated = simulated_cell(task_of_file(task_file), world)
     if hand_file is not None:
         from cell.files.hand_target import read_hand_target
 

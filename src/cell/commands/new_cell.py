@@ -1,6 +1,6 @@
 """``a465 new-cell``: write a complete cell to start from, which works in simulation at once.
 
-Values come from the project's own scenes, comments from `cell.files.key_texts`.
+Values come from the project's own scenes, comments from `cell.texts.key_texts`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from cell.config.cell_file import CellKeys
 from cell.console import Console
 from cell.export.folder import write_folder
 from cell.files.hand_target import HandCharucoKeys
-from cell.files.key_texts import commented
 from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
+from cell.texts.key_texts import commented
 from vision.camera.model import CameraKeys
 
 PLACEHOLDER = "placeholder"

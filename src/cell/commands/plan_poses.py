@@ -1,4 +1,4 @@
-"""``a465 plan-poses``: turn a list of poses and configurations into a certified plan file."""
+"""``a465 plan-poses``, and ``a465 plan`` of a program file: poses and configurations become a certified plan file."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from arm.errors import InputError
 from arm.io.storage import keep_apart
 from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.clearances import erring_clearances
-from cell.commands.steps import warn_of
+from cell.commands.steps import move_to_json, warn_of
 from cell.config.arm_file import ArmFile
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
+from cell.program.planning import plan_of_program
+from cell.program.program_file import read_program
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.explain import explain_list_failure
@@ -26,6 +28,7 @@ from cell.task.planning import require_above_table
 from cell.task.pose_list_planning import place_of_arm, place_of_cell, plan_pose_list
 from plan.budget import SearchBudget
 from plan.kinematics.product_of_exponentials import product_of_exponentials
+from vision.observation import Observation
 
 
 def plan_poses_step(
@@ -109,6 +112,64 @@ def plan_poses_step(
             }
             for m, of in zip_longest(plan.moves, erring)
         ],
+    }
+
+
+def plan_program_step(
+    program_file: Path,
+    look: Path | None,
+    output: Path,
+    speed: float | None,
+    console: Console,
+    advice: bool = True,
+    budget: SearchBudget | None = None,
+) -> dict[str, Any]:
+    """Plan from q_start through all steps of a program, write the plan file and return a summary as JSON types.
+
+    Args:
+        program_file: see `cell.program.program_file`.
+        look: detected boards; needed if the work is on one.
+        output: plan file to write.
+        speed: see `cell.session.speed`; default: the cell's.
+        advice: whether to explain a refusal, with changes that would help.
+
+    Raises:
+        InputError: a file or value is wrong, or the look is missing.
+        ImpossibleError: a step (named) is out of reach or has too little clearance, or an arm with its errors has.
+    """
+    keep_apart(output, program_file, look)
+    task = read_program(program_file)
+    if look is None and task.board is not None:
+        why = f"--look is missing: the work of {program_file} is on board {task.board.name}"
+        raise InputError(why, option="--look")
+    seen = Observation() if look is None else read_observation(look, task.cell.boards)
+    if look is not None:
+        require_boards(seen, task)
+    explain = partial(explain_list_failure, task, seen) if advice else None
+    with within(budget):
+        plan = plan_of_program(task, seen, planning_speed(task.cell, speed), explain)
+    erring = erring_clearances(task.cell, plan, seen)
+    write_plan(output, plan)
+    _print_steps(plan, erring, console)
+    least = 1e3 * min(m.clearance for m in plan.moves)
+    console.say(
+        f"{task.title}: {plan.duration_s:.1f} s at speed {plan.speed:g}, "
+        f"{tool_words(plan, task.cell.robot_holding(), task.cell.unit)}, clearance at least {least:.1f} mm"
+    )
+    warn_of(plan, console)
+    console.say(f"clearances refer to the bodies of the files; {task.cell.arm_shape()}")
+    console.say(f"plan {plan.sha256[:12]} written to {output}")
+    return {
+        "plan": str(output),
+        "plan_sha256": plan.sha256,
+        "title": task.title,
+        "speed": plan.speed,
+        "motion_s": plan.duration_s,
+        "min_clearance_mm": least,
+        "stopped": plan.notes.get("search"),
+        "boards": [board.name for board in seen.boards],
+        "reached": plan.task["reached"],
+        "moves": [move_to_json(m, of) for m, of in zip_longest(plan.moves, erring)],
     }
 
 

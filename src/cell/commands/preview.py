@@ -41,14 +41,15 @@ def _preview_plan(
     from cell.accuracy.plan_budgets import plan_budgets
     from cell.export.scene import arm_of_plan
     from cell.files.observation import read_observation
-    from cell.files.task import Task, place_or_arm
+    from cell.files.task import Task
     from cell.preview.of_plan import write_page
     from cell.preview.page import write_preview
+    from cell.program.program_file import place_of_file
     from cell.task.plan_matches import require_match
     from plan.trajectory.virtual_unit import NO_UNIT
 
     plan, warning = read_plan(plan_file), None
-    task = None if task_file is None else place_or_arm(task_file)
+    task = None if task_file is None else place_of_file(task_file)
     if plan.unit == NO_UNIT:
         arm = arm_of_plan(plan_file, plan, task)
         write_preview(plan, arm.robot_open, arm.robot_holding, arm.unit, output)

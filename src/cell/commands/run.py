@@ -17,6 +17,7 @@ from cell.cubes.recovery import Recovery
 from cell.files.cube_widths import read_widths
 from cell.files.task import Task, read_task
 from cell.preview.of_plan import write_page
+from cell.program.program_file import task_of_file
 from cell.report.run_folder import LOG, run_folder
 from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
@@ -106,7 +107,7 @@ def execute_plan(
             cube is too likely to miss its pocket; nothing moved, or the arm is at q_start.
         ExecutionStopped: motion stopped, or the cell changed during the run; the state is in the error's data.
     """
-    plan, task = _plan_to_send(plan_file), read_task(task_file)
+    plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     cell, control = task.cell, Control(ceiling=override_of(plan, where.speed))
     with console.doing("checking the plan"):
         moves = replayed(task, plan)
@@ -160,7 +161,7 @@ def resume_plan(
     """
     if where.port is None:
         raise InputError("--resume needs --port: every command starts a new simulated cell", port=None)
-    plan, task = _plan_to_send(plan_file), read_task(task_file)
+    plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
     if not plan.task.get("cubes"):

@@ -226,7 +226,7 @@ def plan_step(
         "placements": [budget_to_json(budget) for budget in budgets],
         "skipped": plan.task.get("skipped", []),
         "stopped": plan.notes.get("search"),
-        "moves": [_move_to_json(m, of) for m, of in zip_longest(plan.moves, erring)],
+        "moves": [move_to_json(m, of) for m, of in zip_longest(plan.moves, erring)],
     }
 
 
@@ -260,7 +260,8 @@ def warn_of(plan: Plan, console: Console) -> None:
             console.say(f"NOTE: {note}")
 
 
-def _move_to_json(move: Move, erring: float | None) -> dict[str, Any]:
+def move_to_json(move: Move, erring: float | None) -> dict[str, Any]:
+    """Return what a plan states of a move as JSON types; `erring`: its clearance with errors, m, if known."""
     return {
         "name": move.name,
         "role": move.role,

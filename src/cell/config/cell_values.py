@@ -21,7 +21,7 @@ class JawValues(Keys):
 
 
 class CellValues(Keys):
-    """Values of a cell, in m, s and rad; `cell/files/keys.toml` explains each key."""
+    """Values of a cell, in m, s and rad; `cell/texts/keys.toml` explains each key."""
 
     q_start: Array = key("q_start_deg", numbers(6, "deg", -360, 360))
     arm_padding: float = key("arm_padding_mm", number("mm", 0, 100), ARM_PADDING_MM)

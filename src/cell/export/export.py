@@ -87,10 +87,10 @@ def _refuse_options(
 def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, Any]:
     from cell.export.plan import csv_of, joints_of, messages_of, sampled, trajectory_of
     from cell.export.scene import surroundings_of_plan, unit_of_plan
-    from cell.files.task import place_or_arm
+    from cell.program.program_file import place_of_file
 
     plan, form = read_plan(file), asked.form or "csv"
-    place = None if asked.cell is None else place_or_arm(asked.cell)
+    place = None if asked.cell is None else place_of_file(asked.cell)
     if form == URDF:
         if asked.period is not None:
             raise InputError("--period does not go with --format urdf", option="period")

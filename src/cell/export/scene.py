@@ -23,6 +23,8 @@ from cell.export.urdf import Surroundings
 from cell.files.observation import read_observation, require_boards
 from cell.files.scene import read_scene_file
 from cell.files.task import POSES, Task, read_place
+from cell.program.planning import program_scene
+from cell.program.program_file import PROGRAM, ProgramTask, read_program
 from cell.scene.build import build_scene
 from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm
@@ -42,6 +44,8 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     root = Node.of_toml(path)
     if "task" in root or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
+    if PROGRAM in root:
+        return _of_program(read_program(path), look)
     if look is not None:
         kind = "an arm" if ARM in root else "a scene"
         rule = f"is {kind} file, which already contains its bodies; leave out --look"
@@ -69,6 +73,13 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
         require_boards(observation, task)
     states = {"home": cell.unit.soft_home, "q_start": cell.q_start}
     return _around(build_scene(cell, observation), cell.limits, states)
+
+
+def _of_program(task: ProgramTask, look: Path | None) -> Surroundings:
+    cell = task.cell
+    observation = Observation() if look is None else read_observation(look, cell.boards)
+    states = {"home": cell.unit.soft_home, "q_start": cell.q_start}
+    return _around(program_scene(task, observation), cell.limits, states)
 
 
 def _around(scene: Scene, limits: Limits, states: dict[str, Array]) -> Surroundings:

@@ -80,7 +80,7 @@ def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
     return Reading(frame, angles, lengths)
 
 
-_JAWS = rule_of(
+JAWS_RULE = rule_of(
     "open, close, or a number from 0 (open) to 1 (shut)",
     lambda v: v in JAWS if isinstance(v, str) else is_number(v) and 0.0 <= v <= 1.0,
     lambda v: float(JAWS.get(v, v)),
@@ -108,6 +108,9 @@ def _ranges(node: Node) -> dict[str, tuple[float, float]]:
     return found
 
 
+RANGES = Rule("a table of two limits each", _ranges)
+
+
 class EntryValues(Keys):
     """Values of an entry that are used unchanged: see `plan.program.goals.target.Target`; SI units.
 
@@ -119,13 +122,13 @@ class EntryValues(Keys):
     by: str = key("by", line(*WAYS), "transit")
     free: str = key("free", line(), "")
     tilt: float = key("tilt_deg", number("deg", 0.0, 90.0), 0)
-    ranges: dict[str, tuple[float, float]] = key("ranges", Rule("a table of two limits each", _ranges), {})
+    ranges: dict[str, tuple[float, float]] = key("ranges", RANGES, {})
     approach: float = key("approach_mm", _LENGTH, 0)
     retract: float = key("retract_mm", _LENGTH, 0)
     within: float = key("within_mm", _LENGTH, 0)
     speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
     dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
-    jaws: float | None = key("jaws", _JAWS, None)
+    jaws: float | None = key("jaws", JAWS_RULE, None)
 
 
 _USUAL = EntryValues.read(Node(Path(), "", {})).values_of(EntryValues)  # of an entry that is numbers alone

@@ -101,7 +101,9 @@ class Task(TaskValues):
 
     @property
     def boards(self) -> tuple[Board, ...]:
-        """Boards that a look must detect."""
+        """Boards that a look must detect; none for poses in a cell."""
+        if self.kind == POSES:
+            return ()
         return (self.from_board,) if self.to_board is None else (self.from_board, self.to_board)
 
 
@@ -177,7 +179,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     if isinstance(keys, Task1Keys):
         places, height = _places(keys, root, cell), keys.board_height
     else:
-        to_board, to_holes = _board(keys.to_board, root, cell, "to_board"), keys.to_holes
+        to_board, to_holes = board_of(keys.to_board, root, cell, "to_board"), keys.to_holes
         if set(keys.to_board) == set(keys.from_board):
             raise root.error_at("to_board", "must be another board than from_board")
     inputs = config_inputs(root.value, left_out=("cell",))
@@ -185,7 +187,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         file=path,
         kind=keys.task,
         cell=cell,
-        from_board=_board(keys.from_board, root, cell, "from_board"),
+        from_board=board_of(keys.from_board, root, cell, "from_board"),
         to_board=to_board,
         to_holes=to_holes,
         places=places,
@@ -231,7 +233,12 @@ def read_place(path: Path) -> Task:
     )
 
 
-def _board(ids: tuple[int, ...], root: Node, cell: Cell, key: str) -> Board:
+def board_of(ids: tuple[int, ...], root: Node, cell: Cell, key: str) -> Board:
+    """Return the board of a cell with these two marker ids, the value of a key of a file.
+
+    Raises:
+        InputError: the cell file lists no such board.
+    """
     for board in cell.boards:
         if set(board.marker_ids) == set(ids):
             return board

@@ -17,6 +17,7 @@ from arm.errors import InputError
 from cell.config.camera_keys import OF_CELL
 from cell.console import say_on_stderr
 from cell.files.task import Task
+from cell.program.program_file import ProgramTask
 from cell.session.cameras import open_camera, require_live, require_one_camera
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
@@ -140,12 +141,14 @@ def _wanted(count: int, there: int) -> str:
 
 
 def world_file(task: Task, world: Path | None) -> Path:
-    """The given world file, or the one beside the task file.
+    """The given world file, or the one beside the task file or else beside its cell file.
 
     Raises:
         InputError: there is none.
     """
-    path = world or task.file.with_suffix(".world.toml")
+    beside = task.file.with_suffix(".world.toml")
+    shared = task.cell.file.with_suffix(".world.toml")
+    path = world or (beside if beside.exists() or not shared.exists() else shared)
     if not path.exists():  # its reader reports anything else
         why = f"{path}: no such world file; give --world for the simulated cell, or --port for the real one"
         raise InputError(why, file=str(path))
@@ -237,7 +240,8 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     cell = task.cell
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     if not contact:
-        return SimulatedCell(cell, truth)
+        work = task.bodies_at(task.T_on_work) if isinstance(task, ProgramTask) and task.board is None else ()
+        return SimulatedCell(cell, truth, work)
     from cell.contact.cell import ContactCell
 
     return ContactCell(cell, truth)

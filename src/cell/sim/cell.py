@@ -7,7 +7,7 @@ compares each released cube with its target.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,8 +108,9 @@ class SimulatedCell:
 
     kind = "the simulated cell"
 
-    def __init__(self, cell: Cell, world: World) -> None:
+    def __init__(self, cell: Cell, world: World, work: Sequence[Body] = ()) -> None:
         self.cell = cell
+        self.work = tuple(work)
         pocket = cell.boards[0].pocket  # one for all boards of a cell file
         boards = tuple(made_board(world, b, pocket) for b in world.boards)
         self.world = replace(world, boards=boards)
@@ -188,7 +189,7 @@ class SimulatedCell:
     def bodies(self, counts: npt.ArrayLike, robot: Robot) -> list[Body]:
         """All visible bodies with the arm at `counts`."""
         self.catch_up()
-        found = list(self.cell.fixed)
+        found = [*self.cell.fixed, *self.work]
         for b in self.world.boards:
             found.append(plate_body(b.board.name, b.T_base_board))
             stand = stand_body(

@@ -12,6 +12,8 @@ from arm.plan_file import Move, Step
 from arm.se3 import Array
 from cell.config.cell import Cell
 from cell.cubes.confirm_placed import NOT_CONFIRMED, Release, Unconfirmed
+from cell.program.planning import program_scene
+from cell.program.program_file import ProgramTask
 from cell.report.cubes import CubeRow
 from cell.scene.build import T_base_cube_on_table, cube_name, unseen_scene
 from cell.scene.displaced import BESIDE
@@ -20,6 +22,7 @@ from cell.task.cube_cycles import CubeCycle
 from cell.task.open_run import TO_START, OpenRun
 from cell.task.planning import Rest, plan_motion
 from plan.program.recovery import plan_retreat
+from plan.scene import Scene
 from vision.observation import Observation
 
 
@@ -42,11 +45,24 @@ class CheckedRun(OpenRun):
     def go_to_start(self, observation: Observation | None) -> None:
         """Go to q_start around all known boards and cubes or, without an observation, around the zone for boards."""
         cell, q = self.task.cell, self.q_now()
-        scene = unseen_scene(cell) if observation is None else self.rest(observation, q).scene
+        if isinstance(self.task, ProgramTask):
+            scene = self._scene_of_program(self.task, observation)
+        else:
+            scene = unseen_scene(cell) if observation is None else self.rest(observation, q).scene
         plan = plan_motion(self.task, scene, q, cell.q_start, self.speed)
         if plan is not None:
             self.keep(plan, TO_START)
             self.execute(plan.steps)
+
+    def _scene_of_program(self, task: ProgramTask, observation: Observation | None) -> Scene:
+        """What surrounds the arm: with the work, if it is known where that is."""
+        if observation is not None:
+            return program_scene(task, observation)
+        unseen = unseen_scene(task.cell)
+        if task.board is not None:
+            return unseen
+        known = program_scene(task, Observation())
+        return replace(known, bodies=(*known.bodies, task.cell.zone))
 
     def add_release(
         self, steps: Sequence[Step], transfer: dict[str, str], row: CubeRow, observation: Observation

@@ -22,14 +22,18 @@ from cell.config.cell import Cell
 from cell.config.inputs import changes, shortened
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
+from cell.program.planning import program_options, program_scene
+from cell.program.program_file import ProgramTask
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
 from cell.scene.displaced import support_of
+from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of, pose_list_options
-from cell.task.planning import plan_fingerprint
 from plan.collision.certificate import ArmErrors
+from plan.options import PlanOptions
 from plan.program.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
+from plan.thread import Thread
 from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy
@@ -94,7 +98,7 @@ def require_arm(arm: ArmFile, plan: Plan) -> None:
 def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
     """The fingerprint that a plan made now would have, for the same scene and at the same speed."""
     cell = task.cell
-    options = (pose_list_options if "poses" in plan.task else options_of)(task, plan.speed)
+    options = _options_of(task, plan)
     return {
         **{key: value for key, value in plan_fingerprint(task).items() if key != "notes"},
         "robot_open": cell.robot().digest,
@@ -103,6 +107,13 @@ def _provenance_of_now(task: Task, plan: Plan) -> dict[str, Any]:
         "options": options.to_json(),
         "scene": sha256(plan.scene),
     }
+
+
+def _options_of(task: Task, plan: Plan) -> PlanOptions:
+    """The options that a plan of this task has if it is made now, at the same speed."""
+    if isinstance(task, ProgramTask):
+        return program_options(task, plan.speed)
+    return (pose_list_options if "poses" in plan.task else options_of)(task, plan.speed)
 
 
 def _difference(key: str, then: Any, now: Any) -> str:
@@ -228,7 +239,11 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
                 f"the plan takes {entry['cube']!r} from {entry['from']!r}, where there is another cube; plan again"
             )
         _require_placed(task, final, planned.poses, entry)
-    now = build_scene(cell, planned, on_table)
+    now = (
+        program_scene(task, planned)
+        if isinstance(task, ProgramTask)
+        else build_scene(cell, planned, on_table)
+    )
     served = {
         frozenset((e["cube"], support_of(e[end])))
         for e in plan.task.get("cubes", ())
@@ -316,7 +331,19 @@ def _differing(stated: Scene, now: Scene) -> list[str]:
         ):
             names.append(name)
     contacts = stated.allowed ^ now.allowed
+    names += [f"the line of {thread.name}" for thread in _other_threads(stated, now)]
     return names + [f"contact of {' and '.join(sorted(pair))}" for pair in sorted(contacts, key=sorted)]
+
+
+def _other_threads(stated: Scene, now: Scene) -> list[Thread]:
+    """Threads of one of the scenes that the other does not have."""
+
+    def same(a: Thread, b: Thread) -> bool:
+        alike = (a.name, a.ring, a.line.shape) == (b.name, b.ring, b.line.shape)
+        return alike and bool(np.abs(a.line - b.line).max() <= SAME)
+
+    both = (stated.threads, now.threads), (now.threads, stated.threads)
+    return [a for ours, others in both for a in ours if not any(same(a, b) for b in others)]
 
 
 def replayed(task: Task, plan: Plan, errors: ArmErrors | None = None) -> tuple[ReplayedMove, ...]:
@@ -327,8 +354,9 @@ def replayed(task: Task, plan: Plan, errors: ArmErrors | None = None) -> tuple[R
     """
     require_match(task, plan)
     require_grammar(plan)
-    cell = task.cell
-    required = RequiredClearance(cell.clearance, options_of(task, plan.speed).line_clearance, cell.offset)
+    cell, options = task.cell, _options_of(task, plan)
+    offset = None if isinstance(task, ProgramTask) else cell.offset
+    required = RequiredClearance(options.clearance, options.line_clearance, offset)
     return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, required, errors)
 
 

@@ -1,24 +1,23 @@
-"""From an observation to a plan: reach of every hole, the plan of the task, and the fingerprint of its inputs."""
+"""From an observation to a plan: reach of every hole, and the plan of the task."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from itertools import cycle, product
 from typing import Any
 
 from arm.errors import ImpossibleError
-from arm.io.storage import sha256
 from arm.numerics.products import mul, norm
 from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array, frozen
 from cell.accuracy.clearances import erring_clearances
 from cell.cubes.confirm_placed import T_base_of
-from cell.files.task import Task
+from cell.files.task import POSES, Task
 from cell.scene.build import build_scene, cube_name
 from cell.scene.displaced import DisplacedCube, has_room, is_displaced, is_hidden, with_displaced
+from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
 from cell.scene.places import hole_stations, reachable_places, unused_holes
 from plan.advice.changes import Request
@@ -35,24 +34,6 @@ SHORTEST_LINE = 0.045  # m, of an approach or retract: a cube and its pocket's d
 NARROW = 1e-3
 
 
-def plan_fingerprint(task: Task) -> dict[str, Any]:
-    """Fingerprint of a plan's inputs: hashes, and task and cell file key by key, compared before execution.
-
-    `notes` are not compared (`arm.plan_file.Plan.notes`).
-    """
-    cell = task.cell
-    registers = {"speed": list(cell.speed_registers), "acceleration": list(cell.acceleration_registers)}
-    return {
-        "notes": {"a465": version("a465")},
-        "limits": sha256({"unit": cell.unit.digest, **registers}),
-        "calibration": cell.camera.digest,
-        "calibration_id": cell.calibration.id if cell.calibration is not None else "none",
-        "task": task.digest,
-        "inputs": {"task": dict(task.inputs), "cell": dict(cell.inputs)},
-        "seed": task.seed,
-    }
-
-
 def require_above_table(task: Task, observation: Observation) -> None:
     """Require that all holes were seen above the table.
 
@@ -63,7 +44,7 @@ def require_above_table(task: Task, observation: Observation) -> None:
     below = {
         hole.name: 1e3 * (cell.table_z - float(hole.T_base_hole[2, 3]))
         for board in observation.boards
-        if board.name in {b.name for b in task.boards}
+        if task.kind == POSES or board.name in {b.name for b in task.boards}
         for hole in board.pose.holes
         if hole.T_base_hole[2, 3] < cell.table_z
     }

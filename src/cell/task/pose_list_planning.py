@@ -28,8 +28,8 @@ from cell.config.arm_file import ARM, ArmFile, beyond_limits
 from cell.files.pose_list import Entry, PoseList
 from cell.files.task import POSES, Task
 from cell.scene.build import build_scene
+from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import pose_list_options
-from cell.task.planning import plan_fingerprint
 from plan.advice.changes import Request
 from plan.collision.certificate import certify_move
 from plan.collision.world import World

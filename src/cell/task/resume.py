@@ -29,10 +29,10 @@ from cell.scene.build import (
     table_station,
 )
 from cell.scene.displaced import BESIDE, DisplacedCube, support_of
+from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
 from cell.session.grasp_monitor import grip_fault
 from cell.task.plan_matches import planned_observation
-from cell.task.planning import plan_fingerprint
 from cell.task.run import TaskRun
 from plan.program.recovery import InJaws, place_held_object, plan_retreat
 from plan.scene import Station, scene_from_json

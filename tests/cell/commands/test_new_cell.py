@@ -24,10 +24,10 @@ from cell.commands.new_cell import PLACEHOLDER, new_cell_step, next_commands
 from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
-from cell.files.key_texts import declared_keys
 from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.task.planning import Rest, plan_rest
+from cell.texts.key_texts import declared_keys
 from tasks.true_look import true_look
 from typed.command_line import a465, refused, replace_in
 from typed.doc_commands import ROOT

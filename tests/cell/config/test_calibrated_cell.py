@@ -19,8 +19,8 @@ from cell.config.cell_file import read_cell
 from cell.files.apply_calibration import apply_calibration
 from cell.files.task import read_task
 from cell.files.world import read_world
+from cell.scene.fingerprint import plan_fingerprint
 from cell.sim.cell import SimulatedCell
-from cell.task.planning import plan_fingerprint
 
 OFFSETS = frozen(np.radians([0.0, 0.3, -0.3, 0.3, -0.3, 0.0]))
 

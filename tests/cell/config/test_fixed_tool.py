@@ -21,8 +21,8 @@ from cell.export.scene import surroundings_of_plan
 from cell.files.task import read_place
 from cell.task.plan_matches import replayed, require_match
 from driver.mars.startup import gripper_lines
+from programs.tool_cells import tool_cell
 from tasks.pose_list_files import planned, written
-from tasks.tool_cells import tool_cell
 from typed.command_line import a465, replace_in
 
 T_FLANGE_RING = transform(np.diag([-1.0, 1.0, -1.0]), (-0.135, 0.0, 0.013))

@@ -22,7 +22,7 @@ from cell.session.homed import initialise_arm, initialise_without_homing, may_be
 from driver.emulator import Emulator
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from tasks.tool_cells import tool_cell
+from programs.tool_cells import tool_cell
 from wire.lasting_cell import LastingCell
 
 

@@ -23,6 +23,8 @@ from cell.config.fixed_tool import FixedToolKeys
 from cell.files.hand_target import HandCharucoKeys
 from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
+from cell.program.points import WireKeys
+from cell.program.program_file import ProgramKeys
 from vision.camera.model import CameraKeys
 
 Texts = Mapping[str, Mapping[str, str]]
@@ -30,6 +32,8 @@ FILES: dict[str, tuple[type[Keys], ...]] = {
     "cell": (FixedToolCellKeys, CellKeys),  # the later one's defaults are those of the rows
     "tool": (FixedToolKeys,),
     "task": (Task1Keys, Task2Keys),
+    "program": (ProgramKeys,),
+    "wire": (WireKeys,),
     "world": (WorldKeys,),
     "camera": (CameraKeys,),
     "target": (HandCharucoKeys,),

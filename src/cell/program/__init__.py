@@ -1,0 +1,1 @@
+"""Programs as files: paths, poses and joints on a work, read from TOML."""

@@ -1,0 +1,176 @@
+"""A path as a step of a program file: where its line comes from, how the tool is held, and what it may do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import A465Error
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import flag, is_number, line, number, numbers, path
+from arm.numerics.products import norm
+from arm.se3 import Array, frozen
+from cell.files.pose_list import RANGES
+from cell.program.biarcs import rounded
+from cell.program.frames import CHORD_ERROR, PathPoses, poses_along
+from cell.program.outline import STRAIGHT, Outline
+from cell.program.points import POINTS, read_wire
+from plan.kinematics.numeric_ik import FREE
+
+ALONG = {"along": 1.0, "against": -1.0}
+Pairs = frozenset[frozenset[str]]
+
+
+def _axis(node: Node) -> str | Array:
+    """Read along, against, or a direction in the frame of the work."""
+    words = f"{', '.join(ALONG)}, or a direction x, y, z in the frame of the work"
+    if isinstance(node.value, str) and node.value in ALONG:
+        return node.value
+    good = isinstance(node.value, list) and len(node.value) == 3 and all(map(is_number, node.value))
+    direction = np.array(node.value if good else [0.0, 0.0, 0.0], dtype=float)
+    if not (np.isfinite(direction).all() and 1e-6 < norm(direction) < 1e6):
+        raise node.error(f"must be {words}")
+    return frozen(direction / norm(direction))
+
+
+def _pairs(node: Node) -> Pairs:
+    found = set()
+    for pair in node.items():
+        names = [one.read(line()) for one in pair.items()]
+        if len(names) != 2 or names[0] == names[1]:
+            raise pair.error("must be the names of two bodies")
+        found.add(frozenset(names))
+    return frozenset(found)
+
+
+def _free(node: Node) -> str:
+    words = node.read(line())
+    wrong = [name for name in words.replace(",", " ").split() if name not in FREE]
+    if wrong:
+        raise node.error(f"has {wrong[0]!r}; must be names of directions, of {', '.join(FREE)}")
+    return words
+
+
+TOUCH = Rule('pairs of names of bodies, such as [["ring", "foot"]]', _pairs)
+FREE_RULE = Rule(f"names of directions, of {', '.join(FREE)}", _free)
+
+
+class FreedomKeys(Keys):
+    """Keys about what is free at a pose, or everywhere on a path; see `plan.program.goals.target.Target`."""
+
+    free: str = key("free", FREE_RULE, "")
+    tilt: float = key("tilt_deg", number("deg", 0.0, 90.0), 0)
+    ranges: dict[str, tuple[float, float]] = key("ranges", RANGES, {})
+    speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
+    touch: Pairs = key("touch", TOUCH, [])
+
+
+class PathKeys(FreedomKeys):
+    """Keys of a path."""
+
+    points: Outline | None = key("points_mm", POINTS, None)
+    line_of: Path | None = key("line_of", path(), None)
+    backwards: bool = key("backwards", flag(), False)
+    extend: Array = key("extend_mm", numbers(2, "mm", -5000.0, 5000.0), [0, 0])
+    deviation: float = key("deviation_mm", number("mm", 0.0, 50.0), 0)
+    axis: Any = key("axis", Rule("along, against, or a direction x, y, z", _axis))
+    window: float = key("window_mm", number("mm", 0.0, 500.0), 25)
+    turn: float = key("turn_deg", number("deg", -360.0, 360.0), 0)
+    back: bool = key("back", flag(), False)
+    threaded: str | None = key("threaded", line(), None)
+
+
+SOURCES = ("points_mm", "line_of")  # keys that make a step a path, each by itself
+FILES = ("line_of",)  # those of them that name a file
+
+
+@dataclass(frozen=True, eq=False)
+class ThreadedLine:
+    """The line that passes through a ring of the tool; see `plan.thread.Thread`.
+
+    Attributes:
+        name: of the line: that of its file.
+        ring: name of the tool's body.
+        points: (k, 3) m, of the line from its foot to its free end, in the frame of the work.
+    """
+
+    name: str
+    ring: str
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PathStep:
+    """A path of the tool.
+
+    Attributes:
+        key: position in the file, such as ``steps[2]``.
+        name: unique name for messages.
+        outline: of the tool's origin, in the frame of the work, as it is travelled.
+        poses: along it.
+        free, tilt, ranges, speed, touch: see `FreedomKeys`.
+        back: whether the tool returns along the same path.
+        threaded: the line that stays in a ring of the tool; None for none.
+    """
+
+    key: str
+    name: str
+    outline: Outline
+    poses: PathPoses
+    free: str
+    tilt: float
+    ranges: dict[str, tuple[float, float]]
+    speed: float | None
+    touch: Pairs
+    back: bool
+    threaded: ThreadedLine | None
+
+    def legs(self) -> tuple[Array, ...]:
+        """Return the poses (k, 4, 4) between the corners at which the arm stops, each with both its ends."""
+        cuts = np.searchsorted(self.poses.s, self.poses.stops - STRAIGHT)
+        ends = [0, *cuts.tolist(), len(self.poses.s) - 1]
+        return tuple(self.poses.T_work_tool[a : b + 1] for a, b in pairwise(ends) if b > a)
+
+
+def path_of(node: Node, name: str, keys: PathKeys) -> PathStep:
+    """Return the path of a step with these keys.
+
+    Raises:
+        InputError: the keys do not make a path; names file, key, value and rule.
+    """
+    whole = keys.points
+    if keys.line_of is not None:
+        whole = read_wire(keys.line_of).outline
+        if whole is None:
+            raise node.error_at("line_of", "names a file without line_mm")
+    if whole is None:
+        raise node.error("must have one of points_mm, line_of")
+    if set(keys.free.replace(",", " ").split()) - {"rz"}:
+        raise node.error_at("free", "must be rz, or nothing, on a path; give ranges for other directions")
+    if keys.threaded is not None and keys.line_of is None:
+        raise node.error_at("threaded", "needs line_of: a ring is threaded on the line of a wire file")
+    try:
+        outline, along = _travelled(whole, keys)
+        fixed, sign = (None, ALONG[keys.axis]) if isinstance(keys.axis, str) else (keys.axis, 1.0)
+        poses = poses_along(outline, fixed, sign * along, keys.window, keys.turn)
+    except A465Error as error:
+        raise node.error(str(error)) from error
+    threaded = None
+    if keys.threaded is not None and keys.line_of is not None:
+        points = whole.at(whole.sampled(CHORD_ERROR, whole.length))
+        threaded = ThreadedLine(keys.line_of.stem, keys.threaded, frozen(points))
+    values = {name: getattr(keys, name) for name in ("back", *FreedomKeys.declared())}
+    return PathStep(node.key, name, outline, poses, **values, threaded=threaded)
+
+
+def _travelled(whole: Outline, keys: PathKeys) -> tuple[Outline, float]:
+    """Return the outline as it is travelled, and 1, or -1 if that is against the line as it is stated."""
+    smooth = rounded(whole, keys.deviation)
+    smooth = smooth.backwards() if keys.backwards else smooth
+    before, after = keys.extend.tolist()
+    return smooth.cut(-before, smooth.length + after), -1.0 if keys.backwards else 1.0

@@ -1,0 +1,216 @@
+"""Plan a program file: its goals among the bodies of the cell and of the work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from arm.errors import FileInputError, ImpossibleError, InputError
+from arm.numerics.products import mul
+from arm.plan_file import Plan
+from arm.se3 import Array, apply, frozen
+from cell.program.path_step import PathStep
+from cell.program.program_file import PROGRAM, ProgramTask
+from cell.program.steps import Action, JointStep, PoseStep, Step
+from cell.scene.build import build_scene
+from cell.scene.fingerprint import plan_fingerprint
+from cell.scene.options import options_of
+from plan.advice.changes import Request
+from plan.options import PlanOptions
+from plan.program.goals.target import Target
+from plan.program.program import Program, plan_program
+from plan.scene import Scene
+from plan.thread import Thread
+from vision.observation import Observation
+
+LEAST_DWELL_S = 1e-3  # at rest, so that the arm stops for its jaws
+_START = "start"
+
+
+def T_base_work(task: ProgramTask, observation: Observation) -> Array:
+    """Return where the work is: as the file says, or on the board that was seen.
+
+    Raises:
+        ImpossibleError: the board was not found.
+    """
+    if task.board is None:
+        return task.T_on_work
+    seen = observation.board(task.board.name)
+    if seen is None:
+        why = f"board {task.board.name}, on which the work is, was not found"
+        raise ImpossibleError(why, board=task.board.name)
+    return frozen(mul(seen.pose.T_base_board, task.T_on_work))
+
+
+def program_scene(task: ProgramTask, observation: Observation) -> Scene:
+    """Return the bodies of the cell, of the boards that were seen, and of the work.
+
+    A work on a board may move with it, unnoticed by `look.moved_mm`, so its bodies are padded by that.
+
+    Raises:
+        ImpossibleError: see `T_base_work`.
+    """
+    scene = build_scene(task.cell, observation)
+    padding = 0.0 if task.board is None else task.cell.moved
+    T = T_base_work(task, observation)
+    padded = tuple(replace(body, padding=padding) for body in task.bodies_at(T))
+    return replace(
+        scene,
+        bodies=(*scene.bodies, *padded),
+        allowed=scene.allowed | task.touch,
+        threads=tuple(_threads(task, T)),
+    )
+
+
+def _threads(task: ProgramTask, T_base_work: Array) -> Iterator[Thread]:
+    """Yield each line once that a ring is threaded on in some step."""
+    lines = {
+        step.threaded.name: step.threaded
+        for step in task.steps
+        if isinstance(step, PathStep) and step.threaded
+    }
+    for line in lines.values():
+        yield Thread(line.name, line.ring, apply(T_base_work, line.points))
+
+
+def program_options(task: ProgramTask, speed: float) -> PlanOptions:
+    """Planner options for a program: all motions keep its clearance, and the arm never looks."""
+    clearance = task.required
+    return replace(options_of(task, speed), clearance=clearance, line_clearance=clearance, look="never")
+
+
+def plan_of_program(
+    task: ProgramTask,
+    observation: Observation,
+    speed: float,
+    explain: Callable[[Request, ImpossibleError], None] | None = None,
+) -> Plan:
+    """Plan from rest at q_start through all steps, to the configuration at the end.
+
+    Args:
+        task: the program.
+        observation: boards that were seen; none if nothing was looked at.
+        speed: see `cell.session.speed`.
+        explain: called with what could not be planned, and the error, before that is raised.
+
+    Raises:
+        InputError: a value that `plan.program.goals.target.Target` refuses; names the step.
+        ImpossibleError: a step (named) is out of reach or too near to a body, or there is no clear path.
+    """
+    cell, scene = task.cell, program_scene(task, observation)
+    goals = tuple(_goals(task, T_base_work(task, observation)))
+    options = program_options(task, speed)
+    provenance = plan_fingerprint(task)
+    stated = {"name": task.name, "kind": PROGRAM, "title": task.title, "repeat": task.repeat}
+    program = Program(
+        scene, goals, cell.q_start, cell.unit, cell.limits, options, provenance=provenance, task=stated
+    )
+    try:
+        found = plan_program(program)
+    except ImpossibleError as error:
+        if explain is not None:
+            asked = scene, (), cell.q_start, cell.unit, cell.limits, options
+            explain(Request(*asked, goals=goals), error)
+        raise _located(task, error) from error
+    reached = [{"name": r.target, "q": [round(float(v), 9) + 0.0 for v in r.q]} for r in found.reached]
+    return replace(found, task={**stated, "reached": reached}).plan()
+
+
+def _goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:
+    """Yield the targets of all repeats, and the configuration at the end."""
+    before: Target | None = None
+    for repeat in range(task.repeat):
+        for step in task.steps:
+            if isinstance(step, Action):
+                before = _acting(task, step, before)
+                continue
+            if before is not None:
+                yield before
+            *legs, before = _targets(task, step, repeat, T_base_work)
+            yield from legs
+    if before is not None:
+        yield before
+    yield Target("end", q=task.q_end, role="home")
+
+
+def _named(step: Step, repeat: int) -> str:
+    return step.name if repeat == 0 else f"{step.name} ({repeat + 1})"
+
+
+def _acting(task: ProgramTask, action: Action, at: Target | None) -> Target:
+    """Return a target with an action there; the start if there is none before it."""
+    at = at or Target(_START, q=task.cell.q_start)
+    if action.jaws is None:
+        return replace(at, dwell_s=at.dwell_s + action.dwell_s)
+    return replace(
+        at,
+        jaws=action.jaws,
+        settle_s=task.cell.settle_s,
+        dwell_s=max(action.dwell_s, LEAST_DWELL_S),
+    )
+
+
+def _targets(task: ProgramTask, step: Step, repeat: int, T_base_work: Array) -> list[Target]:
+    """Return the targets of a step that moves, in order."""
+    name = _named(step, repeat)
+    try:
+        match step:
+            case JointStep():
+                return [Target(name, q=step.q)]
+            case PoseStep():
+                return [
+                    _at_pose(step, name, mul(T_base_work, step.T_work_tool[repeat % len(step.T_work_tool)]))
+                ]
+            case PathStep():
+                return _along(step, name, T_base_work)
+    except InputError as error:
+        raise FileInputError(task.file, step.key, None, str(error)) from error
+    return []
+
+
+def _at_pose(step: PoseStep, name: str, T_base_tool: Array) -> Target:
+    return Target(
+        name,
+        T_base_tool,
+        free=step.free,
+        tilt=step.tilt,
+        ranges=step.ranges,
+        by=step.by,
+        approach=step.approach,
+        retract=step.retract,
+        speed=step.speed,
+        blend_radius=step.within,
+        allowed_collisions=step.touch,
+    )
+
+
+def _along(step: PathStep, name: str, T_base_work: Array) -> list[Target]:
+    """Return a target for each leg of a path between corners at which the arm stops, and for those of the way back."""
+    legs = [mul(T_base_work, leg) for leg in step.legs()]
+    at_once = step.back and len(legs) == 1
+    if step.back and not at_once:
+        legs += [leg[::-1] for leg in reversed(legs)]
+    return [
+        Target(
+            name if number == 1 else f"{name}, leg {number}",
+            frozen(leg),
+            free=step.free,
+            tilt=step.tilt,
+            ranges=step.ranges,
+            by="path",
+            back=at_once,
+            speed=step.speed,
+            allowed_collisions=step.touch,
+            threaded=None if step.threaded is None else step.threaded.name,
+        )
+        for number, leg in enumerate(legs, start=1)
+    ]
+
+
+def _located(task: ProgramTask, error: ImpossibleError) -> ImpossibleError:
+    """Return the error with the file and, if it names a target, its step."""
+    target = str(error.data.get("target", ""))
+    names = {_named(step, repeat): step.key for repeat in range(task.repeat) for step in task.steps}
+    key = next((names[name] for name in (target, target.partition(", leg ")[0]) if name in names), "")
+    data = {k: v for k, v in error.data.items() if k != "step"}
+    return ImpossibleError(f"{task.file}: {f'{key}: ' if key else ''}{error}", step=key, **data)

@@ -1,0 +1,245 @@
+"""The program file (TOML): a work, what stands on it, and the steps of the tool there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from arm.board import Board
+from arm.errors import InputError
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import integer, integers, line, number, numbers, path, text
+from arm.io.storage import canonical_json, read_bytes, sha256
+from arm.numerics.products import mul
+from arm.robot.shapes import Body, Torus
+from arm.se3 import Array, frozen
+from cell.config.arm_file import ArmFile
+from cell.config.bodies import PLACE, TURN, pose_of, read_body
+from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
+from cell.config.inputs import config_inputs
+from cell.files.task import Task, board_of, place_or_arm, read_place, task_or_cell
+from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
+from cell.program.points import WORK, read_wire
+from cell.program.steps import STEPS, Action, JointStep, PoseStep, Step
+from plan.options import AIMS
+
+PROGRAM = "program"  # key that only a program file has, and the kind of its task
+MOST_REPEATS = 1000
+_SEEN = ("plate ", "stand ", "cube ")  # how names of bodies begin that only a look knows
+
+
+class ProgramValues(Keys):
+    """Values of a program file that are used unchanged."""
+
+    title: str = key(PROGRAM, line())
+    aim: str = key("aim", text(*AIMS), "time")
+    clearance_worth: float | None = key("clearance_worth_s_per_mm", number("s/mm", 0.001, 10000.0), None)
+    clearance: float | None = key("clearance_mm", number("mm", 0, 100), None)
+    end: Array | None = key("end_deg", numbers(6, "deg", -360, 360), None)
+    seed: int = key("seed", integer(0, 2**31 - 1), 0)
+
+
+def _bodies(node: Node) -> tuple[Body, ...]:
+    """Read bodies, and files with bodies, of the work."""
+    found: list[Body] = []
+    for one in node.items():
+        if "file" in one:
+            file = _FileKeys.read(one).file
+            found += read_wire(file).bodies
+        else:
+            found.append(read_body(one, WORK))
+        names = [body.name for body in found]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise one.error(f"has the body {twice[0]!r} a second time; names of bodies must differ")
+    return tuple(found)
+
+
+class _FileKeys(Keys):
+    file: Path = key("file", path())
+
+
+class ProgramKeys(ProgramValues):
+    """Keys of a program file."""
+
+    cell: Path = key("cell", path())
+    repeat: int | None = key("repeat", integer(1, MOST_REPEATS), None)
+    board: tuple[int, ...] | None = key("work.board", integers(2, 0, 999), None)
+    origin: Array = key("work.origin_mm", PLACE, [0, 0, 0])
+    rpy: Array = key("work.rpy_deg", TURN, [0, 0, 0])
+    bodies: tuple[Body, ...] = key("bodies", Rule("an array of tables", _bodies), [])
+    steps: tuple[Step, ...] = key("steps", STEPS)
+
+
+class ProgramTask(Task, ProgramValues):
+    """A program of a cell.
+
+    Attributes:
+        steps: in order, at least one.
+        repeat: how often they are taken; in each repeat a pose with a grid goes to its next place.
+        board: the board on which the work is, seen by its markers; None: the work is where the file says.
+        T_on_work: the frame of the work in that of the board, or in the base frame.
+        bodies: on the work, with poses in its frame.
+    """
+
+    steps: tuple[Step, ...]
+    repeat: int
+    board: Board | None
+    T_on_work: Array
+    bodies: tuple[Body, ...]
+
+    @property
+    def boards(self) -> tuple[Board, ...]:
+        """Boards that a look must detect."""
+        return () if self.board is None else (self.board,)
+
+    @property
+    def required(self) -> float:
+        """Clearance of every motion, m."""
+        return self.cell.clearance if self.clearance is None else self.clearance
+
+    @property
+    def q_end(self) -> Array:
+        """Configuration at the end, (6,) rad."""
+        return self.cell.q_start if self.end is None else self.end
+
+    @property
+    def touch(self) -> Pairs:
+        """Pairs of bodies that may touch in some step."""
+        return frozenset[frozenset[str]]().union(
+            *(s.touch for s in self.steps if isinstance(s, PathStep | PoseStep))
+        )
+
+    def bodies_at(self, T_base_work: Array) -> tuple[Body, ...]:
+        """Return the bodies on the work, in the base frame."""
+        return tuple(body.at(mul(T_base_work, body.T_base_body)) for body in self.bodies)
+
+
+def is_program(path: Path) -> bool:
+    """Whether a TOML file is a program file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return PROGRAM in task_or_cell(path)
+
+
+def place_of_file(path: Path) -> Task | ArmFile:
+    """Read a program file, or what `cell.files.task.place_or_arm` reads.
+
+    Raises:
+        InputError: the file is none of them, or is wrong.
+    """
+    return read_program(path) if is_program(path) else place_or_arm(path)
+
+
+def task_of_file(path: Path) -> Task:
+    """Read a program file, a task file, or a cell file as a task without boards.
+
+    Raises:
+        InputError: the file is none of them, or is wrong.
+    """
+    return read_program(path) if is_program(path) else read_place(path)
+
+
+def read_program(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> ProgramTask:
+    """Read a program file and the cell file that it names.
+
+    Args:
+        path: the file.
+        on_uncalibrated: see `cell.config.cell_file.read_cell`.
+
+    Raises:
+        InputError: a value is wrong; names file, key, value and rule.
+    """
+    root = task_or_cell(path)
+    keys = ProgramKeys.read(root)
+    cell = read_cell(keys.cell, on_uncalibrated)
+    _check_cell(keys, root, cell)
+    inputs = {**config_inputs(root.value, left_out=("cell",)), **_files(root)}
+    values = keys.values_of(ProgramValues)
+    return ProgramTask(
+        **values,
+        file=path,
+        kind=PROGRAM,
+        cell=cell,
+        from_board=cell.boards[0],  # of tasks of cubes; unused here
+        look_after="never",
+        order="given",
+        assignment="given",
+        skip=False,
+        inputs=inputs,
+        digest=sha256(sha256(canonical_json(inputs)) + cell.digest),
+        steps=keys.steps,
+        repeat=_repeats(keys, root),
+        board=None if keys.board is None else board_of(keys.board, root, cell, "work.board"),
+        T_on_work=frozen(pose_of(keys.origin, keys.rpy)),
+        bodies=keys.bodies,
+    )
+
+
+def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
+    """Check what depends on the cell: limits, clearance, jaws, and names of bodies."""
+    if keys.end is not None and (rule := cell.unit.beyond_limits(keys.end)):
+        raise root.error_at("end_deg", rule)
+    if keys.clearance is not None and keys.clearance < cell.least_clearance:
+        least = f"{1e3 * cell.least_clearance:g} (motion.least_clearance_mm of {cell.file.name})"
+        raise root.error_at("clearance_mm", f"must be at least {least}")
+    taken = {body.name for body in cell.fixed} | {body.name for body in cell.robot().bodies}
+    for body in keys.bodies:
+        if body.name in taken:
+            rule = (
+                f"has the body {body.name!r}, which the arm or the cell has too; names of bodies must differ"
+            )
+            raise root["bodies"].error(rule)
+    rings = {body.name for body in cell.robot().bodies if isinstance(body.shape, Torus)}
+    known = taken | {body.name for body in keys.bodies}
+    for step in keys.steps:
+        node = _table_of(root, step)
+        match step:
+            case JointStep(q=q) if rule := cell.unit.beyond_limits(q):
+                raise node.error_at("joints_deg", rule)
+            case Action(jaws=float()) if not cell.has_jaws:
+                rule = f"cannot be done, the tool of {cell.file.name} has no jaws; leave it out"
+                raise node.error_at("jaws", rule)
+            case PathStep(threaded=ThreadedLine(ring=ring)) if ring not in rings:
+                shown = ", ".join(sorted(rings)) or "it has none"
+                raise node.error_at("threaded", f"must be a body of the tool whose shape is a torus: {shown}")
+            case PathStep(touch=touch) | PoseStep(touch=touch):
+                for name in sorted(set().union(*touch) - known):
+                    rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the work"
+                    if not name.startswith(_SEEN):
+                        raise node.error_at("touch", rule)
+
+
+def _table_of(root: Node, step: Step) -> Node:
+    """Return the table of a step, whose key is such as ``steps[2]``."""
+    return root["steps"].items()[int(step.key.removeprefix("steps[").removesuffix("]"))]
+
+
+def _repeats(keys: ProgramKeys, root: Node) -> int:
+    """Return the number of repeats: as stated, or as many as the grids have places."""
+    places = {len(step.T_work_tool) for step in keys.steps if isinstance(step, PoseStep)} - {1}
+    if keys.repeat is None:
+        if len(places) > 1:
+            shown = ", ".join(map(str, sorted(places)))
+            raise root.error_at("steps", f"have grids of {shown} places; must be equal, or give repeat")
+        return max(places, default=1)
+    if places and keys.repeat > min(places):
+        raise root.error_at("repeat", f"must be at most {min(places)}, the places of a grid of its steps")
+    return keys.repeat
+
+
+def _files(root: Node) -> dict[str, str]:
+    """Return hashes of the files that the program names, by their names as they are written."""
+    tables = [*root.value.get("bodies", ()), *root.value["steps"]]
+    names = sorted({one[key] for one in tables for key in ("file", *FILES) if key in one})
+    return {f"file {name}": _digest(root.file.parent / name)[:12] for name in names}
+
+
+def _digest(file: Path) -> str:
+    """Hash the values of a TOML file, not its text; the bytes of any other."""
+    content = canonical_json(Node.of_toml(file).value) if file.suffix == ".toml" else read_bytes(file, "SVG")
+    return sha256(content)

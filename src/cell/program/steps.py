@@ -1,0 +1,163 @@
+"""The steps of a program file: a path, a pose, joint angles, or an action at rest. The keys decide which."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from arm.io.keys import Keys, key
+from arm.io.node import Node, Rule
+from arm.io.rules import integers, line, number, numbers
+from arm.numerics.products import mul
+from arm.se3 import Array, frozen, transform
+from cell.config.bodies import PLACE, TURN, pose_of
+from cell.files.pose_list import JAWS_RULE, WAYS
+from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, path_of
+
+MOST_PLACES = 1000  # of a grid
+_LENGTH = number("mm", 0.0, 1000.0)
+_KINDS = (*SOURCES, "at_mm", "joints_deg")  # the key of each kind of step that moves
+
+
+class ActionKeys(Keys):
+    """Keys of what happens while the arm rests, after the step's motion if it has one."""
+
+    name: str | None = key("name", line(), None)
+    jaws: float | None = key("jaws", JAWS_RULE, None)
+    dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
+
+
+class PathStepKeys(PathKeys, ActionKeys):
+    """Keys of a step that is a path."""
+
+
+class PoseStepKeys(FreedomKeys, ActionKeys):
+    """Keys of a step that is a pose."""
+
+    at: Array = key("at_mm", PLACE)
+    rpy: Array = key("rpy_deg", TURN, [180, 0, 0])
+    by: str = key("by", line(*WAYS), "transit")
+    approach: float = key("approach_mm", _LENGTH, 0)
+    retract: float = key("retract_mm", _LENGTH, 0)
+    within: float = key("within_mm", _LENGTH, 0)
+    count: tuple[int, ...] = key("grid.count", integers(3, 1, MOST_PLACES), [1, 1, 1])
+    step: Array = key("grid.step_mm", numbers(3, "mm", -5000.0, 5000.0), [0, 0, 0])
+
+
+class JointStepKeys(ActionKeys):
+    """Keys of a step that is a configuration."""
+
+    q: Array = key("joints_deg", numbers(6, "deg", -360, 360))
+
+
+@dataclass(frozen=True, eq=False)
+class PoseStep:
+    """A pose of the tool, or the places of a grid that are visited one after the other.
+
+    Attributes:
+        key, name: see `cell.program.path_step.PathStep`.
+        T_work_tool: (k, 4, 4), one pose, or those of a grid, x first, then y, then z.
+        by, approach, retract, within: see `plan.program.goals.target.Target`; within is its blend radius.
+        free, tilt, ranges, speed, touch: see `FreedomKeys`.
+    """
+
+    key: str
+    name: str
+    T_work_tool: Array
+    by: str
+    approach: float
+    retract: float
+    within: float
+    free: str
+    tilt: float
+    ranges: dict[str, tuple[float, float]]
+    speed: float | None
+    touch: Pairs
+
+
+@dataclass(frozen=True, eq=False)
+class JointStep:
+    """A configuration q (6,), rad; key and name as of a `PoseStep`."""
+
+    key: str
+    name: str
+    q: Array
+
+
+@dataclass(frozen=True)
+class Action:
+    """What happens at rest: jaws by their closed fraction, 0 open to 1 shut (None: unchanged); then a pause."""
+
+    key: str
+    name: str
+    jaws: float | None
+    dwell_s: float
+
+
+Step = PathStep | PoseStep | JointStep | Action
+
+
+def _read(node: Node) -> list[Step]:
+    """Return what a table of ``[[steps]]`` asks for: a motion, an action, or both."""
+    if not isinstance(node.value, dict):
+        raise node.error("must be a table")
+    given = [name for name in _KINDS if name in node]
+    if len(given) > 1:
+        raise node.error_at(given[1], f"cannot be combined with {given[0]}; a step has one of them")
+    number = int(node.key.rpartition("[")[2].rstrip("]")) + 1
+    found: list[Step] = []
+    keys: ActionKeys
+    match given[0] if given else "":
+        case "":
+            keys = ActionKeys.read(node)
+            if keys.jaws is None and keys.dwell_s == 0.0:
+                raise node.error(f"must have one of {', '.join(_KINDS)}, or only jaws or dwell_s")
+            name = keys.name or f"step {number}"
+        case "at_mm":
+            keys = PoseStepKeys.read(node)
+            name = keys.name or f"pose {number}"
+            found.append(_pose(node, name, keys))
+        case "joints_deg":
+            keys = JointStepKeys.read(node)
+            name = keys.name or f"joints {number}"
+            found.append(JointStep(node.key, name, keys.q))
+        case _:
+            keys = PathStepKeys.read(node)
+            name = keys.name or f"path {number}"
+            found.append(path_of(node, name, keys))
+    if keys.jaws is not None or keys.dwell_s > 0.0:
+        found.append(Action(node.key, name, keys.jaws, keys.dwell_s))
+    return found
+
+
+def _pose(node: Node, name: str, keys: PoseStepKeys) -> PoseStep:
+    count = int(np.prod(keys.count))
+    if count > MOST_PLACES:
+        raise node.error_at("grid.count", f"makes {count} places; must be at most {MOST_PLACES}")
+    shifts = [
+        transform(t=keys.step * np.array([i, j, k])) for k, j, i in product(*map(range, keys.count[::-1]))
+    ]
+    T = pose_of(keys.at, keys.rpy)
+    of_pose = ("by", "approach", "retract", "within", *FreedomKeys.declared())
+    values = {name: getattr(keys, name) for name in of_pose}
+    return PoseStep(node.key, name, frozen([mul(shift, T) for shift in shifts]), **values)
+
+
+def _steps(node: Node) -> tuple[Step, ...]:
+    steps = [step for one in node.items() for step in _read(one)]
+    if not steps:
+        raise node.error("must have at least one step")
+    taken: dict[str, str] = {}
+    for step in steps:
+        before = taken.setdefault(step.name, step.key)
+        if before != step.key:
+            raise Node(node.file, f"{step.key}.name", step.name).error(
+                f"is also the name of {before}; names must differ"
+            )
+    return tuple(steps)
+
+
+STEPS = Rule("an array of tables", _steps, (PathStepKeys, PoseStepKeys, JointStepKeys))
+"""Rule of the steps of a program."""

@@ -1,0 +1,78 @@
+"""Paths of a program file: along lines and arcs, travelled either way, longer or shorter, with or without stops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import InputError
+from arm.se3 import inverse
+from cell.program.path_step import PathStep
+from cell.program.program_file import read_program
+from programs.program_files import program
+from typed.command_line import replace_in
+
+
+def test_a_path_with_corners_is_rounded_or_has_legs(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    path = (
+        'points_mm = [[0, 0, 100], [50, 0, 100], [50, 50, 100]]\naxis = [0, 0, -1]\n[[steps]]\nname = "wire"'
+    )
+    replace_in(file, 'name = "wire"', path)
+    sharp = read_program(file).steps[2]
+    assert isinstance(sharp, PathStep)
+    legs = sharp.legs()
+    assert len(legs) == 2
+    np.testing.assert_allclose(legs[0][-1], legs[1][0])
+    np.testing.assert_allclose(legs[1][0][:3, 3], [0.05, 0, 0.1])
+    replace_in(file, "axis = [0, 0, -1]", "axis = [0, 0, -1]\ndeviation_mm = 2")
+    rounded = read_program(file).steps[2]
+    assert isinstance(rounded, PathStep)
+    assert len(rounded.legs()) == 1
+    assert rounded.outline.length < sharp.outline.length
+    relative = inverse(rounded.poses.T_work_tool[0]) @ rounded.poses.T_work_tool[-1]
+    np.testing.assert_allclose(relative[:3, :3], np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize(("backwards", "first", "last"), [(False, -20, 230), (True, 220, -30)])
+def test_a_line_is_prolonged_before_its_start_and_behind_its_end(
+    tmp_path: Path, backwards: bool, first: float, last: float
+) -> None:
+    """The axis has the direction of the line as it is stated, whichever way it is travelled."""
+    file = program(tmp_path)
+    replace_in(file, "backwards = true", f"backwards = {str(backwards).lower()}")
+    replace_in(file, "extend_mm = [60, -30]", "extend_mm = [20, 30]")
+    path = read_program(file).steps[2]
+    assert isinstance(path, PathStep)
+    z = 1e3 * path.poses.T_work_tool[[0, -1], 2, 3]
+    np.testing.assert_allclose(z, [first, last], atol=1e-9)
+    np.testing.assert_allclose(
+        path.poses.T_work_tool[:, :3, 2], np.tile([0, 0, 1], (len(path.poses.s), 1)), atol=1e-9
+    )
+    assert path.threaded is None
+
+
+def test_a_thread_is_the_whole_line_of_a_wire_file(tmp_path: Path) -> None:
+    """From the foot to the free end, whichever part of it the path follows; arcs as dense as the path is."""
+    file = program(tmp_path)
+    tool = file.with_name("tool.toml")
+    replace_in(tool, 'shape = "cylinder"', 'shape = "torus"')
+    replace_in(tool, "length_mm = 6.6", "tube_mm = 5.83")
+    arc = "{ through_mm = [60, 0, 120], to_mm = [0, 0, 200] }"
+    replace_in(file.with_name("wire.toml"), "[0, 0, 200]]", f"[0, 0, 40], {arc}]")
+    replace_in(file, 'axis = "along"', 'axis = "along"\nthreaded = "ring"')
+    path = read_program(file).steps[2]
+    assert isinstance(path, PathStep)
+    assert path.threaded is not None
+    assert (path.threaded.name, path.threaded.ring) == ("wire", "ring")
+    np.testing.assert_allclose(
+        path.threaded.points[[0, 1, -1]], [(0, 0, 0), (0, 0, 0.04), (0, 0, 0.2)], atol=1e-9
+    )
+    a, b = path.threaded.points[1:-1], path.threaded.points[2:]
+    radius = (0.06**2 + 0.08**2) / 0.12
+    assert (radius - np.sqrt(radius**2 - (np.linalg.norm(b - a, axis=1) / 2) ** 2)).max() < 5.1e-6
+    replace_in(file, 'line_of = "wire.toml"', "points_mm = [[0, 0, 0], [0, 0, 200]]")
+    with pytest.raises(InputError, match=r"threaded = 'ring': needs line_of"):
+        read_program(file)

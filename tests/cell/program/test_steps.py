@@ -1,0 +1,35 @@
+"""Steps of a program file: grids of poses, and what happens at rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cell.program.program_file import read_program
+from cell.program.steps import Action, PoseStep
+from programs.program_files import program
+from typed.command_line import replace_in
+
+
+def test_a_pose_with_a_grid_goes_to_its_next_place_in_each_repeat(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    replace_in(
+        file,
+        "dwell_s = 0.5",
+        "grid.count = [2, 1, 2]\ngrid.step_mm = [50, 40, 30]",
+    )
+    task = read_program(file)
+    assert task.repeat == 4
+    pose = task.steps[0]
+    assert isinstance(pose, PoseStep)
+    places = [[0, 0, 0.3], [0.05, 0, 0.3], [0, 0, 0.33], [0.05, 0, 0.33]]
+    np.testing.assert_allclose(pose.T_work_tool[:, :3, 3], places, atol=1e-12)
+
+
+def test_a_step_may_act_after_its_motion_or_without_one(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    replace_in(file, "[[steps]]\njoints_deg", "[[steps]]\ndwell_s = 2\n\n[[steps]]\njoints_deg")
+    steps = read_program(file).steps
+    assert [step.name for step in steps] == ["above", "above", "wire", "step 3", "joints 4"]
+    assert steps[3] == Action("steps[2]", "step 3", None, 2.0)
