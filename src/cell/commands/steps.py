@@ -25,7 +25,8 @@ from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
-from cell.files.task import Task, read_task
+from cell.files.task import KINDS, Task, read_task
+from cell.program.program_file import task_of_file
 from cell.scene.places import reach_of
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
@@ -64,7 +65,7 @@ def look_step(
     require_one_camera(images, camera)
     for written in (output, picture):
         keep_apart(written, task_file, world)
-    task = read_task(task_file)
+    task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:
         seen = look_and_save(task, frames, picture, console, "at the cell")
     result = observation_to_json(seen, task.cell.camera.T_base_camera)
@@ -72,6 +73,8 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     require_boards(seen, task)
+    if task.kind not in KINDS:
+        return result | {"placements": []}
     return result | {"placements": _foreseen(task, seen, console, picture=picture)}
 
 

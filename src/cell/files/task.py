@@ -168,6 +168,8 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         InputError: a value is wrong; names file, key, value and rule.
     """
     root = task_or_cell(path)
+    if "program" in root:
+        raise root.error("is a program file, must be a task of cubes", "a465 plan and execute take it")
     is_clear_board = root.get("task", KIND) == KINDS[0]
     keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
     cell = read_cell(keys.cell, on_uncalibrated)

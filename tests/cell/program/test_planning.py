@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ImpossibleError
 from arm.plan_file import Move, Pause, Plan, read_plan
 from arm.se3 import inverse
 from cell.program.path_step import PathStep
@@ -139,6 +139,23 @@ def test_commands_take_program_files_as_they_take_tasks(tmp_path: Path) -> None:
     assert "are swapped" in told_wrong or "plan" in told_wrong
 
 
+@pytest.mark.slow
+def test_a_program_is_executed_in_the_simulated_cell_without_a_command_to_jaws(tmp_path: Path) -> None:
+    file, plan = program(tmp_path, OPEN), tmp_path / "plan.json"
+    file.with_name("cell.world.toml").write_text("boards = []\n")  # for all programs of the cell
+    a465("plan", file, "-o", plan, "--speed", "1")
+    said, _ = a465("execute", plan, file, "--json", "--time-scale", "100", cwd=tmp_path)
+    report = json.loads(said)
+    assert (report["kind"], report["plan_sha256"]) == ("program", read_plan(plan).sha256)
+    folder = tmp_path / report["folder"]
+    axis = read_program(file).cell.unit.gripper.axis
+    wire = [json.loads(line) for line in (folder / "wire.jsonl").read_text().splitlines()]
+    sent = {entry["data"] for entry in wire if entry["kind"] == "sent"}
+    assert any(line.startswith("COORDMV") for line in sent)
+    assert not any(line.startswith((f"G{axis}:", f"RELEASE{axis}:", f"ANAXSETUP{axis}:")) for line in sent)
+    a465("report", folder)
+
+
 def test_a_look_is_asked_for_where_it_is_needed(tmp_path: Path) -> None:
     file = program(tmp_path, OPEN)
     _, told = a465("plan", file.with_name("task2.toml"), code=2)
@@ -148,5 +165,6 @@ def test_a_look_is_asked_for_where_it_is_needed(tmp_path: Path) -> None:
     assert "--look is missing: the work of" in told
     with pytest.raises(ImpossibleError, match="board 01-02, on which the work is, was not found"):
         program_scene(read_program(file), Observation())
-    with pytest.raises(InputError):
-        read_program(file.with_name("task2.toml"))
+    for command in (("run", file), ("reach", file, "--look", file)):
+        _, told = a465(*command, code=2)
+        assert "program.toml: is a program file, must be a task of cubes" in told
