@@ -1,11 +1,11 @@
 """Is a placement of a wire possible at all? A written oracle, apart from the planner.
 
-The wires are the polylines and arcs of the laboratory's drawings. Stations every 8 mm along the centre line, from 40 mm
-outside the free end to 30 mm above the board; at each, the ring's normal along the wire or tilted by 10, 20 or 30
-degrees in six directions, and turned about itself in steps of 20 degrees; all inverse kinematics branches within limits.
-A node counts if the true ring (a washer), the handle and the wrist keep the margin to the bar. The placement is possible
-if nodes of all stations are joined by steps of at most 0.5 rad of every joint. Nothing else is looked at: no table, no
-board, no forearm, no way to the first station.
+The wires are the polylines and arcs of the laboratory's drawings. Stations stand every 8 mm along the centre line, from
+40 mm outside the free end to 30 mm above the board. At each, the ring's normal is along the wire or tilted by 10, 20 or
+30 degrees in six directions, and turned about itself in steps of 20 degrees, on all inverse kinematics branches within
+limits. A node counts if the true ring (a washer), the handle and the wrist keep the margin to the bar. The placement is
+possible if nodes of all stations are joined by steps of at most 0.5 rad of every joint. Nothing else is looked at: no
+table, no board, no forearm, no way to the first station.
 """
 
 from __future__ import annotations

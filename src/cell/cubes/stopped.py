@@ -33,7 +33,7 @@ def displaced_in(cell: Cell, plan: Plan, planned: Observation) -> tuple[Displace
     beside = {t["cube"]: t["from"].removeprefix(BESIDE) for t in plan.task["cubes"] if BESIDE in t["from"]}
     holes = {hole.name: hole.T_base_hole for board in planned.boards for hole in board.pose.holes}
     found, in_jaws = [], next(plan.moves).held
-    for cube in scene_from_json(plan.scene, cell.robot(), cell.robot(cell.cube_size)).cubes:
+    for cube in scene_from_json(plan.scene, cell.robot(), cell.robot_holding()).cubes:
         home, at = cube.name.removeprefix(cube_name("")), cube.T_base_body[:3, 3]
         seat = mul(holes[home], T_hole_cube(cell.cube_size))[:3, 3] if home in holes else at
         if cube.name == in_jaws or norm(seat - at) < SEATED:
