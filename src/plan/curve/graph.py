@@ -24,6 +24,7 @@ from plan.collision.world import World
 from plan.curve.samples import Samples, samples_of
 from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
+from plan.kinematics.freedom import coordinates_of
 from plan.kinematics.ik import nearest_turns
 
 STEP = 0.008  # m (or 0.16 rad of turn) between stations
@@ -60,10 +61,17 @@ class CurveGraph:
         world: the arm and all bodies.
         clearance: required, m.
         limits: of the joints.
+        q_start: (n,) rad, where the arm is at the start of the curve; default: any solution there.
     """
 
     def __init__(
-        self, robot: Robot, curve: ToolCurve, world: World, clearance: float, limits: Limits
+        self,
+        robot: Robot,
+        curve: ToolCurve,
+        world: World,
+        clearance: float,
+        limits: Limits,
+        q_start: Array | None = None,
     ) -> None:
         self.robot, self.curve, self.limits = robot, curve, limits
         self.world, self.clearance = world, clearance
@@ -79,8 +87,22 @@ class CurveGraph:
         shape = len(self.places), len(self.samples.coordinates), len(BRANCH_NAMES)
         self.reached = (raw.reached & inside).reshape(shape)
         self.q = q.reshape(*shape, -1)
+        self.coordinates = np.tile(self.samples.coordinates, (shape[0], 1, 1))
+        if q_start is not None:
+            self._begin_at(q_start)
         self.refused: list[list[Array]] = [[] for _ in self.places]  # configurations in collision, by station
         self.farthest = -1  # last station to which a clear chain leads, once all chains were asked for
+
+    def _begin_at(self, q_start: Array) -> None:
+        """Leave one node at the first station: the sample and branch nearest to q_start, moved there."""
+        now = coordinates_of(self.curve.poses(np.zeros(1)), self.robot.T_base_tool(q_start)[None])[0]
+        apart = self.samples.coordinates - now
+        apart[:, 5] -= 2.0 * np.pi * np.rint(apart[:, 5] / (2.0 * np.pi))
+        sample = int(np.argmin(np.round((apart**2).sum(axis=1), 9)))
+        branch = int(np.argmin(np.round(np.abs(self.q[0, sample] - q_start).max(axis=1), 9)))
+        self.reached[0] = False
+        self.reached[0, sample, branch] = True
+        self.q[0, sample, branch], self.coordinates[0, sample] = q_start, now
 
     def chains(self) -> Iterator[Chain]:
         """Yield the fastest clear chain of every branch that has one, the fastest first."""
@@ -227,7 +249,7 @@ class _Branch:
         of = self.of
         return Chain(
             frozen(of.places),
-            frozen(of.samples.coordinates[nodes]),
+            frozen(of.coordinates[np.arange(len(nodes)), nodes]),
             frozen(self.q[np.arange(len(nodes)), nodes]),
             BRANCH_NAMES[self.number],
             self.time,

@@ -19,7 +19,7 @@ from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath
 from plan.collision.bezier import curve_of_path
 from plan.collision.certificate import certify_curve
-from plan.collision.search_margin import LINE_MARGIN
+from plan.collision.search_margin import LINE_MARGIN, searched_clearance
 from plan.collision.world import World
 from plan.curve.graph import Chain, CurveGraph
 from plan.curve.smoothing import Demand, Followed, Smoothing
@@ -68,20 +68,31 @@ class CurvePlanner:
         room = np.minimum(_ROOM, (limits.upper - limits.lower) / 4.0)
         self.limits = replace(limits, lower=frozen(limits.lower + room), upper=frozen(limits.upper - room))
 
-    def chains(self, most: int) -> list[Chain]:
+    def chains(self, most: int, q_start: Array | None = None) -> list[Chain]:
         """Return the fastest clear chains, at most one for each branch of the inverse kinematics.
+
+        Args:
+            most: no more than these.
+            q_start: (n,) rad, where they begin; default: anywhere.
 
         Raises:
             ImpossibleError: there is none; see `CurveGraph.impossible`.
         """
-        graph = CurveGraph(self.robot, self.curve, self.world, self.clearance + _MARGIN, self.limits)
+        clearance = self.clearance + _MARGIN
+        if q_start is not None:  # a start that is given has what it has
+            clearance = searched_clearance(self.world, [q_start], self.clearance, _MARGIN)
+        graph = CurveGraph(self.robot, self.curve, self.world, clearance, self.limits, q_start)
         found = list(islice(graph.chains(), most))
         if not found:
             raise graph.impossible(self.name, self.clearance)
         return found
 
-    def followed(self, chain: Chain) -> JointPath:
+    def followed(self, chain: Chain, fixed: bool = False) -> JointPath:
         """Return the certified path of the joints that begins as a chain and is fast.
+
+        Args:
+            chain: one of `chains`.
+            fixed: whether it begins exactly where the chain does.
 
         Raises:
             ImpossibleError: no path near the chain can be certified, or stays on the curve.
@@ -89,7 +100,7 @@ class CurvePlanner:
         seen: ImpossibleError | None = None
         for wider in _WIDER:
             demand = Demand(self.world, self.clearance + LINE_MARGIN + wider)
-            smoothing = Smoothing(self.robot, self.curve, [demand], self.limits)
+            smoothing = Smoothing(self.robot, self.curve, [demand], self.limits, fixed)
             coordinates = np.array(chain.coordinates)
             coordinates[:, 5] = _unwrapped(coordinates[:, 5])
             way = smoothing.at(chain.places, coordinates, chain.q)
@@ -108,7 +119,8 @@ class CurvePlanner:
         """Return the way with the largest least distance in a world, and a smoothing that keeps it."""
         wide = smoothing.widened(way, _ROUNDS, Demand(world, 0.0))
         kept = Demand(world, Demand(world, 0.0).least(wide.all_q) - _GIVEN)
-        return Smoothing(self.robot, self.curve, [*smoothing.demands, kept], self.limits), wide
+        demands = [*smoothing.demands, kept]
+        return Smoothing(self.robot, self.curve, demands, self.limits, smoothing.fixed), wide
 
     def _certified(self, smoothing: Smoothing, way: Followed) -> JointPath:
         smooth = smoothing.smoothed(way, _ROUNDS)

@@ -94,9 +94,18 @@ class Smoothing:
         curve: what the tool follows.
         demands: clearances to keep.
         limits: of the joints.
+        fixed: whether the first station stays as it is.
     """
 
-    def __init__(self, robot: Robot, curve: ToolCurve, demands: Sequence[Demand], limits: Limits) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        curve: ToolCurve,
+        demands: Sequence[Demand],
+        limits: Limits,
+        fixed: bool = False,
+    ) -> None:
+        self.fixed = fixed
         self.robot, self.curve, self.demands, self.limits = robot, curve, tuple(demands), limits
         self.arm = product_of_exponentials(robot)
         self.columns = directions(curve)
@@ -255,6 +264,8 @@ class Smoothing:
         at = way.coordinates[:, self.columns]
         low = np.maximum(np.minimum(self.low + self.room - at, 0.0), -trust)
         high = np.minimum(np.maximum(self.high - self.room - at, 0.0), trust)
+        if self.fixed:
+            low[0] = high[0] = 0.0
         x = qpsolvers.solve_qp(
             matrix,
             np.concatenate([linear.ravel(), [_PENALTY, 0.0 if widened is None else -1.0]]),

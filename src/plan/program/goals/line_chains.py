@@ -27,6 +27,7 @@ from plan.program.setting import Setting
 from plan.transit.near_ends import NearEnd
 
 _TOLERANCE = 5e-6  # m, largest deviation of the tool from a line
+_SAME = 1e-6  # m and rad, between the end of one path and the start of the next
 _NOWHERE = 1e-9  # m or rad, length below which a line is left out
 
 
@@ -79,8 +80,17 @@ class SequenceStep:
 
 def groups(targets: Sequence[Target]) -> list[range]:
     """Return the indices of the targets of each chain."""
-    starts = [i for i, target in enumerate(targets) if target.by != "line" or i == 0]
+    starts = [i for i, target in enumerate(targets) if i == 0 or not _continues(targets[i - 1], target)]
     return [range(a, b) for a, b in zip(starts, [*starts[1:], len(targets)], strict=True)]
+
+
+def _continues(before: Target, target: Target) -> bool:
+    """Return whether a target is reached without a transit: by a line, or by a path that begins where it follows."""
+    if target.by != "path" or before.T_base_tool is None:
+        return target.by == "line"
+    T = before.T_base_tool[0] if before.back else before.poses[0]
+    away, turned = target.curve.excess(np.zeros(1), T[None])
+    return len(before.poses) == 1 and before.retract == 0.0 and max(away[0], turned[0]) < _SAME
 
 
 class LineChains:

@@ -50,16 +50,19 @@ class PathMoves:
         )
 
     def move(self, index: int, q: Array) -> LinearMove:
-        """Return the certified move along the path of a target that begins near q (n,), a solution of `solutions`.
+        """Return the certified move along the path of a target from q (n,): a solution of `solutions`, or where the
+        move before it has ended.
 
         Raises:
-            ImpossibleError: it cannot be smoothed and certified.
+            ImpossibleError: there is no clear path from there, or it cannot be smoothed and certified.
         """
         key = index, q.tobytes()
         if key not in self._moves:
-            chain = next(chain for chain in self._chains_of(index) if np.array_equal(chain.q[0], q))
-            target = self.worlds.targets[index]
-            path = self._planner(index).followed(chain)
+            target, planner = self.worlds.targets[index], self._planner(index)
+            known = [chain for chain in self._chains.get(index, ()) if np.array_equal(chain.q[0], q)]
+            path = (
+                planner.followed(known[0]) if known else planner.followed(planner.chains(1, q)[0], fixed=True)
+            )
             self._moves[key] = LinearMove(
                 target.curve, path, self._rate(target, path), "xyz", role="line", target=index
             )

@@ -168,7 +168,7 @@ class SequencePlanner:
         made: list[LineChain] = []
         why: list[ImpossibleError] = []
         found = candidates.ranked(number)
-        if self.targets[group.start].by == "path" and width <= self.effort.candidates:
+        if any(self.targets[i].by == "path" for i in group) and width <= self.effort.candidates:
             width = 1  # one way along a path takes as long as hundreds of lines
         for rank, (q, branch) in enumerate(zip(found.q, found.branch, strict=True)):
             if len(made) == width:
