@@ -42,6 +42,7 @@ MB = 1_000_000
 MOST_BYTES = {
     "TOML": 2 * MB,  # a cell file has 10 kB, a calibration file 100 kB
     "text": 20 * MB,  # CSV, URDF, SRDF, vendored scripts
+    "SVG": 20 * MB,
     "JSON": 200 * MB,  # a plan of a whole task has 1 MB
     "pose list": 100 * MB,
     "mesh": 100 * MB,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,6 +42,10 @@ class Line:
         """Return the part between two arc lengths."""
         first, last = self.at(np.array([begin, end]))
         return Line(frozen(first), frozen(last))
+
+    def moved(self, by: Array) -> Line:
+        """Return it shifted by a vector (3,), m."""
+        return Line(frozen(self.start + by), frozen(self.end + by))
 
     def backwards(self) -> Line:
         """Return it travelled the other way."""
@@ -93,6 +97,10 @@ class Arc:
         outward = (self.at(at)[0] - self.centre) / self.radius
         angle = (end - begin) / self.radius
         return Arc(self.centre, self.radius, frozen(outward), frozen(self.directions(at)[0]), angle)
+
+    def moved(self, by: Array) -> Arc:
+        """Return it shifted by a vector (3,), m."""
+        return replace(self, centre=frozen(self.centre + by))
 
     def backwards(self) -> Arc:
         """Return it travelled the other way."""
@@ -163,6 +171,10 @@ class Outline:
     def corners(self) -> Array:
         """Return the arc lengths of the places where the direction jumps."""
         return self.joints[1:-1][self.turns() > STRAIGHT]
+
+    def moved(self, by: Array) -> Outline:
+        """Return it shifted by a vector (3,), m."""
+        return Outline(tuple(piece.moved(by) for piece in self.pieces))
 
     def backwards(self) -> Outline:
         """Return it travelled the other way."""

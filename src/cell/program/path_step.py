@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,11 +16,13 @@ from arm.io.node import Node, Rule
 from arm.io.rules import flag, is_number, line, number, numbers, path
 from arm.numerics.products import norm
 from arm.se3 import Array, frozen
+from cell.config.bodies import PLACE
 from cell.files.pose_list import RANGES
 from cell.program.biarcs import rounded
 from cell.program.frames import CHORD_ERROR, PathPoses, poses_along
-from cell.program.outline import STRAIGHT, Outline
+from cell.program.outline import STRAIGHT, Arc, Outline
 from cell.program.points import POINTS, read_wire
+from cell.program.svg import strokes_of
 from plan.kinematics.numeric_ik import FREE
 
 ALONG = {"along": 1.0, "against": -1.0}
@@ -75,6 +78,10 @@ class PathKeys(FreedomKeys):
 
     points: Outline | None = key("points_mm", POINTS, None)
     line_of: Path | None = key("line_of", path(), None)
+    svg: Path | None = key("svg", path(), None)
+    width: float | None = key("width_mm", number("mm", 1.0, 5000.0), None)
+    corner: Array = key("corner_mm", PLACE, [0, 0, 0])
+    lift: float | None = key("lift_mm", number("mm", 0.5, 200.0), None)
     backwards: bool = key("backwards", flag(), False)
     extend: Array = key("extend_mm", numbers(2, "mm", -5000.0, 5000.0), [0, 0])
     deviation: float = key("deviation_mm", number("mm", 0.0, 50.0), 0)
@@ -85,8 +92,10 @@ class PathKeys(FreedomKeys):
     threaded: str | None = key("threaded", line(), None)
 
 
-SOURCES = ("points_mm", "line_of")  # keys that make a step a path, each by itself
-FILES = ("line_of",)  # those of them that name a file
+SOURCES = ("points_mm", "line_of", "svg")  # keys that make a step a path, each by itself
+FILES = ("line_of", "svg")  # those of them that name a file
+_OF_SVG = ("width_mm", "corner_mm", "lift_mm")
+_NOT_OF_SVG = ("backwards", "extend_mm", "threaded")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,35 +146,84 @@ class PathStep:
         return tuple(self.poses.T_work_tool[a : b + 1] for a, b in pairwise(ends) if b > a)
 
 
-def path_of(node: Node, name: str, keys: PathKeys) -> PathStep:
-    """Return the path of a step with these keys.
+def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
+    """Yield the path of a step with these keys, or those of the strokes of its drawing.
 
     Raises:
         InputError: the keys do not make a path; names file, key, value and rule.
     """
+    for wrong in _OF_SVG if keys.svg is None else _NOT_OF_SVG:
+        if wrong in node:
+            raise node.error_at(wrong, "needs svg" if keys.svg is None else "cannot be combined with svg")
+    if set(keys.free.replace(",", " ").split()) - {"rz"}:
+        raise node.error_at("free", "must be rz, or nothing, on a path; give ranges for other directions")
+    if keys.threaded is not None and keys.line_of is None:
+        raise node.error_at("threaded", "needs line_of: a ring is threaded on the line of a wire file")
+    if keys.svg is not None:
+        strokes = _drawn(node, keys.svg, keys)
+        for number, stroke in enumerate(strokes, start=1):
+            of = name if len(strokes) == 1 else f"{name}, stroke {number}"
+            yield _path(node, of, keys, stroke, 1.0)
+        return
     whole = keys.points
     if keys.line_of is not None:
         whole = read_wire(keys.line_of).outline
         if whole is None:
             raise node.error_at("line_of", "names a file without line_mm")
     if whole is None:
-        raise node.error("must have one of points_mm, line_of")
-    if set(keys.free.replace(",", " ").split()) - {"rz"}:
-        raise node.error_at("free", "must be rz, or nothing, on a path; give ranges for other directions")
-    if keys.threaded is not None and keys.line_of is None:
-        raise node.error_at("threaded", "needs line_of: a ring is threaded on the line of a wire file")
+        raise node.error(f"must have one of {', '.join(SOURCES)}")
     try:
         outline, along = _travelled(whole, keys)
-        fixed, sign = (None, ALONG[keys.axis]) if isinstance(keys.axis, str) else (keys.axis, 1.0)
-        poses = poses_along(outline, fixed, sign * along, keys.window, keys.turn)
     except A465Error as error:
         raise node.error(str(error)) from error
     threaded = None
     if keys.threaded is not None and keys.line_of is not None:
         points = whole.at(whole.sampled(CHORD_ERROR, whole.length))
         threaded = ThreadedLine(keys.line_of.stem, keys.threaded, frozen(points))
-    values = {name: getattr(keys, name) for name in ("back", *FreedomKeys.declared())}
+    yield _path(node, name, keys, outline, along, threaded)
+
+
+def _path(
+    node: Node,
+    name: str,
+    keys: PathKeys,
+    outline: Outline,
+    along: float,
+    threaded: ThreadedLine | None = None,
+) -> PathStep:
+    fixed, sign = (None, ALONG[keys.axis]) if isinstance(keys.axis, str) else (keys.axis, 1.0)
+    try:
+        poses = poses_along(outline, fixed, sign * along, keys.window, keys.turn)
+    except A465Error as error:
+        raise node.error(str(error)) from error
+    if len(poses.stops) and (keys.free or keys.tilt > 0.0 or keys.ranges or threaded is not None):
+        rule = f"has a corner at {1e3 * poses.stops[0]:.0f} mm, where the arm stops: give deviation_mm to round it"
+        raise node.error(f"{rule}; else only without free, tilt_deg, ranges and threaded")
+    values = {key: getattr(keys, key) for key in ("back", *FreedomKeys.declared())}
     return PathStep(node.key, name, outline, poses, **values, threaded=threaded)
+
+
+def _drawn(node: Node, file: Path, keys: PathKeys) -> list[Outline]:
+    """Return the strokes of a drawing, each with an arc down to it and one up from it, both along its ends."""
+    if isinstance(keys.axis, str):
+        raise node.error_at("axis", "must be a direction x, y, z, with svg")
+    width, lift = (
+        node.get(name, number("mm", low, 5000.0)) for name, low in (("width_mm", 1.0), ("lift_mm", 0.5))
+    )
+    return [
+        _with_lifts(rounded(stroke, keys.deviation).moved(keys.corner), lift)
+        for stroke in strokes_of(file, width)
+    ]
+
+
+def _with_lifts(stroke: Outline, lift: float) -> Outline:
+    up = frozen([0.0, 0.0, 1.0])
+    last = stroke.pieces[-1]
+    first, end = stroke.at([0.0, stroke.length])
+    ahead, ahead_end = stroke.directions([0.0])[0], last.directions(np.array([last.length]))[0]
+    down = Arc(frozen(first + lift * up), lift, frozen(-ahead), frozen(-up), np.pi / 2.0)
+    rise = Arc(frozen(end + lift * up), lift, frozen(-up), frozen(ahead_end), np.pi / 2.0)
+    return Outline((down, *stroke.pieces, rise))
 
 
 def _travelled(whole: Outline, keys: PathKeys) -> tuple[Outline, float]:

@@ -14,7 +14,7 @@ from arm.numerics.products import mul
 from arm.se3 import Array, frozen, transform
 from cell.config.bodies import PLACE, TURN, pose_of
 from cell.files.pose_list import JAWS_RULE, WAYS
-from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, path_of
+from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, paths_of
 
 MOST_PLACES = 1000  # of a grid
 _LENGTH = number("mm", 0.0, 1000.0)
@@ -126,7 +126,7 @@ def _read(node: Node) -> list[Step]:
         case _:
             keys = PathStepKeys.read(node)
             name = keys.name or f"path {number}"
-            found.append(path_of(node, name, keys))
+            found += paths_of(node, name, keys)
     if keys.jaws is not None or keys.dwell_s > 0.0:
         found.append(Action(node.key, name, keys.jaws, keys.dwell_s))
     return found

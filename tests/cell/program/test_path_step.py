@@ -62,7 +62,7 @@ def test_a_thread_is_the_whole_line_of_a_wire_file(tmp_path: Path) -> None:
     replace_in(tool, "length_mm = 6.6", "tube_mm = 5.83")
     arc = "{ through_mm = [60, 0, 120], to_mm = [0, 0, 200] }"
     replace_in(file.with_name("wire.toml"), "[0, 0, 200]]", f"[0, 0, 40], {arc}]")
-    replace_in(file, 'axis = "along"', 'axis = "along"\nthreaded = "ring"')
+    replace_in(file, 'axis = "along"', 'axis = "along"\ndeviation_mm = 2\nthreaded = "ring"')
     path = read_program(file).steps[2]
     assert isinstance(path, PathStep)
     assert path.threaded is not None
@@ -75,4 +75,56 @@ def test_a_thread_is_the_whole_line_of_a_wire_file(tmp_path: Path) -> None:
     assert (radius - np.sqrt(radius**2 - (np.linalg.norm(b - a, axis=1) / 2) ** 2)).max() < 5.1e-6
     replace_in(file, 'line_of = "wire.toml"', "points_mm = [[0, 0, 0], [0, 0, 200]]")
     with pytest.raises(InputError, match=r"threaded = 'ring': needs line_of"):
+        read_program(file)
+
+
+DRAWING = '<svg viewBox="0 0 100 50"><path d="M 10 40 h 20 v -20"/><circle cx="60" cy="20" r="10"/></svg>'
+
+
+def _drawing(folder: Path, more: str = "") -> Path:
+    file = program(folder)
+    file.with_name("d.svg").write_text(DRAWING)
+    keys = 'svg = "d.svg"\nwidth_mm = 100\ncorner_mm = [5, 6, 7]\nlift_mm = 4\ndeviation_mm = 0.5\naxis = [0, 0, -1]\n'
+    replace_in(file, 'name = "wire"\n', f'name = "drawing"\n{keys}{more}\n[[steps]]\nname = "wire"\n')
+    return file
+
+
+def test_a_drawing_has_a_smooth_path_for_each_stroke_down_to_the_plane_and_up(tmp_path: Path) -> None:
+    steps = read_program(_drawing(tmp_path)).steps
+    strokes = [step for step in steps if isinstance(step, PathStep) and step.name.startswith("drawing")]
+    assert [stroke.name for stroke in strokes] == ["drawing, stroke 1", "drawing, stroke 2"]
+    line, circle = (stroke.outline for stroke in strokes)
+    for outline in (line, circle):
+        assert len(outline.corners()) == 0
+        z = 1e3 * outline.at([0.0, 0.002 * np.pi, outline.length - 0.002 * np.pi, outline.length])[:, 2]
+        np.testing.assert_allclose(z, [11, 7, 7, 11], atol=1e-6)
+    begins = 1e3 * np.array([outline.at([0.002 * np.pi])[0] for outline in (line, circle)])
+    np.testing.assert_allclose(begins, [[15, 16, 7], [55, 36, 7]], atol=1e-5)
+    corner = np.array([[0.035, 0.016, 0.007]])
+    assert min(float(p.distances(corner)[0]) for p in line.pieces) == pytest.approx(5e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("width_mm = 100\n", "", r"steps\[1\].width_mm: is missing"),
+        ("lift_mm = 4\n", "", r"steps\[1\].lift_mm: is missing"),
+        ("lift_mm = 4", "backwards = true", r"steps\[1\].backwards = True: cannot be combined with svg"),
+        (
+            "axis = [0, 0, -1]",
+            'axis = "along"',
+            r"steps\[1\].axis = 'along': must be a direction x, y, z, with svg",
+        ),
+        ('svg = "d.svg"', "points_mm = [[0, 0, 0], [0, 0, 9]]", r"steps\[1\].width_mm = 100: needs svg"),
+        (
+            "deviation_mm = 0.5",
+            'free = "rz"',
+            r"steps\[1\].*has a corner at 26 mm, where the arm stops: give dev",
+        ),
+    ],
+)
+def test_keys_of_a_drawing_belong_to_a_drawing(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = _drawing(tmp_path)
+    replace_in(file, old, new)
+    with pytest.raises(InputError, match=message):
         read_program(file)

@@ -1,0 +1,104 @@
+"""Drawings: shapes, paths, groups and transforms become strokes on the plane, exactly or within the tolerance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import FileInputError
+from cell.program.outline import Line, Outline
+from cell.program.svg import TOLERANCE, strokes_of
+
+
+def strokes(
+    folder: Path, body: str, box: str = 'viewBox="0 0 100 50"', width: float = 0.1
+) -> tuple[Outline, ...]:
+    file = folder / "drawing.svg"
+    file.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {box}>{body}</svg>')
+    return strokes_of(file, width)
+
+
+def test_lines_are_where_they_are_drawn_with_y_up(tmp_path: Path) -> None:
+    """100 units are 100 mm, so a unit is a millimetre; the lower left corner of the view box is the origin."""
+    (stroke,) = strokes(tmp_path, '<polyline points="0,50 30,50 30,10"/>')
+    assert all(isinstance(piece, Line) for piece in stroke.pieces)
+    np.testing.assert_allclose(
+        1e3 * stroke.at([0.0, 0.03, 0.07]), [[0, 0, 0], [30, 0, 0], [30, 40, 0]], atol=1e-9
+    )
+    (scaled,) = strokes(tmp_path, '<path d="M 0 50 h 30"/>', width=0.2)
+    assert scaled.length == pytest.approx(0.06)
+    (shifted,) = strokes(tmp_path, '<line x1="10" y1="20" x2="20" y2="20"/>', 'viewBox="10 10 100 50"')
+    np.testing.assert_allclose(1e3 * shifted.at([0.0]), [[0, 40, 0]], atol=1e-9)
+
+
+def test_transforms_of_groups_apply_from_the_outside_in(tmp_path: Path) -> None:
+    body = '<g transform="translate(10 20) scale(2)"><line x1="1" y1="1" x2="4" y2="1" transform="rotate(90 1 1)"/></g>'
+    (stroke,) = strokes(tmp_path, body)
+    ends = 1e3 * stroke.at([0.0, stroke.length])
+    np.testing.assert_allclose(ends, [[12, 50 - 22, 0], [12, 50 - 28, 0]], atol=1e-9)
+    (skewed,) = strokes(tmp_path, '<line x1="0" y1="10" x2="0" y2="20" transform="skewX(45)"/>')
+    np.testing.assert_allclose(1e3 * skewed.at([0.0, skewed.length]), [[10, 40, 0], [20, 30, 0]], atol=1e-9)
+    (mapped,) = strokes(tmp_path, '<line x2="3" transform="matrix(0 1 -1 0 5 6)"/>')
+    np.testing.assert_allclose(1e3 * mapped.at([0.0, mapped.length]), [[5, 44, 0], [5, 41, 0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", ["circle", "path", "ellipse"])
+def test_circles_and_ellipses_are_followed_within_the_tolerance(tmp_path: Path, shape: str) -> None:
+    body = {
+        "circle": '<circle cx="50" cy="25" r="20"/>',
+        "path": '<path d="M 70 25 A 20 20 0 0 0 30 25 A 20 20 0 0 0 70 25"/>',
+        "ellipse": '<ellipse cx="50" cy="25" rx="20" ry="10"/>',
+    }[shape]
+    (stroke,) = strokes(tmp_path, body)
+    high = 10.0 if shape == "ellipse" else 20.0
+    t = np.linspace(0.0, 2.0 * np.pi, 2000)
+    points = np.stack([50 + 20 * np.cos(t), 25 + high * np.sin(t), 0 * t], axis=1) / 1e3
+    off = np.min([piece.distances(points) for piece in stroke.pieces], axis=0)
+    assert off.max() < 1.5 * TOLERANCE
+    assert len(stroke.corners()) == 0
+    np.testing.assert_allclose(stroke.at([0.0]), stroke.at([stroke.length]), atol=1e-9)
+
+
+def test_a_path_with_moves_has_a_stroke_for_each(tmp_path: Path) -> None:
+    found = strokes(
+        tmp_path, '<path d="M 0 0 h 10 v 10 z m 20 0 q 5 5 10 0 t 10 0 M 60 0 c 0 0 10 10 20 0"/>'
+    )
+    assert len(found) == 3
+    closed, wave, blunt = found
+    np.testing.assert_allclose(closed.at([0.0]), closed.at([closed.length]), atol=1e-12)
+    assert len(closed.corners()) == 2
+    assert len(wave.corners()) == 0  # t goes on smoothly
+    np.testing.assert_allclose(1e3 * blunt.at([0.0, blunt.length]), [[60, 50, 0], [80, 50, 0]], atol=1e-9)
+    u = np.linspace(0.0, 1.0, 500)[:, None]
+    control = np.array([[60, 50], [60, 50], [70, 40], [80, 50]])
+    weights = ((1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3)
+    points = sum(w * c for w, c in zip(weights, control, strict=True))
+    off = np.min([p.distances(np.insert(points, 2, 0, axis=1) / 1e3) for p in blunt.pieces], axis=0)
+    assert off.max() < 2 * TOLERANCE
+
+
+def test_what_draws_no_line_is_left_out(tmp_path: Path) -> None:
+    body = '<!-- a remark --><defs><path d="M 0 0 h 9"/></defs><style>p {}</style><line x2="5"/><path d=""/>'
+    assert len(strokes(tmp_path, body + '<g display="none"><line x2="7"/></g>')) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<svg", r"drawing.svg: is not XML"),
+        ("<html/>", r"drawing.svg = '<html>': must be an SVG"),
+        ('<svg><line x2="1"/></svg>', r"viewBox.*must be left, top, width and height"),
+        ('<svg viewBox="0 0 0 5"/>', r"viewBox = '0 0 0 5': must be left, top, width and height"),
+        ('<svg viewBox="0 0 5 5"/>', r"has no strokes"),
+        ('<svg viewBox="0 0 5 5"><text>a</text></svg>', r"<text>': is not read; convert it to paths"),
+        ('<svg viewBox="0 0 5 5"><path d="7 0 h 7"/></svg>', r"d = '7 0 h 7': is no path data"),
+        ('<svg viewBox="0 0 5 5"><line x2="1" transform="turn(3)"/></svg>', r"transform = 'turn\(3\)': must be matrix"),
+        ('<svg viewBox="0 0 5 5"><line x2="1" transform="matrix(3)"/></svg>', r"transform.*with their numbers"),
+    ],
+)  # fmt: skip
+def test_what_is_no_drawing_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "drawing.svg").write_text(text)
+    with pytest.raises(FileInputError, match=message):
+        strokes_of(tmp_path / "drawing.svg", 0.1)
