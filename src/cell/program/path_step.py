@@ -51,6 +51,10 @@ def _pairs(node: Node) -> Pairs:
     return frozenset(found)
 
 
+def _names(node: Node) -> frozenset[str]:
+    return frozenset(one.read(line()) for one in node.items())
+
+
 def _free(node: Node) -> str:
     words = node.read(line())
     wrong = [name for name in words.replace(",", " ").split() if name not in FREE]
@@ -90,6 +94,7 @@ class PathKeys(FreedomKeys):
     turn: float = key("turn_deg", number("deg", -360.0, 360.0), 0)
     back: bool = key("back", flag(), False)
     threaded: str | None = key("threaded", line(), None)
+    clearance_of: frozenset[str] = key("clearance_of", Rule("names of bodies", _names), [])
 
 
 SOURCES = ("points_mm", "line_of", "svg")  # keys that make a step a path, each by itself
@@ -124,6 +129,7 @@ class PathStep:
         poses: along it.
         free, tilt, ranges, speed, touch: see `FreedomKeys`.
         back: whether the tool returns along the same path.
+        clearance_of: names of bodies whose clearance is maximised if that is the aim; all if empty.
         threaded: the line that stays in a ring of the tool; None for none.
     """
 
@@ -137,6 +143,7 @@ class PathStep:
     speed: float | None
     touch: Pairs
     back: bool
+    clearance_of: frozenset[str]
     threaded: ThreadedLine | None
 
     def legs(self) -> tuple[Array, ...]:
@@ -199,7 +206,7 @@ def _path(
     if len(poses.stops) and (keys.free or keys.tilt > 0.0 or keys.ranges or threaded is not None):
         rule = f"has a corner at {1e3 * poses.stops[0]:.0f} mm, where the arm stops: give deviation_mm to round it"
         raise node.error(f"{rule}; else only without free, tilt_deg, ranges and threaded")
-    values = {key: getattr(keys, key) for key in ("back", *FreedomKeys.declared())}
+    values = {key: getattr(keys, key) for key in ("back", "clearance_of", *FreedomKeys.declared())}
     return PathStep(node.key, name, outline, poses, **values, threaded=threaded)
 
 

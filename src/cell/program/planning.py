@@ -201,6 +201,7 @@ def _along(step: PathStep, name: str, T_base_work: Array) -> list[Target]:
             back=at_once,
             speed=step.speed,
             allowed_collisions=step.touch,
+            clearance_of=step.clearance_of,
             threaded=None if step.threaded is None else step.threaded.name,
         )
         for number, leg in enumerate(legs, start=1)

@@ -31,6 +31,7 @@ ANGLE_TOLERANCE = 1e-3  # rad
 _MARGIN = 5e-4  # m, clearance of chains beyond the required one
 _ROUNDS, _MORE_ROUNDS = 24, 3  # steps of the smoothing of a chain, and with more stations
 _ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
+_MOST_STATIONS = 120  # with which a path is still smoothed; the time of a program grows with their cube
 _FINER = 4  # times that stations are doubled
 _GIVEN = 5e-4  # m, of the largest distance, for the sake of time
 _WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
@@ -123,14 +124,15 @@ class CurvePlanner:
         return Smoothing(self.robot, self.curve, demands, self.limits, smoothing.fixed), wide
 
     def _certified(self, smoothing: Smoothing, way: Followed) -> JointPath:
-        smooth = smoothing.smoothed(way, _ROUNDS)
+        # turns first: with all that is free at once, steps more often end in a slow way
+        smooth = smoothing.smoothed(smoothing.smoothed(way, _ROUNDS, turns_only=True), _ROUNDS)
         for _ in range(_FINER):
             if self.beyond(smooth) <= 1.0:
                 break
             finer = smoothing.finer(smooth)
             if finer is None:
                 break
-            smooth = smoothing.smoothed(finer, _MORE_ROUNDS)
+            smooth = finer if len(finer.q) > _MOST_STATIONS else smoothing.smoothed(finer, _MORE_ROUNDS)
         off = self.beyond(smooth)
         if off > 1.0:
             raise ImpossibleError(

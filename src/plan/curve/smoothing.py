@@ -146,8 +146,11 @@ class Smoothing:
         """Estimate the time of a way, s."""
         return path_time(way.q, self.limits)
 
-    def smoothed(self, way: Followed, rounds: int) -> Followed:
-        """Return a faster way that is clear at its stations; the same if none is found."""
+    def smoothed(self, way: Followed, rounds: int, turns_only: bool = False) -> Followed:
+        """Return a faster way that is clear at its stations; the same if none is found.
+
+        With `turns_only` free positions stay as they are.
+        """
         if not self.columns:
             return way
         time, region = self.time(way), 1.0
@@ -155,7 +158,7 @@ class Smoothing:
             if region < _LEAST_REGION:
                 break
             spend(QP_CHECKS)
-            step = self._step(way, region)
+            step = self._step(way, region, turns_only=turns_only)
             if step is None:
                 break
             for part in _PARTS:
@@ -225,7 +228,9 @@ class Smoothing:
         ]
         return np.stack(columns, axis=-1)
 
-    def _step(self, way: Followed, region: float, widened: Demand | None = None) -> Array | None:
+    def _step(
+        self, way: Followed, region: float, widened: Demand | None = None, turns_only: bool = False
+    ) -> Array | None:
         """Return the best change (m, f) of the free coordinates within a trust region; None if there is none.
 
         It is the fastest; or, with a demand that is `widened`, the one with the largest least distance of its pairs.
@@ -266,6 +271,9 @@ class Smoothing:
         high = np.minimum(np.maximum(self.high - self.room - at, 0.0), trust)
         if self.fixed:
             low[0] = high[0] = 0.0
+        if turns_only:
+            shifts = np.array(self.columns) < 3
+            low[:, shifts] = high[:, shifts] = 0.0
         x = qpsolvers.solve_qp(
             matrix,
             np.concatenate([linear.ravel(), [_PENALTY, 0.0 if widened is None else -1.0]]),
