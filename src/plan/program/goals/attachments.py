@@ -89,6 +89,9 @@ class AttachmentWorlds:
             if unknown:
                 rule = f"must be one of {', '.join(sorted(names))}"
                 raise target.error("allowed_collisions", unknown[0], rule)
+            unknown = sorted(set(target.clearance_of) - names)
+            if unknown:
+                raise target.error("clearance_of", unknown[0], f"must be one of {', '.join(sorted(names))}")
             if target.attach is not None and target.attach not in self.bodies:
                 raise target.error("attach", target.attach, f"must be one of {bodies}")
             if target.attach is not None and held is not None:

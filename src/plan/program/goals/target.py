@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Integral, Real
@@ -117,7 +117,7 @@ class Target:
     cube: int | None = None
     subject: str = ""
     back: bool = False
-    clearance_of: Iterable[str] = frozenset()
+    clearance_of: Collection[str] = frozenset()
     threaded: str | None = None
 
     def __post_init__(self) -> None:
@@ -165,6 +165,10 @@ class Target:
             real = isinstance(value, Real) and not isinstance(value, bool)
             if not (value is None and key in _OPTIONAL) and not (real and low <= value <= high):
                 raise self.error(key, value, rule)
+        names = self.clearance_of
+        several = isinstance(names, Collection) and not isinstance(names, str)
+        if not several or not all(isinstance(name, str) for name in names):
+            raise self.error("clearance_of", names, 'must be names of bodies, such as ["post"]')
         if self.role not in ROLES:
             raise self.error("role", self.role, f"must be one of {', '.join(ROLES)}")
 

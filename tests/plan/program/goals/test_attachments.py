@@ -206,6 +206,7 @@ def test_one_body_at_a_time_is_attached_and_only_what_is_attached_is_released(ro
             held,
             "allowed_collisions = 'thumb': must be one of",
         ),
+        ([replace(put, clearance_of=["cup", "thumb"])], held, "clearance_of = 'thumb': must be one of"),
     ):
         with pytest.raises(InputError, match=says):
             AttachmentWorlds(scene, goals, start)

@@ -105,6 +105,9 @@ PATH = np.stack([transform(t=(0.1 * k, 0.0, 0.2)) for k in range(3)])
         ({"by": "line", "T_base_tool": np.eye(4), "back": True}, "back", "back = True: needs by='path'"),
         ({"by": "transit", "back": True}, "back", "back = True: needs by='path'"),
         ({"by": "transit", "threaded": "wire"}, "threaded", "threaded = 'wire': needs by='path'"),
+        ({"clearance_of": "post"}, "clearance_of", "clearance_of = 'post': must be names of bodies"),
+        ({"clearance_of": 5}, "clearance_of", "clearance_of = 5: must be names of bodies"),
+        ({"clearance_of": [1]}, "clearance_of", "clearance_of = .*: must be names of bodies"),
         ({"threaded": 5}, "threaded", "threaded = 5: must be the name of a thread, or None"),
     ],
 )
