@@ -20,6 +20,7 @@ from plans.curves import CLEARANCE, LINE, POST, arc, some_coordinates
 from tasks.pose_lists import TABLE
 
 MARGIN = 5e-4  # m, of the chain beyond the clearance of the smoothing
+LOW = ToolCurve(transform(t=(0.0, 0.0, -0.14)) @ LINE, Freedom({"z": (-0.02, 0.005)}))  # over the table
 CASES = {
     "turning": (ToolCurve(arc(), free=("rz",)), []),
     "tilting": (ToolCurve(LINE, Freedom({}, 0.5), ("rz",)), [POST]),
@@ -78,12 +79,33 @@ def test_a_smoothed_way_is_faster_on_the_curve_within_limits_and_clear(
     assert times[-1] <= GAIN[case] * times[0]
 
 
-LOW = transform(t=(0.0, 0.0, -0.14)) @ LINE  # just above the table
+def test_a_step_into_a_body_is_not_taken(robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Distances are linearised, so a step may come too near: here the program knows of none."""
+    smoothing, way = way_along(robot, crs97, *CASES["tilting"])
+    monkeypatch.setattr(
+        smoothing, "_distances", lambda way, D, size, world, near: (np.zeros((0, size)), np.zeros(0))
+    )
+    check(robot, smoothing, smoothing.smoothed(way, 8))
+    check(
+        robot, smoothing, smoothing.widened(way, 4, Demand(smoothing.demands[0].world.only(["table"]), 0.0))
+    )
+
+
+def test_a_step_that_does_not_help_is_not_taken(
+    robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every step leads the other way."""
+    for case in (CASES["ranges"], (LOW, [])):
+        smoothing, way = way_along(robot, crs97, *case)
+        step, of = smoothing._step, Demand(smoothing.demands[0].world, 0.0)
+        monkeypatch.setattr(smoothing, "_step", lambda *given, step=step: -step(*given))
+        assert smoothing.time(smoothing.smoothed(way, 4)) <= smoothing.time(way)
+        assert of.least(smoothing.widened(way, 4, of).all_q) >= of.least(way.all_q)
 
 
 @pytest.mark.parametrize(
     ("curve", "bodies", "names"),
-    [(*CASES["tilting"], ()), (ToolCurve(LOW, Freedom({"z": (-0.02, 0.0)})), [], ("table",))],
+    [(*CASES["tilting"], ()), (LOW, [], ("table",))],
 )
 def test_a_widened_way_has_more_distance_and_keeps_what_is_asked_for(
     robot: Robot, crs97: Unit, curve: ToolCurve, bodies: list[Body], names: tuple[str, ...]

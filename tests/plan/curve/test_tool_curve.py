@@ -47,6 +47,15 @@ def test_a_place_is_a_distance_and_a_turn(seed: int) -> None:
         assert way + PER_TURN * angle_between(one[:3, :3], two[:3, :3]) == pytest.approx(b - a, abs=1e-9)
 
 
+def test_a_pose_that_is_given_twice_changes_nothing() -> None:
+    curve = some_curve(np.random.default_rng(0))
+    twice = ToolCurve(frozen(np.repeat(curve.T, 2, axis=0)))
+    places = curve.stations(1e-3)
+    assert twice.length == pytest.approx(curve.length, abs=1e-12)
+    np.testing.assert_allclose(twice.poses(places), curve.poses(places), atol=1e-9)
+    np.testing.assert_allclose(twice.nearest(curve.poses(places)[:, :3, 3]), places, atol=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_a_reversed_curve_has_the_same_poses_from_its_other_end(seed: int) -> None:
     rng = np.random.default_rng(seed)
