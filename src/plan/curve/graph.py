@@ -233,9 +233,8 @@ class _Branch:
             one, two = self.q[i, a], self.q[i + 1, b]
             if np.abs(two - one).max() > _HALF and self.too_near(0.5 * (one + two)):
                 self.of.refused[i + 1].append(0.5 * (one + two))
-                self.steps[i, b, self.of.samples.neighbours[b] == a] = (
-                    np.inf
-                )  # a row may repeat its own sample
+                # all of them: a row of neighbours may repeat its own sample
+                self.steps[i, b, self.of.samples.neighbours[b] == a] = np.inf
                 changed.append(i + 1)
             else:
                 self.passed.add((i, a, b))
