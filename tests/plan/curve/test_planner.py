@@ -101,6 +101,19 @@ def test_as_many_chains_as_asked_for(robot: Robot, crs97: Unit) -> None:
     assert [c.time for c in every] == sorted(c.time for c in every)
 
 
+@pytest.mark.parametrize("case", ["arc", "ranges"])
+def test_a_path_may_begin_at_a_given_configuration(robot: Robot, crs97: Unit, case: str) -> None:
+    """Within what is free there, between the samples."""
+    planner = planner_of(robot, crs97, *CASES[case])
+    q_start = planner.followed(planner.chains(1)[0]).q[0]
+    (chain,) = planner.chains(4, q_start)
+    assert np.array_equal(chain.q[0], q_start)
+    path = planner.followed(chain, fixed=True)
+    np.testing.assert_allclose(path.q[0], q_start, atol=1e-6)
+    off = planner.curve.deviation(tools_of(robot, path.q), None, path.s / planner.curve.length)
+    assert off.distance.max() <= TOLERANCE
+
+
 def test_what_was_asked_for_is_named_when_nothing_is_clear(robot: Robot, crs97: Unit) -> None:
     planner = planner_of(robot, crs97, ToolCurve(LINE, free=("rz",)), [PLATE])
     with pytest.raises(

@@ -177,6 +177,22 @@ def test_paths_among_other_targets(robot: Robot, crs97: Unit) -> None:
     ]
 
 
+@pytest.mark.parametrize("more", [{}, {"free": "rz"}, {"free": "rz", "tilt": 0.3}])
+def test_a_path_goes_on_where_the_one_before_ends(robot: Robot, crs97: Unit, more: dict[str, Any]) -> None:
+    """Round a corner: the arm stops there, but needs no transit."""
+    aside = np.stack([LINE[1], transform(t=(-0.06, 0.0, 0.0)) @ LINE[1]])
+    targets = [Target("a", LINE, by="path", **more), Target("b", aside, by="path", **more)]
+    plan = planned(robot, crs97, [TABLE], *targets)
+    assert [move.name for move in plan.moves][-2:] == ["along a", "along b"]
+    for target in targets:
+        (move,) = along(plan, f"along {target.name}")
+        off = target.curve.deviation(tools_of(plan, move)[1])
+        assert off.distance.max() <= OFF_PATH
+        assert move.clearance >= CLEARANCE
+    first, second = along(plan)
+    assert first.path.end == second.path.start
+
+
 @pytest.mark.parametrize(
     ("target", "bodies", "says"),
     [
