@@ -18,6 +18,7 @@ from arm.se3 import Array, frozen, rotation, rotation_vector
 from plan.cartesian.clear_line import follow_clear_line
 from plan.cartesian.line import Line, LineOptions, follow_line
 from plan.collision.world import World
+from plan.kinematics.freedom import coordinates_of
 from plan.kinematics.numeric_ik import FREE
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.linear_move import LinearMove
@@ -85,12 +86,18 @@ def groups(targets: Sequence[Target]) -> list[range]:
 
 
 def _continues(before: Target, target: Target) -> bool:
-    """Return whether a target is reached without a transit: by a line, or by a path that begins where it follows."""
+    """Return whether a target is reached without a transit: by a line, or by a path that begins where it follows.
+
+    What is free before must be free at the start of the path too: the tool may be anywhere within it.
+    """
     if target.by != "path" or before.T_base_tool is None:
         return target.by == "line"
     T = before.T_base_tool[0] if before.back else before.poses[0]
-    away, turned = target.curve.excess(np.zeros(1), T[None])
-    return len(before.poses) == 1 and before.retract == 0.0 and max(away[0], turned[0]) < _SAME
+    now = coordinates_of(target.curve.T_start, T)
+    low, high = before.freedom.box(tuple(before.free))
+    least, most = target.curve.box()
+    within = (now + low >= least - _SAME) & (now + high <= most + _SAME)
+    return bool(len(before.poses) == 1 and before.retract == 0.0 and within.all())
 
 
 class LineChains:

@@ -193,6 +193,16 @@ def test_a_path_goes_on_where_the_one_before_ends(robot: Robot, crs97: Unit, mor
     assert first.path.end == second.path.start
 
 
+def test_a_path_with_less_freedom_than_the_one_before_begins_with_a_transit(
+    robot: Robot, crs97: Unit
+) -> None:
+    """The tool ends tilted and turned; the next path has to begin upright."""
+    aside = np.stack([LINE[1], transform(t=(-0.03, 0.0, 0.0)) @ LINE[1]])
+    targets = [Target("a", LINE, by="path", free="rz", tilt=0.5), Target("b", aside, by="path")]
+    plan = planned(robot, crs97, [TABLE], *targets)
+    assert [move.name for move in plan.moves][-3:] == ["along a", "to b", "along b"]
+
+
 @pytest.mark.parametrize(
     ("target", "bodies", "says"),
     [
