@@ -10,9 +10,10 @@ import numpy as np
 from arm.controller.unit import load_unit
 from arm.robot.gripper import HAND
 from arm.robot.model import Robot, load_a465
-from arm.robot.shapes import Body, Box, Torus
+from arm.robot.shapes import Body, Box, Capsule, Torus
 from arm.robot.tool import with_tool
-from arm.se3 import Array, frozen, transform
+from arm.se3 import Array, frozen, rot_x, rot_z, rotation, transform
+from arms.grazing import place
 from plan.collision.bezier import Curve, curve_of_waypoints
 from plan.collision.world import World
 from plan.kinematics.ik import inverse_kinematics
@@ -65,3 +66,29 @@ def along_bar(way: float, count: int = 20) -> Curve:
 def threaded(bodies: list[Body], allowed: tuple[frozenset[str], ...] = ()) -> World:
     """The arm with its ring among the bodies, on a table."""
     return World(hoop_arm(), [TABLE, *bodies], allowed=allowed)
+
+
+def as_capsules(torus: Body, count: int) -> list[Body]:
+    """Capsules along a polygon that is as far outside of the circle as inside: by R (pi / count)^2 / 4."""
+    shape, half_angle = torus.shape, np.pi / count
+    assert isinstance(shape, Torus)
+    corner = 2.0 * shape.radius / (1.0 + np.cos(half_angle))
+    part = Capsule(shape.tube, 2.0 * corner * np.sin(half_angle))
+    middle = transform(rot_x(np.pi / 2.0), (corner * np.cos(half_angle), 0.0, 0.0))
+    turns = [transform(rot_z(2.0 * half_angle * i)) for i in range(count)]
+    return [Body("part", part, frozen(torus.T_base_body @ turn @ middle), "tool") for turn in turns]
+
+
+def motion(rng: np.random.Generator) -> Curve:
+    """Two straight motions about a threaded configuration, from hardly moving to several centimetres."""
+    size = float(rng.choice([0.003, 0.02, 0.08]))
+    height = float(rng.uniform(-0.08, 0.08))
+    q = joints(THREADED @ transform(rotation(rng.normal(size=3) * 0.1), (0.0, 0.0, height)))
+    return curve_of_waypoints(q + size * rng.uniform(-1.0, 1.0, (3, 6)))
+
+
+def sampled(world: World, curve: Curve, step: float = 0.002) -> float:
+    """The smallest distance on a curve, m, at samples no joint moves further between than `step` rad."""
+    way = float(np.abs(np.diff(curve.control, axis=1)).max() * 3.0)
+    at = np.linspace(0.0, len(curve.control), int(np.ceil(len(curve.control) * way / step)) + 2)
+    return min(world.distance(q).value for q in place(curve, at))

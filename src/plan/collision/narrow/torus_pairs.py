@@ -18,6 +18,8 @@ from plan.budget import TORUS_CHECKS, spend
 from plan.collision.narrow.circle import Circles, nearest
 from plan.collision.narrow.solids import HullSolids, RoundedSolids, Solids
 
+_FEW = 4  # pairs of one configuration that are computed at first
+
 
 class TorusDistance(NamedTuple):
     """Distance of one pair, with those members of coal's result that are used.
@@ -80,15 +82,18 @@ class TorusPairs:
     def distances(self, poses: Array, rows: Indices, pairs: Indices) -> Iterator[TorusDistance]:
         """Yield the distances of pairs (k,) at configurations (k,).
 
-        All are computed at once, but those from hulls one by one, when they are asked for.
+        They are computed together when the first is asked for; of one configuration at first only a few, which often
+        suffice. Those from hulls are computed one by one.
         """
-        count = len(pairs)
-        together = np.flatnonzero(~self._is_hull[pairs])
-        found = dict(zip(together.tolist(), self._at(poses, rows[together], pairs[together]), strict=True))
-        for i in range(count):
-            if i not in found:
-                found.update({i: self._at(poses, rows[i : i + 1], pairs[i : i + 1])[0]})
-            yield found[i]
+        is_hull = self._is_hull[pairs].tolist()
+        rounded = [i for i, hull in enumerate(is_hull) if not hull]
+        first = _FEW if len(poses) == 1 else len(rounded)
+        parts, ready = [rounded[:first], rounded[first:]], dict[int, TorusDistance]()
+        for i, hull in enumerate(is_hull):
+            if not hull and i not in ready:
+                some = parts.pop(0)
+                ready = dict(zip(some, self._at(poses, rows[some], pairs[some]), strict=True))
+            yield self._at(poses, rows[i : i + 1], pairs[i : i + 1])[0] if hull else ready[i]
 
     def _at(self, poses: Array, rows: Indices, pairs: Indices) -> list[TorusDistance]:
         """Return distances of pairs (k,) at configurations (k,), all from hulls or none."""

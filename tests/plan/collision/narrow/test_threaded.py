@@ -10,29 +10,13 @@ import pytest
 from arm.robot.shapes import Body, Sphere, Torus
 from arm.se3 import Array, rotation, transform
 from arms.grazing import place
-from arms.hoop import RING, SIDE, THREADED, along_bar, bar, hoop_arm, joints, threaded
+from arms.hoop import RING, SIDE, THREADED, along_bar, bar, hoop_arm, joints, motion, sampled, threaded
 from plan.budget import DISTANCE_CHECKS, TORUS_CHECKS, SearchBudget, allowed
-from plan.collision.bezier import Curve, curve_of_waypoints
+from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import TIGHT_ABSOLUTE, TIGHT_RELATIVE, certify_curve
 from plan.collision.world import DISTANCE_ERROR, World
 
-STEP = 0.002  # rad, between samples
 ASIDE = 0.0324 - 0.0048 - SIDE / np.sqrt(2.0)  # clearance of the ring on the bar's axis, m
-
-
-def motion(rng: np.random.Generator) -> Curve:
-    """Two straight motions about a threaded configuration, from hardly moving to several centimetres."""
-    size = float(rng.choice([0.003, 0.02, 0.08]))
-    height = float(rng.uniform(-0.08, 0.08))
-    q = joints(THREADED @ transform(rotation(rng.normal(size=3) * 0.1), (0.0, 0.0, height)))
-    return curve_of_waypoints(q + size * rng.uniform(-1.0, 1.0, (3, 6)))
-
-
-def sampled(world: World, curve: Curve) -> float:
-    """The smallest distance on a curve, at samples no joint moves further between than `STEP`."""
-    way = float(np.abs(np.diff(curve.control, axis=1)).max() * 3.0)
-    at = np.linspace(0.0, len(curve.control), int(np.ceil(len(curve.control) * way / STEP)) + 2)
-    return min(world.distance(q).value for q in place(curve, at))
 
 
 def near_ring(world: World) -> Array:
@@ -58,7 +42,7 @@ def test_collision_checks_answer_what_distances_say() -> None:
     bodies = [replace(body, padding=0.001 * i) for i, body in enumerate(bar((0.003, 0.002)))]
     world, seen = threaded(bodies), []
     ring = near_ring(world)
-    for _ in range(150):
+    for _ in range(90):
         q = place(motion(rng), np.array([rng.uniform(0.0, 2.0)]))[0]
         distances = world.pair_distances(q, np.arange(len(world.pairs)))
         least = float(distances.min())
@@ -118,7 +102,7 @@ def test_a_ring_that_goes_along_its_bar_is_proved_clear() -> None:
 def test_no_sample_of_random_motions_is_nearer_than_proved() -> None:
     rng, proved, touching = np.random.default_rng(4), 0, 0
     world = threaded(bar((0.002, -0.003)))
-    for _ in range(40):
+    for _ in range(20):
         curve = motion(rng)
         least = sampled(world, curve)
         tight = certify_curve(world, curve, 0.002, tight=True)
@@ -131,8 +115,8 @@ def test_no_sample_of_random_motions_is_nearer_than_proved() -> None:
             assert not (decided.proved and least < asked - 1e-6)
         proved += tight.proved
         touching += least < 0.0
-    assert proved > 12
-    assert touching > 5
+    assert proved > 5
+    assert touching > 2
 
 
 def test_a_ring_that_leaves_its_bar_through_it_is_refuted() -> None:

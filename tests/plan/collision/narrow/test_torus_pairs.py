@@ -7,9 +7,10 @@ import pytest
 
 from arm.robot.model import LinkBody
 from arm.robot.shapes import Body, Box, Capsule, Convex, Sphere, Torus
-from arm.se3 import Array, frozen, inverse, rot_x, rot_z, rotation, transform
+from arm.se3 import Array, inverse, rot_x, rot_z, rotation, transform
 from arms.around import KINDS
 from arms.grazing import obstacle
+from arms.hoop import as_capsules
 from plan.collision.narrow.circle import ERROR
 from plan.collision.narrow.solids import HullSolids, RoundedSolids
 from plan.collision.narrow.torus_pairs import covered, torus_distance
@@ -29,17 +30,6 @@ def pose(rng: np.random.Generator, reach: float) -> Array:
     return transform(rotation(rng.normal(size=3)), rng.uniform(-reach, reach, 3))
 
 
-def as_capsules(torus: Body) -> list[Body]:
-    """Capsules along a polygon that is as far outside of the circle as inside: by R HALF_ANGLE^2 / 4."""
-    shape = torus.shape
-    assert isinstance(shape, Torus)
-    corner = 2.0 * shape.radius / (1.0 + np.cos(HALF_ANGLE))
-    part = Capsule(shape.tube, 2.0 * corner * np.sin(HALF_ANGLE))
-    middle = transform(rot_x(np.pi / 2.0), (corner * np.cos(HALF_ANGLE), 0.0, 0.0))
-    turns = [transform(rot_z(2.0 * HALF_ANGLE * i)) for i in range(PARTS)]
-    return [Body("part", part, frozen(torus.T_base_body @ turn @ middle), "tool") for turn in turns]
-
-
 def pairs(rng: np.random.Generator, count: int, kinds: list[str]) -> list[tuple[Body, Body]]:
     """Tori and bodies of every kind, from interlocked to 0.3 m apart."""
     return [
@@ -53,7 +43,7 @@ def test_distances_are_those_of_capsules_along_the_circle() -> None:
     apart = overlaps = 0
     for torus, other in pairs(np.random.default_rng(1), 63, OTHERS):
         found = distance_of(torus, other).value
-        wanted = min(distance_of(part, other).value for part in as_capsules(torus))
+        wanted = min(distance_of(part, other).value for part in as_capsules(torus, PARTS))
         assert (found < 0.0) == (wanted < 0.0)
         if wanted > 0.0:
             assert abs(found - wanted) < 0.1 * HALF_ANGLE**2 / 4.0 + DISTANCE_ERROR
@@ -75,7 +65,7 @@ def test_two_tori_are_as_far_apart_as_their_capsules() -> None:
             two = two.at(one.T_base_body @ through @ transform(rotation(rng.normal(size=3) * 0.2)))
         found = distance_of(one, two).value
         # the capsules of the second that come near each of the first
-        mine, theirs = as_capsules(one), as_capsules(two)
+        mine, theirs = as_capsules(one, PARTS), as_capsules(two, PARTS)
         at = [np.array([part.T_base_body[:3, 3] for part in parts]) for parts in (mine, theirs)]
         apart = np.linalg.norm(at[0][:, None] - at[1], axis=2)
         near = np.argwhere(apart < apart.min() + 0.003)
