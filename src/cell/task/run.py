@@ -102,7 +102,14 @@ class TaskRun(CheckedRun):
             self.tell(line)
 
     def _move_rest(self, observation: Observation) -> Observation:
-        plan, observation = self._plan_rest(observation)
+        """Move the cubes that are in their seats; what a cube beside its seat keeps from moving stays."""
+        try:
+            plan, observation = self._plan_rest(observation)
+        except ImpossibleError as error:
+            if not self.recovery.cubes:
+                raise
+            self.tell(f"no other cube moves: {error}")
+            return observation
         while plan is not None:
             observation, again = self.follow(plan, observation)
             observation = self._recover(observation)

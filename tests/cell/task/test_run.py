@@ -133,18 +133,33 @@ def test_a_cube_that_no_plan_moves_is_tried_again_after_the_others(monkeypatch: 
     assert run.rows[0].faults == []
 
 
-def test_a_cube_that_stays_beside_its_seat_is_in_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Even if nobody tried to move it, so that the run does not end well."""
+@pytest.mark.parametrize("blocks", [False, True])
+def test_a_cube_that_stays_beside_its_seat_is_in_the_report(
+    monkeypatch: pytest.MonkeyPatch, blocks: bool
+) -> None:
+    """Even if nobody tried to move it, or if it keeps all others from moving; so the run does not end well."""
     task = read_task(data_file("scenes/task2.toml"))
     cube = DisplacedCube("cube 01-02/4", "03-04/1", transform())
     run = TaskRun.__new__(TaskRun)
     run.task, run.recovery, run.rows, run.remarks = task, Recovery(task, 3), [], []
+    run.console = cast(Any, SimpleNamespace(step=lambda text: None))
     run.recovery.stuck = {cube.name: cube}
+
+    def plan_rest(self: TaskRun, seen: Observation) -> tuple[None, Observation]:
+        if blocks:
+            raise ImpossibleError("the palm is inside it")
+        return None, seen
+
     for name in ("_survey", "rest"):
         monkeypatch.setattr(TaskRun, name, lambda *_: None)
     monkeypatch.setattr(TaskRun, "_recover", lambda self, seen: seen)
-    monkeypatch.setattr(TaskRun, "_plan_rest", lambda self, seen: (None, seen))
+    monkeypatch.setattr(TaskRun, "_plan_rest", plan_rest)
     monkeypatch.setattr("cell.task.run.hidden_holes", lambda _: [])
     run.move_cubes(Observation())
     (row,) = run.rows
     assert (row.source, row.placed, row.at, row.faults) == ("01-02/4", False, "beside 03-04/1", ["stays"])
+    assert run.remarks == (["no other cube moves: the palm is inside it"] if blocks else [])
+    run.recovery.stuck = {}
+    if blocks:
+        with pytest.raises(ImpossibleError, match="the palm is inside it"):
+            run.move_cubes(Observation())
