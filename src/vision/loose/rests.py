@@ -35,6 +35,9 @@ LIFT = (3.5e-3, 2.5e-3)  # m, mean and standard deviation of the height of an up
 LEAN = (np.radians(8.0), np.radians(2.0))  # mean and standard deviation of the tilt of a leaning cube
 SEAT = 0.7e-3  # m, standard deviation of the depth of a leaning or wedged cube's lower edge
 WALL = 0.5e-3  # m, standard deviation of a leaning cube's lower edge from its wall
+# the same of a wedged cube along its edge, and of its tilt about the direction across: one that was released off both
+# axes of its pocket is raised at one end of the edge, too
+WEDGED_ASIDE, WEDGED_TILT = 1.5e-3, np.radians(2.0)
 EDGE = (12e-3, 4e-3)  # m, mean and standard deviation of a wedged cube's lower edge from the hole's axis
 RIM = np.radians(0.7)  # standard deviation of its tilt from that with its bottom on the rim
 ANYWHERE = 40e-3  # m, standard deviation of a cube's place on the plane
@@ -120,18 +123,20 @@ def prior(rest: Rest, T_place_cube: Array, size: float, pocket: tuple[float, flo
     outward = axes[int(np.argmax(axes[:, 0] * tx + axes[:, 1] * ty))]
     edge = T_place_cube[:3, 3] + half * outward - half * R[:, 2]
     tilt, along = nx * tx + ny * ty, edge[0] * tx + edge[1] * ty
+    aside, roll = ASIDE, UPRIGHT_TILT
     if rest.kind == "leaning":
         wall = pocket[0] / 2.0 + slope * edge[2]
         contacts = (along - wall) / WALL, (tilt - LEAN[0]) / LEAN[1]
     else:
+        aside, roll = WEDGED_ASIDE, WEDGED_TILT
         on_rim = -edge[2] / max(pocket[0] / 2.0 + along, depth)  # slope of a bottom that touches the rim
         contacts = (along - EDGE[0]) / EDGE[1], (tilt - np.sin(np.arctan(on_rim))) / RIM
     return np.array(
         [
             *contacts,
-            (x * ty - y * tx) / ASIDE,
+            (x * ty - y * tx) / aside,
             (edge[2] + depth) / SEAT,
-            (nx * ty - ny * tx) / UPRIGHT_TILT,
+            (nx * ty - ny * tx) / roll,
             yaw / POCKET_YAW,
         ]
     )
@@ -147,8 +152,9 @@ def log_scale(rest: Rest, size: float, pocket: tuple[float, float] | None) -> fl
         return float(anywhere + np.log(CONTACT) + 2.0 * np.log(FLAT_TILT) + any_yaw)
     if rest.kind == "upright":
         return float(2.0 * np.log(ASIDE) + np.log(LIFT[1]) + 2.0 * np.log(UPRIGHT_TILT) + np.log(POCKET_YAW))
-    contacts = WALL * LEAN[1] if rest.kind == "leaning" else EDGE[1] * RIM
-    return float(np.log(contacts * ASIDE * SEAT * UPRIGHT_TILT * POCKET_YAW))
+    if rest.kind == "leaning":
+        return float(np.log(WALL * LEAN[1] * ASIDE * SEAT * UPRIGHT_TILT * POCKET_YAW))
+    return float(np.log(EDGE[1] * RIM * WEDGED_ASIDE * SEAT * WEDGED_TILT * POCKET_YAW))
 
 
 def possible(rest: Rest, T_place_cube: Array, size: float, pocket: tuple[float, float] | None) -> bool:

@@ -45,6 +45,7 @@ JAMMED = (
     ((3.37, -0.04, 16.10), (-0.234, 0.001, 0.972), -0.2),
     ((-0.57, 1.70, 15.98), (-0.009, -0.228, 0.974), 1.1),
     ((1.21, 0.01, 15.86), (-0.218, 0.0, 0.976), 0.0),
+    ((-1.68, -1.97, 16.11), (-0.033, 0.252, 0.967), -3.2),  # beyond the capture along both axes
 )
 
 
@@ -58,7 +59,7 @@ def test_a_cube_that_was_released_beside_its_pocket_is_wedged(
     misfits = np.array(_misfits(T))
     best = rests(POCKET)[int(np.argmin(misfits))]
     assert best.kind == "wedged"
-    assert misfits.min() < 4.0
+    assert misfits.min() < 8.0
     assert np.sort(misfits)[1] > misfits.min() + 9.0
     assert possible(best, T, CUBE, POCKET)
 
