@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from arm.board import plate_name
 from arm.calibration_file import COVARIANCE
 from arm.errors import InputError
 from arm.numerics.products import mul, norm
@@ -69,7 +70,7 @@ def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict
     boards = {pose.board.name: model.board(pose) for pose in seen.poses}
     found: dict[str, float] = {}
     for body in (*scene.bodies, *scene.cubes):
-        board = boards.get(_board_of(body.name))
+        board = boards.get(_board_of(body, scene))
         if board is not None:
             T_body_base = inverse(body.T_base_body)
             found[body.name] = _largest(board.shared.transformed(adjoint(T_body_base)), body, cell.sigmas)
@@ -89,9 +90,15 @@ def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict
     return found
 
 
-def _board_of(body: str) -> str:
-    """Name of the board of a body such as ``plate 01-02``, ``stand 01-02`` or ``cube 01-02/1``."""
-    return body.partition(" ")[2].partition("/")[0]
+def _board_of(body: Body, scene: Scene) -> str:
+    """Name of the board of ``plate 01-02`` or ``stand 01-02``, or of the one on which a cube stands.
+
+    A cube has the name of the hole that it came from, and stands on the nearest plate of those that it touches.
+    """
+    plates = (b for b in scene.bodies if b.name.startswith(plate_name("")))
+    touched = [plate for plate in plates if frozenset((plate.name, body.name)) in scene.allowed]
+    of = min(touched, key=lambda b: float(norm(b.T_base_body[:3, 3] - body.T_base_body[:3, 3])), default=body)
+    return of.name.partition(" ")[2]
 
 
 def _largest(error: LinearError, body: Body, sigmas: float) -> float:
