@@ -12,7 +12,10 @@ from plan.curve.tool_curve import ToolCurve
 
 _TILT_STEP = np.radians(15.0)  # rad, between tilts: a lattice of equilateral triangles
 _TURN_STEP = np.radians(20.0)  # rad, between rotations about z, and about x and y with a range of their own
-_SHIFT_STEP = 0.03  # m, between positions
+_SHIFT_STEP = 0.03  # m, between positions; a range of less than
+_LEAST_SHIFT = (
+    0.015  # m to either side is left to the smoothing, because samples multiply with each direction
+)
 _SAME = 1e-9
 
 
@@ -49,7 +52,8 @@ def samples_of(curve: ToolCurve) -> Samples:
             apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
             touching = np.minimum(apart, count - apart) <= 1
         else:
-            row = _row(low[columns[0]], high[columns[0]], _TURN_STEP if columns == [5] else _SHIFT_STEP)
+            step, least = (_TURN_STEP, 0.0) if columns == [5] else (_SHIFT_STEP, _LEAST_SHIFT)
+            row = _row(low[columns[0]], high[columns[0]], step, least)
             values, touching = row[:, None], np.abs(np.subtract.outer(*[np.arange(len(row))] * 2)) <= 1
         axes.append(values)
         near.append(touching)
@@ -69,9 +73,13 @@ def samples_of(curve: ToolCurve) -> Samples:
     return Samples(frozen(coordinates), neighbours.astype(np.intp))
 
 
-def _row(low: float, high: float, step: float) -> Array:
-    """Return values at most `step` apart from the lowest to the highest, the one nearest to 0 among them."""
+def _row(low: float, high: float, step: float, least: float = 0.0) -> Array:
+    """Return values at most `step` apart from the lowest to the highest, the one nearest to 0 among them.
+
+    A side of that value that is shorter than `least` has none.
+    """
     middle = float(np.clip(0.0, low, high))
+    low, high = (middle if abs(end - middle) < least else end for end in (low, high))
     below, above = (int(np.ceil(side / step - _SAME)) for side in (middle - low, high - middle))
     return np.concatenate([np.linspace(low, middle, below + 1)[:-1], np.linspace(middle, high, above + 1)])
 
