@@ -69,11 +69,17 @@ def test_samples_cover_what_is_free(freedom: Freedom, free: tuple[str, ...]) -> 
 @pytest.mark.parametrize(("low", "high"), [(-0.1, 0.1), (-0.5, 0.2), (0.2, 0.3), (-1.0, 1.0), (-0.7, 0.0)])
 def test_the_ends_of_a_range_are_samples(low: float, high: float) -> None:
     """A way past a body may lead along a limit."""
-    for name, factor in (("rz", 1.0), ("y", 0.1), ("rx", 1.0)):
+    for name, factor in (("rz", 1.0), ("y", 0.5), ("rx", 1.0)):
         _, samples = made(Freedom({name: (factor * low, factor * high)}), ())
         column = samples.coordinates[:, ("x", "y", "z", "rx", "ry", "rz").index(name)]
         assert column.min() == pytest.approx(factor * low, abs=1e-12)
         assert column.max() == pytest.approx(factor * high, abs=1e-12)
+
+
+def test_a_small_range_of_position_is_left_to_the_smoothing() -> None:
+    _, samples = made(Freedom({"x": (-0.014, 0.014), "y": (-0.014, 0.05)}), ())
+    assert not samples.coordinates[:, 0].any()
+    assert (samples.coordinates[:, 1].min(), samples.coordinates[:, 1].max()) == (0.0, 0.05)
 
 
 @every_freedom
