@@ -11,7 +11,7 @@ import pytest
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
 from arm.numerics.products import mul
-from arm.plan_file import Move, read_plan, write_plan
+from arm.plan_file import Move, Plan, read_plan, write_plan
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Capsule, Torus
 from arm.robot.tool import with_tool
@@ -154,16 +154,38 @@ def test_a_threaded_path_says_so_and_is_verified(
     assert {abs(THREAD.linking_number(hoop, q)) for q in sampled} == {1}
 
 
-def test_a_move_that_is_not_threaded_is_refused(threaded: Planned, hoop: Robot, unit: Unit) -> None:
-    """The plan says that the transit to the wire is threaded; it begins beside it."""
-    plan = threaded.plan()
+def planned(hoop: Robot, unit: Unit, goal: Target) -> Planned:
+    scene = Scene(hoop, hoop, (BAR,), (), threads=(THREAD,))
+    return plan_program(Program(scene, (goal,), at(hoop, unit, goal.curve.T_start), unit, unit.limits()))
+
+
+def called_threaded(plan: Plan) -> Plan:
+    """The same plan, which says of all its moves that the ring stays on the wire."""
+    steps = tuple(replace(s, threaded="wire") if isinstance(s, Move) else s for s in plan.steps)
+    return replace(plan, steps=steps)
+
+
+def test_a_path_over_the_free_end_is_refused_if_it_should_stay(hoop: Robot, unit: Unit) -> None:
+    """Planning and verification see the ray; the same path without a thread is fine."""
+    round = [
+        (0.06 - 0.03 * (1.0 - np.sin(u)), 0.03 * (1.0 - np.cos(u))) for u in np.linspace(0.0, np.pi / 2.0, 30)
+    ]
+    over = [ring_at(*place) for place in [(-0.05, 0.0), *round, (0.06, 0.1)]]
+    goal = Target("over", np.stack(over), by="path", free="rz", line_clearance=0.003)
+    with pytest.raises(ImpossibleError):
+        planned(hoop, unit, replace(goal, threaded="wire"))
+    plan = planned(hoop, unit, goal).plan()
     scene = scene_from_json(plan.scene, hoop, hoop)
-    wrong = tuple(
-        replace(step, threaded="wire") if isinstance(step, Move) and step.threaded is None else step
-        for step in plan.steps
-    )
-    with pytest.raises(ImpossibleError, match=r"not threaded on wire|comes within"):
-        replay(replace(plan, steps=wrong), scene, unit, unit.limits())
+    replay(plan, scene, unit, unit.limits())
+    with pytest.raises(ImpossibleError, match="of beyond wire"):
+        replay(called_threaded(plan), scene, unit, unit.limits())
+
+
+def test_a_move_beside_the_wire_that_is_called_threaded_is_refused(hoop: Robot, unit: Unit) -> None:
+    poses = np.stack([ring_at(height, 0.1) for height in (0.05, 0.0)])
+    plan = planned(hoop, unit, Target("beside", poses, by="path", free="rz")).plan()
+    with pytest.raises(ImpossibleError, match="not threaded on wire"):
+        replay(called_threaded(plan), scene_from_json(plan.scene, hoop, hoop), unit, unit.limits())
 
 
 def test_a_path_beside_the_wire_is_refused(hoop: Robot, unit: Unit) -> None:
