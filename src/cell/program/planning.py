@@ -98,7 +98,7 @@ def plan_of_program(
         ImpossibleError: a step (named) is out of reach or too near to a body, or there is no clear path.
     """
     cell, scene = task.cell, program_scene(task, observation)
-    goals = tuple(_goals(task, T_base_work(task, observation)))
+    goals = tuple(program_goals(task, T_base_work(task, observation)))
     options = program_options(task, speed)
     provenance = plan_fingerprint(task)
     stated = {"name": task.name, "kind": PROGRAM, "title": task.title, "repeat": task.repeat}
@@ -116,7 +116,7 @@ def plan_of_program(
     return replace(found, task={**stated, "reached": reached}).plan()
 
 
-def _goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:
+def program_goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:
     """Yield the targets of all repeats, and the configuration at the end."""
     before: Target | None = None
     for repeat in range(task.repeat):
