@@ -6,6 +6,7 @@ those of the laboratory's drawings.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,12 @@ from cell.program.outline import Arc, Line, Outline, Piece, arc_about, line
 HALF = 0.005  # m, of the bar's square section
 ARC_STEP = np.radians(7.5)  # of an arc for each of its boxes
 FOLDER = data_file("scenes/hoop/wires")
+FOOT = (
+    21.9,
+    -21.9,
+    5.0,
+)  # mm, of the triangular foot plate: half of its straight edge, y of its apex and of that edge
+FOOT_STEPS = (-21.9, -15.2, -8.5, -1.8, 5.0)
 _MM = 1e-3
 
 POINTS: dict[str, list[tuple[float, ...] | dict[str, tuple[float, ...]]]] = {
@@ -140,12 +147,12 @@ def text_of(wire: str) -> str:
         "line_mm = [  # centre line, from the foot to the free end",
         *(f"  {_point(place)}," for place in POINTS[wire]),
         "]",
-        "",
-        "[[bodies]]",
-        'name = "foot"',
-        "centre_mm = [0, -8.45, -1.25]",
-        "size_mm = [43.8, 26.9, 2.5]",
     ]
+    for number, (low, high) in enumerate(pairwise(FOOT_STEPS), start=1):  # of the triangle, along y
+        wide = 2.0 * FOOT[0] * (high - FOOT[1]) / (FOOT[2] - FOOT[1])
+        lines += ["", "[[bodies]]", f'name = "foot {number}"']
+        lines += [f"centre_mm = [0, {_shown(np.array([(low + high) / 2.0]))[1:-1]}, -1.25]"]
+        lines += [f"size_mm = {_shown(np.array([wide, high - low, 2.5]) + 1e-3)}"]
     for name, centre, size, R in boxes(centre_line(wire)):
         roll, pitch, yaw = arctan2(R[2, 1], R[2, 2]), -arcsin(R[2, 0]), arctan2(R[1, 0], R[0, 0])
         turned = np.degrees(np.array([roll, pitch, yaw]))

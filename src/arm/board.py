@@ -1,8 +1,8 @@
-"""Boards: a plate with four pockets ("holes") and two markers, described by the users' CSV files.
+"""Boards: a plate with two markers, and with four pockets ("holes") or none.
 
 Board frame: origin at the centre of the lower-ID marker, x and y along the plate's edges, z out of the plate,
-top surface at z = 0 (docs/sources.md, "Boards and cubes"). The second marker is at (180, 140) mm with the same
-rotation.
+top surface at z = 0 (docs/sources.md, "Boards and cubes"). The second marker has the same rotation; on plates with
+holes, which the users' CSV files describe, it is at (180, 140) mm.
 """
 
 from __future__ import annotations
@@ -27,6 +27,28 @@ TOLERANCE_SDS = 2.0  # standard deviations in a tolerance
 CUBE_SEAT_DEPTH = 0.008  # depth of a seated 40 mm cube below the top surface, m
 
 
+@dataclass(frozen=True)
+class Plate:
+    """A plate as a box, m.
+
+    Attributes:
+        size: (3,), along the board's x and y, and its thickness.
+        centre: (2,), centre of its top in the board frame.
+    """
+
+    size: tuple[float, float, float] = PLATE_SIZE
+    centre: tuple[float, float] = PLATE_CENTRE
+
+    @property
+    def T_board_plate(self) -> Array:
+        """Pose of the box's centre in the board frame."""
+        return transform(t=(*self.centre, -self.size[2] / 2.0))
+
+
+PLATE = Plate()
+"""That of all boards with holes."""
+
+
 def seat_depth(cube_size: float, pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)) -> float:
     """Return the depth at which a cube of this edge wedges in a funnel-shaped pocket (mouth, floor), all in m."""
     mouth, floor = pocket
@@ -35,16 +57,17 @@ def seat_depth(cube_size: float, pocket: tuple[float, float] = (POCKET_MOUTH, PO
 
 @dataclass(frozen=True)
 class Board:
-    """A board as described by its CSV file.
+    """A board as described by its file.
 
     Attributes:
         name: such as ``01-02``.
         marker_ids: lower and higher ID.
-        holes: hole centres on the top surface, (4, 3) m in the board frame.
+        holes: hole centres on the top surface, (4, 3) or (0, 3) m in the board frame.
         marker_size: edge of the black square, m.
         second_marker: centre of the second marker, relative to the first, m.
         tolerance: tolerance of the positions of markers and holes, m: `TOLERANCE_SDS` standard deviations.
         pocket: width of a pocket's mouth and of its floor, m.
+        plate: its plate.
     """
 
     name: str
@@ -54,6 +77,7 @@ class Board:
     second_marker: tuple[float, float] = SECOND_MARKER
     tolerance: float = 0.0
     pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
+    plate: Plate = PLATE
 
     def marker_corners(self) -> Array:
         """Return the marker corners, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, SECOND_MARKER, Board
-from arm.se3 import Array, Bools, Indices, apply, frozen, inverse, transform
+from arm.board import POCKET_DEPTH, Board
+from arm.se3 import Array, Bools, Indices, apply, frozen, inverse
 from render.light import FINGER_HOLE, KIND_GREY, Light
 from render.rays import Bundle, Floats, PixelRays, bundle_in
 from render.solids import Cast, cast_box
@@ -44,13 +44,13 @@ class PlateSolid:
         light: Light,
         prints: tuple[Print, Print] = (Print(), Print()),
     ) -> None:
-        self._T_solid_board = transform(t=(-PLATE_CENTRE[0], -PLATE_CENTRE[1], PLATE_SIZE[2] / 2.0))
+        self._T_solid_board = inverse(board.plate.T_board_plate)
         self.T_base_solid = frozen(T_base_board @ inverse(self._T_solid_board))
-        self.half_extent = np.array(PLATE_SIZE) / 2.0
+        self.half_extent = np.array(board.plate.size) / 2.0
         self._board = board
         self._light = light
         self._lamp = T_base_board[:3, :3].T @ light.towards(self.T_base_solid[:3, 3])
-        centres = [np.zeros(3), np.array([*SECOND_MARKER, 0.0])]
+        centres = [np.zeros(3), np.array([*board.second_marker, 0.0])]
         self._markers = [
             (apply(self._T_solid_board, centre), marker_modules(dictionary, marker_id), how)
             for centre, marker_id, how in zip(centres, board.marker_ids, prints, strict=True)

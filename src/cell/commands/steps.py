@@ -98,7 +98,8 @@ def _print_look(seen: Observation, console: Console) -> None:
             x, y, z = 1e3 * hole.T_base_hole[:3, 3]
             std = 1e3 * float(np.sqrt(np.trace(hole.covariance[:3, :3])))
             rows.append((hole.name, float(x), float(y), float(z), std, occupancy.state))
-    console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
+    if rows:
+        console.table(("hole", "x mm", "y mm", "z mm", "std mm", "state"), rows)
     if (shift := seen.camera_shift) is not None:
         console.say(f"camera against the background: moved by {shift.describe()}, {shift.seen} features")
     for board in seen.boards:

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board, read_board_csv, seat_depth
+from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board, seat_depth
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import is_number, number, numbers, rule_of, same, text, triple
 from arm.se3 import Array
+from cell.config.plain_board import read_board
 from vision.boards.checks import BoardLimits
 
 LEAST_FUNNEL = 1e-3  # smallest difference between the widths of mouth and floor, m
@@ -41,7 +42,7 @@ def _are_tilts(values: Any) -> bool:
 class BoardKeys(Keys):
     """Keys of ``[boards]``, and of ``[look]`` about the accuracy of a board's pose."""
 
-    board_files: list[str] = key("boards.files", rule_of("a list of board CSV files", _are_names, list))
+    board_files: list[str] = key("boards.files", rule_of("a list of board files", _are_names, list))
     marker_size: float = key("boards.marker_size_mm", number("mm", 5, 200))
     pocket: Array = key("boards.pocket_mm", numbers(2, "mm", 5, 60), (1e3 * POCKET_MOUTH, 1e3 * POCKET_FLOOR))
     made_within: float = key("boards.made_within_mm", number("mm", 0, 2), MADE_WITHIN_MM)
@@ -76,7 +77,7 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
         path = root.file.parent / name
         if not path.is_file():
             raise root.error_at("boards.files", f"names a file that does not exist: {path}")
-        board = replace(read_board_csv(path, keys.marker_size, keys.made_within), pocket=pocket)
+        board = replace(read_board(path, keys.marker_size, keys.made_within), pocket=pocket)
         taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
         if taken:
             rule = f"two boards have the marker {min(taken)}; ids must differ"

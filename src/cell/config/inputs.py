@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from arm.board import Board
+from arm.board import PLATE, Board
 from arm.io.storage import canonical_json, sha256
 
 Inputs = Mapping[str, Any]
@@ -43,7 +43,9 @@ def config_inputs(
         if not any(key == out or (out.endswith(".") and key.startswith(out)) for out in left_out)
     }
     for board in boards:
-        content = [list(board.marker_ids), board.holes.tolist(), board.marker_size]
+        content: list[Any] = [list(board.marker_ids), board.holes.tolist(), board.marker_size]
+        if board.plate != PLATE:
+            content += [list(board.second_marker), list(board.plate.size), list(board.plate.centre)]
         flat[f"board {board.name}"] = sha256(canonical_json(content))[:12]
     return flat
 

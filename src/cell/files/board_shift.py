@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, Board
+from arm.board import CUBE_SEAT_DEPTH, Board
 from arm.se3 import Array, angle_between, apply
 from cell.config.cell import Cell
 from vision.observation import Observation
@@ -43,11 +43,15 @@ def board_shift(board: Board, cube_size: float, T_then: Array, T_now: Array) -> 
         T_then, T_now: poses T_base_board, (4, 4).
     """
     reach = cube_size / np.sqrt(2.0)  # half the diagonal of a cube: any yaw
-    half = np.array(PLATE_SIZE[:2]) / 2.0
-    low = np.minimum(np.array(PLATE_CENTRE) - half, board.holes[:, :2].min(axis=0) - reach)
-    high = np.maximum(np.array(PLATE_CENTRE) + half, board.holes[:, :2].max(axis=0) + reach)
-    top = max(cube_size - CUBE_SEAT_DEPTH, 0.0)
-    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (-PLATE_SIZE[2], top)]
+    centre, half = np.array(board.plate.centre), np.array(board.plate.size[:2]) / 2.0
+    around = np.concatenate(
+        [board.holes[:, :2] - reach, board.holes[:, :2] + reach, [centre - half, centre + half]]
+    )
+    low, high = around.min(axis=0), around.max(axis=0)
+    top = max(cube_size - CUBE_SEAT_DEPTH, 0.0) if len(board.holes) else 0.0
+    corners = [
+        (x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (-board.plate.size[2], top)
+    ]
     apart = apply(T_now, corners) - apply(T_then, corners)
     farthest = float(np.sqrt((apart * apart).sum(axis=1).max()))
     return BoardShift(farthest, angle_between(T_then[:3, :3], T_now[:3, :3]))

@@ -173,8 +173,8 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
     holes = node["holes"].items()
     if [hole["hole"].value for hole in holes] != [f"{board.name}/{n + 1}" for n in range(len(holes))]:
         raise node["holes"].error("must be in the order of the board's file")
-    if len(holes) != 4:
-        raise node["holes"].error(f"must be four, each {_STATE.words}")
+    if len(holes) != len(board.holes):
+        raise node["holes"].error(f"must be {len(board.holes)}, each {_STATE.words}")
     covariance, repeatability = node["covariance"].read(_COVARIANCE), None
     if entry.value.get("repeatability") is not None:
         repeatability = node["repeatability"].read(_COVARIANCE)

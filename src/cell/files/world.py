@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import PLATE_CENTRE, Board, read_board_csv
+from arm.board import PLATE, Board, Plate
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, tables
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, rot_z, rotation, transform
+from cell.config.plain_board import read_board
 from cell.files.world_errors import ArmKeys, ContactKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
 from render.surface import Print
 from vision.camera.model import Camera, read_camera
@@ -83,7 +84,9 @@ class World(WorldValues):
     contact: ContactKeys
 
 
-def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float) -> Array:
+def board_placement(
+    centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth: float, plate: Plate = PLATE
+) -> Array:
     """Return T_base_board of a plate whose top is centred at `centre` (3,), m.
 
     The plate is rotated by `yaw` about the vertical, then tilted by `tilt` so that its normal leans towards
@@ -91,7 +94,7 @@ def board_placement(centre: npt.ArrayLike, yaw: float, tilt: float, lean_azimuth
     """
     axis = np.array([-np.sin(lean_azimuth), np.cos(lean_azimuth), 0.0])
     R = mul(rotation(tilt * axis), rot_z(yaw))
-    return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*PLATE_CENTRE, 0.0])))
+    return transform(R, np.asarray(centre, dtype=float) - mul(R, np.array([*plate.centre, 0.0])))
 
 
 def _words(known: tuple[str, ...]) -> Rule[list[str]]:
@@ -141,15 +144,7 @@ def read_world(path: Path, marker_size: float) -> World:
         InputError: a value is wrong; names file, key, value and rule.
     """
     keys = WorldKeys.read(Node.of_toml(path))
-    boards = tuple(
-        TrueBoard(
-            read_board_csv(board.file, marker_size),
-            board_placement(board.centre, board.yaw, board.tilt, board.lean_azimuth),
-            tuple(hole - 1 for hole in board.cubes),
-            None if board.stand is None else (float(board.stand[0]), float(board.stand[1])),
-        )
-        for board in keys.boards
-    )
+    boards = tuple(_true_board(board, marker_size) for board in keys.boards)
     return World(
         file=path,
         boards=boards,
@@ -165,3 +160,10 @@ def read_world(path: Path, marker_size: float) -> World:
         arm=ArmKeys(**keys.values_of(ArmKeys)),
         contact=ContactKeys(**keys.values_of(ContactKeys)),
     )
+
+
+def _true_board(keys: TrueBoardKeys, marker_size: float) -> TrueBoard:
+    board = read_board(keys.file, marker_size)
+    T_base_board = board_placement(keys.centre, keys.yaw, keys.tilt, keys.lean_azimuth, board.plate)
+    stand = None if keys.stand is None else (float(keys.stand[0]), float(keys.stand[1]))
+    return TrueBoard(board, T_base_board, tuple(hole - 1 for hole in keys.cubes), stand)

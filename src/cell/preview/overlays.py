@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board, plate_name
+from arm.board import POCKET_DEPTH, Board, plate_name
 from arm.robot.shapes import Body, Convex, Shape, hull_faces, shape_to_json
-from arm.se3 import Array, transform
+from arm.se3 import Array, inverse
 from vision.camera.model import Camera
 from vision.markers.dictionaries import marker_modules
 
@@ -78,7 +78,7 @@ def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[st
         "name": board.name,
         "body": plate_name(board.name),
         "T": pose_numbers(T_base_board),
-        "plate": {"size": list(PLATE_SIZE), "centre": list(PLATE_CENTRE)},
+        "plate": {"size": list(board.plate.size), "centre": list(board.plate.centre)},
         "pocket": {"mouth": board.pocket[0], "floor": board.pocket[1], "depth": POCKET_DEPTH},
         "holes": [[float(x), float(y)] for x, y, _ in board.holes],
         "markers": [
@@ -95,9 +95,8 @@ def board_to_json(board: Board, T_base_board: Array, dictionary: str) -> dict[st
 def boards_to_json(boards: Sequence[Board], bodies: Sequence[Body], dictionary: str) -> list[dict[str, Any]]:
     """Return those of `boards` whose plates are among `bodies`, at the plates' poses."""
     plates = {body.name: body.T_base_body for body in bodies}
-    T_plate_board = transform(t=(-PLATE_CENTRE[0], -PLATE_CENTRE[1], PLATE_SIZE[2] / 2.0))
     return [
-        board_to_json(board, plates[plate_name(board.name)] @ T_plate_board, dictionary)
+        board_to_json(board, plates[plate_name(board.name)] @ inverse(board.plate.T_board_plate), dictionary)
         for board in boards
         if plate_name(board.name) in plates
     ]

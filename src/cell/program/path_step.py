@@ -203,9 +203,6 @@ def _path(
         poses = poses_along(outline, fixed, sign * along, keys.window, keys.turn)
     except A465Error as error:
         raise node.error(str(error)) from error
-    if len(poses.stops) and (keys.free or keys.tilt > 0.0 or keys.ranges or threaded is not None):
-        rule = f"has a corner at {1e3 * poses.stops[0]:.0f} mm, where the arm stops: give deviation_mm to round it"
-        raise node.error(f"{rule}; else only without free, tilt_deg, ranges and threaded")
     values = {key: getattr(keys, key) for key in ("back", "clearance_of", *FreedomKeys.declared())}
     return PathStep(node.key, name, outline, poses, **values, threaded=threaded)
 

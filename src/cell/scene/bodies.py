@@ -7,21 +7,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, plate_name
+from arm.board import CUBE_SEAT_DEPTH, PLATE, Plate, plate_name
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, transform
 
 
-def plate_body(board_name: str, T_base_board: Array) -> Body:
+def plate_body(board_name: str, T_base_board: Array, plate: Plate = PLATE) -> Body:
     """The plate as a solid box without pockets. So a cube in a pocket needs an allowed collision."""
-    centre = transform(t=(*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0))
-    return Body(plate_name(board_name), Box(PLATE_SIZE), frozen(mul(T_base_board, centre)), "board")
+    T_base_plate = frozen(mul(T_base_board, plate.T_board_plate))
+    return Body(plate_name(board_name), Box(plate.size), T_base_plate, "board")
 
 
 def stand_body(
-    board_name: str, T_base_board: Array, footprint: tuple[float, float], table_z: float, padding: float = 0.0
+    board_name: str,
+    T_base_board: Array,
+    footprint: tuple[float, float],
+    table_z: float,
+    padding: float = 0.0,
+    plate: Plate = PLATE,
 ) -> Body | None:
     """The stand as an upright box from the table to the plate's underside, or None if there is no room for one.
 
@@ -30,12 +35,12 @@ def stand_body(
     into the resulting gap.
     """
     half_x, half_y = footprint[0] / 2.0, footprint[1] / 2.0
-    cx, cy = PLATE_CENTRE
-    corners = [(cx + i * half_x, cy + j * half_y, -PLATE_SIZE[2]) for i in (-1, 1) for j in (-1, 1)]
+    (cx, cy), under = plate.centre, -plate.size[2]
+    corners = [(cx + i * half_x, cy + j * half_y, under) for i in (-1, 1) for j in (-1, 1)]
     top = float(apply(T_base_board, corners)[:, 2].min()) - 1e-3 - padding
     if top - table_z < 2e-3:
         return None
-    x, y, _ = apply(T_base_board, (cx, cy, -PLATE_SIZE[2]))
+    x, y, _ = apply(T_base_board, (cx, cy, under))
     yaw = float(arctan2(T_base_board[1, 0], T_base_board[0, 0]))
     c, s = np.cos(yaw), np.sin(yaw)
     pose = transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], (x, y, (top + table_z) / 2.0))

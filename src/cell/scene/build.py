@@ -81,10 +81,15 @@ def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
     """
     bodies = []
     for pose in poses:
-        plate = plate_body(pose.board.name, pose.T_base_board)
+        plate = plate_body(pose.board.name, pose.T_base_board, pose.board.plate)
         bodies.append(replace(plate, padding=cell.moved))
         stand = stand_body(
-            pose.board.name, pose.T_base_board, cell.stand_size, cell.table_z, STAND_SHARE * cell.moved
+            pose.board.name,
+            pose.T_base_board,
+            cell.stand_size,
+            cell.table_z,
+            STAND_SHARE * cell.moved,
+            pose.board.plate,
         )
         bodies += [stand] if stand else []
     return bodies
@@ -136,7 +141,7 @@ def free_table_stations(task: Task, poses: Iterable[BoardPose]) -> list[Station]
         return []
     cell = task.cell
     reach = cell.gripper.opening / 2.0 + 0.025  # half an open gripper, m
-    covered = [plate_body(p.board.name, p.T_base_board) for p in poses]
+    covered = [plate_body(p.board.name, p.T_base_board, p.board.plate) for p in poses]
     stations = []
     for number, (x, y) in enumerate(task.places.centres, start=1):
         if not any(_covers(plate, x, y, reach) for plate in covered):

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE
 from arm.errors import ImpossibleError
 from arm.se3 import Array, apply
 from cell.config.cell import Cell
@@ -77,9 +76,10 @@ def shift_words(shift: CameraShift | None) -> str | None:
 
 def _covered(cell: Cell, seen: Observation) -> Iterator[Array]:
     """Yield the outline of each board with its cubes and its stand down to the table, (16, 2) px."""
-    half = np.array(PLATE_SIZE[:2]) / 2.0 + MARGIN
-    square = np.array([(i, j) for i in (-1, 1) for j in (-1, 1)]) * half + PLATE_CENTRE
+    corners = np.array([(i, j) for i in (-1, 1) for j in (-1, 1)])
     for board in seen.boards:
+        of = board.pose.board.plate
+        square = corners * (np.array(of.size[:2]) / 2.0 + MARGIN) + of.centre
         top = apply(board.pose.T_base_board, np.insert(square, 2, HEIGHT, axis=1))
         plate = apply(board.pose.T_base_board, np.insert(square, 2, 0.0, axis=1))
         table = plate.copy()

@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.numerics.products import mul
+from arm.robot.shapes import Body
 from cell.config.camera_keys import OF_CELL
 from cell.console import say_on_stderr
 from cell.files.task import Task
@@ -26,6 +28,7 @@ from driver.mars.mars import Mars
 from vision.camera.frame_source import IMAGE_SUFFIXES, FrameSource, Image, ImageFolder
 
 if TYPE_CHECKING:
+    from cell.files.world import World
     from cell.sim.camera import SimulatedCamera
     from cell.sim.cell import SimulatedCell
     from cell.sim.target_photos import TargetCamera
@@ -240,11 +243,20 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     cell = task.cell
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     if not contact:
-        work = task.bodies_at(task.T_on_work) if isinstance(task, ProgramTask) and task.board is None else ()
-        return SimulatedCell(cell, truth, work)
+        return SimulatedCell(cell, truth, _true_work(task, truth) if isinstance(task, ProgramTask) else ())
     from cell.contact.cell import ContactCell
 
     return ContactCell(cell, truth)
+
+
+def _true_work(task: ProgramTask, truth: World) -> tuple[Body, ...]:
+    """The bodies on the work of a program, where the work truly is; none if its board is not in the world."""
+    if task.board is None:
+        return task.bodies_at(task.T_on_work)
+    for true in truth.boards:
+        if true.board.marker_ids == task.board.marker_ids:
+            return task.bodies_at(mul(true.T_base_board, task.T_on_work))
+    return ()
 
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:

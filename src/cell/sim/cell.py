@@ -191,9 +191,10 @@ class SimulatedCell:
         self.catch_up()
         found = [*self.cell.fixed, *self.work]
         for b in self.world.boards:
-            found.append(plate_body(b.board.name, b.T_base_board))
+            found.append(plate_body(b.board.name, b.T_base_board, b.board.plate))
+            footprint = b.stand or self.cell.stand_size
             stand = stand_body(
-                b.board.name, b.T_base_board, b.stand or self.cell.stand_size, self.cell.table_z
+                b.board.name, b.T_base_board, footprint, self.cell.table_z, plate=b.board.plate
             )
             found += [stand] if stand else []
         found += [cube_body(c.name, c.size, c.T_base_cube) for c in self.cubes(counts)]

@@ -15,7 +15,7 @@ from vision.camera.frame_source import FrameSource
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers
 from vision.markers.exposure import exposure_complaint
-from vision.observation import Observation
+from vision.observation import Observation, ObservedBoard
 from vision.observe import annotated
 
 
@@ -53,9 +53,7 @@ def look_and_save(
         _draw(picture, cell.camera, observation)
         raise
     _draw(picture, cell.camera, observation)
-    boards = ", ".join(
-        f"{b.name} ({len(b.holes('cube'))} cubes, {b.pose.residual_px:.3f} px)" for b in observation.boards
-    )
+    boards = ", ".join(map(_words, observation.boards))
     console.step(f"look {why}: {boards or 'no board'}")
     if (moved := shift_words(observation.camera_shift)) is not None:
         console.step(moved)
@@ -64,6 +62,11 @@ def look_and_save(
             console.say(f"hole {hole.name} is unsure: {board.occupancy[hole.index].reason}")
     _complain(observation, console)
     return observation
+
+
+def _words(board: ObservedBoard) -> str:
+    cubes = f"{len(board.holes('cube'))} cubes, " if board.occupancy else ""
+    return f"{board.name} ({cubes}{board.pose.residual_px:.3f} px)"
 
 
 def _complain(observation: Observation, console: Console) -> None:

@@ -194,7 +194,7 @@ def require_scene(cell: Cell, plan: Plan, observation: Observation) -> None:
     bodies = {b["name"]: np.array(b["T_base_body"]) for b in plan.scene["bodies"]}
     faults = []
     for pose in observation.poses:
-        plate = plate_body(pose.board.name, pose.T_base_board)
+        plate = plate_body(pose.board.name, pose.T_base_board, pose.board.plate)
         planned = bodies.pop(plate.name, None)
         if planned is None:
             faults.append(f"{plate.name} is not in the plan")
@@ -303,7 +303,7 @@ def _pose_of_plate(cell: Cell, plate: Body) -> BoardPose:
     name = plate.name.removeprefix(plate_name(""))
     for board in cell.boards:
         if board.name == name:
-            nominal = plate_body(name, transform()).T_base_body
+            nominal = plate_body(name, transform(), board.plate).T_base_body
             return BoardPose(
                 board, frozen(mul(plate.T_base_body, inverse(nominal))), np.zeros((6, 6)), 0.0, np.inf
             )

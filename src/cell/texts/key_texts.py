@@ -20,6 +20,7 @@ from arm.io.toml_reader import read_toml
 from arm.io.toml_writer import toml_value
 from cell.config.cell_file import CellKeys, FixedToolCellKeys
 from cell.config.fixed_tool import FixedToolKeys
+from cell.config.plain_board import PlainBoardKeys
 from cell.files.hand_target import HandCharucoKeys
 from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
@@ -32,6 +33,7 @@ FILES: dict[str, tuple[type[Keys], ...]] = {
     "cell": (FixedToolCellKeys, CellKeys),  # the later one's defaults are those of the rows
     "tool": (FixedToolKeys,),
     "task": (Task1Keys, Task2Keys),
+    "board": (PlainBoardKeys,),
     "program": (ProgramKeys,),
     "wire": (WireKeys,),
     "world": (WorldKeys,),

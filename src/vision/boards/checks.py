@@ -9,7 +9,9 @@ import numpy as np
 
 from arm.board import Board
 from arm.errors import ImpossibleError
-from arm.poses import BoardPose
+from arm.numerics.products import mul
+from arm.poses import BoardPose, adjoint
+from arm.se3 import Array, inverse, transform
 from vision.boards.arrangement import arrangement
 from vision.boards.marker_size import fit_marker_size
 from vision.boards.pose_fit import Corners, Fit
@@ -49,7 +51,8 @@ class Spread:
     """Standard deviations of a board's pose.
 
     Attributes:
-        sideways, height: of the least certain hole in the plate's plane and along its normal, m.
+        sideways, height: of the least certain hole, or of the centre of a plate without holes, in the plate's plane
+            and along its normal, m.
         turn: of the rotation about the least certain axis, rad.
     """
 
@@ -60,12 +63,18 @@ class Spread:
     @classmethod
     def of(cls, pose: BoardPose) -> Spread:
         """Compute from the pose's covariance."""
-        holes = [hole.covariance for hole in pose.holes]
+        holes = [hole.covariance for hole in pose.holes] or [_at_centre(pose)]
         return cls(
             float(np.sqrt(max(np.linalg.eigvalsh(C[:2, :2])[-1] for C in holes))),
             float(np.sqrt(max(C[2, 2] for C in holes))),
             float(np.sqrt(np.linalg.eigvalsh(pose.covariance[3:, 3:])[-1])),
         )
+
+
+def _at_centre(pose: BoardPose) -> Array:
+    """Covariance of the pose of the centre of the plate's top, (6, 6)."""
+    Ad = adjoint(inverse(transform(t=(*pose.board.plate.centre, 0.0))))
+    return mul(mul(Ad, pose.covariance), Ad.T)
 
 
 def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:

@@ -84,7 +84,7 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
         (lambda b: b.update(marker_ids=[1, 99]), r"marker_ids = \[1, 99\]: is not a board of the cell file"),
         (lambda b: b.update(T_base_board=np.zeros((4, 4)).tolist()), "01-02.T_base_board"),
         (lambda b: b["holes"][0].update(state="full"), "'full': must be one of cube, empty, unsure"),
-        (lambda b: b["holes"].pop(), "must be four, each one of cube, empty, unsure"),
+        (lambda b: b["holes"].pop(), "must be 4, each one of cube, empty, unsure"),
         (lambda b: b.update(covariance=[[1.0]]), "01-02.covariance.*must be 6 rows of 6 finite numbers"),
         (
             lambda b: b.update(repeatability=[[1.0]]),

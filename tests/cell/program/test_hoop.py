@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import runpy
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
+from arm.plan_file import read_plan
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, inverse
 from cell.config.cell_file import read_cell
+from cell.files.world import read_world
 from cell.program.outline import Arc, Outline
 from cell.program.path_step import PathStep
 from cell.program.planning import plan_of_program
@@ -21,6 +25,7 @@ from cell.program.points import read_wire
 from cell.program.program_file import read_program
 from cell.program.steps import Step
 from cell.task.plan_matches import replayed, scene_of_now
+from typed.command_line import a465
 from typed.doc_commands import ROOT
 from vision.observation import Observation
 
@@ -76,7 +81,11 @@ def test_the_files_are_those_that_the_script_makes(wire: str) -> None:
 def test_the_boxes_contain_the_bar_and_little_else(wire: str) -> None:
     """Points of the bar, 10 x 10 mm about its centre line and mitred where it bends, are inside of some box."""
     outline = _line(wire)
-    bodies = [b for b in read_wire(data_file(f"scenes/hoop/wires/{wire}.toml")).bodies if b.name != "foot"]
+    bodies = [
+        b
+        for b in read_wire(data_file(f"scenes/hoop/wires/{wire}.toml")).bodies
+        if not b.name.startswith("foot")
+    ]
     turned = MADE["sections"](outline)
     rng = np.random.default_rng(21)
     half = 0.005
@@ -99,6 +108,17 @@ def test_the_boxes_contain_the_bar_and_little_else(wire: str) -> None:
     boxes = [b.shape.size for b in bodies if isinstance(b.shape, Box)]
     assert len(boxes) == len(bodies)
     assert max(min(size) for size in boxes) < 0.0103
+
+
+def test_the_boxes_of_the_foot_contain_its_triangle_and_no_marker() -> None:
+    """Straight edge of 43.8 mm at y = 5, apex at y = -21.9; the nearer corner of marker 2 is at (17.5, -17.5)."""
+    feet = [b for b in read_wire(data_file("scenes/hoop/wires/b.toml")).bodies if b.name.startswith("foot")]
+    rng = np.random.default_rng(5)
+    y = rng.uniform(-21.9, 5.0, 3000)
+    x = rng.uniform(-1.0, 1.0, 3000) * 21.9 * (y + 21.9) / 26.9
+    z = rng.uniform(-2.5, 0.0, 3000)
+    assert _depths(np.stack([x, y, z], axis=1) / 1e3, feet).min() > -1e-9
+    assert _depths(np.array([[0.0175, -0.0175, -0.001]]), feet).max() < 0.0
 
 
 def _depths(points: Array, bodies: list[Body]) -> Array:
@@ -161,3 +181,21 @@ def test_the_program_of_a_wire_is_planned_and_its_plan_proves_that_the_ring_stay
 
 def _without_thread(step: Step) -> Step:
     return replace(step, threaded=None) if isinstance(step, PathStep) else step
+
+
+@pytest.mark.slow
+def test_the_ring_is_led_along_a_wire_whose_board_is_seen_by_its_markers(tmp_path: Path) -> None:
+    """The board lies where only the world file says; wire, foam and hoop are in the pictures of the looks."""
+    file, look, plan = data_file("scenes/hoop/seen.toml"), tmp_path / "look.json", tmp_path / "plan.json"
+    a465("look", file, "-o", look)
+    said, _ = a465("plan", file, "--look", look, "-o", plan, "--json")
+    assert json.loads(said)["boards"] == ["01-02"]
+    task, truth = read_program(file), read_world(file.with_suffix(".world.toml"), 0.04)
+    stated = {body["name"]: np.array(body["T_base_body"]) for body in read_plan(plan).scene["bodies"]}
+    true = {body.name: body for body in task.bodies_at(truth.boards[0].T_base_board @ task.T_on_work)}
+    assert set(true) < set(stated)
+    assert max(np.linalg.norm(stated[name][:3, 3] - true[name].T_base_body[:3, 3]) for name in true) < 2e-3
+    assert {"plate 01-02", "stand 01-02"} < set(stated)
+    a465("check", plan, file)
+    said, _ = a465("execute", plan, file, "--json", "--time-scale", "100", cwd=tmp_path)
+    assert json.loads(said)["plan_sha256"] == read_plan(plan).sha256

@@ -1,0 +1,63 @@
+"""Board files of either kind: a CSV of a plate with holes, or a TOML of a plain board, of any size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from arm.board import Board, Plate, read_board_csv
+from arm.io.keys import Keys, key
+from arm.io.node import Node
+from arm.io.rules import integers, number, numbers, triple
+from arm.se3 import Array, frozen
+
+_APART = 1.05  # least distance of the markers' centres, in marker sizes, along x or y
+
+
+class PlainBoardKeys(Keys):
+    """Keys of the file of a board without holes."""
+
+    markers: tuple[int, ...] = key("markers", integers(2, 0, 999))
+    marker_size: float = key("marker_size_mm", number("mm", 5, 200))
+    second: Array = key("second_marker_mm", numbers(2, "mm", -1000, 1000))
+    size: tuple[float, float, float] = key("size_mm", triple("mm", 1, 2000))
+    centre: Array = key("centre_mm", numbers(2, "mm", -1000, 1000))
+    made_within: float | None = key("made_within_mm", number("mm", 0, 5), None)
+
+
+def read_board(path: Path, marker_size: float, tolerance: float = 0.0) -> Board:
+    """Read a board file.
+
+    Args:
+        path: the file; one that ends with ``.toml`` is of a board without holes.
+        marker_size: edge of the black squares of a board with holes, m.
+        tolerance: manufacturing tolerance if the file states none, m; see `arm.board.Board`.
+
+    Raises:
+        FileInputError: a value is wrong; names file, key or line, value and rule.
+    """
+    if path.suffix != ".toml":
+        return read_board_csv(path, marker_size, tolerance)
+    root = Node.of_toml(path)
+    keys = PlainBoardKeys.read(root)
+    low, high = keys.markers
+    if low >= high:
+        raise root.error_at("markers", "must be two different ids, the lower one first")
+    if np.abs(keys.second).max() < _APART * keys.marker_size:
+        rule = f"must be at least {1e3 * _APART * keys.marker_size:g} mm in x or y: markers must not touch"
+        raise root.error_at("second_marker_mm", rule)
+    x, y, thickness = keys.size
+    room = np.array([x, y]) / 2.0 - keys.marker_size / 2.0
+    for at, name in ((np.zeros(2), "centre_mm"), (keys.second, "second_marker_mm")):
+        if (np.abs(at - keys.centre) > room + 1e-9).any():
+            raise root.error_at(name, "puts a marker partly off the board, which is centred at centre_mm")
+    return Board(
+        f"{low:02d}-{high:02d}",
+        (low, high),
+        frozen(np.zeros((0, 3))),
+        keys.marker_size,
+        (float(keys.second[0]), float(keys.second[1])),
+        tolerance if keys.made_within is None else keys.made_within,
+        plate=Plate((x, y, thickness), (float(keys.centre[0]), float(keys.centre[1]))),
+    )
