@@ -21,6 +21,7 @@ import pytest
 from arm.calibration_file import read_arm_calibration
 from arm.controller.unit import load_unit
 from arm.errors import MOST_MESSAGE, A465Error
+from arm.io.node import Node
 from arm.io.storage import data_file, read_text
 from arm.plan_file import read_plan
 from calib.nao.chain import NaoUnknowns
@@ -28,6 +29,8 @@ from calib.nao.recording import read_nao_recording
 from calib.recordings.arm import read_arm_recording, write_arm_recording
 from cell.config.arm_file import read_arm_file
 from cell.config.cell_file import read_cell
+from cell.config.fixed_tool import read_fixed_tool
+from cell.config.plain_board import read_board
 from cell.export.scene import surroundings_of_plan
 from cell.export.urdf import describe
 from cell.files.hand_target import read_hand_target
@@ -36,6 +39,8 @@ from cell.files.pose_list import read_pose_list
 from cell.files.scene import read_scene_file
 from cell.files.task import read_task
 from cell.files.world import read_world
+from cell.program.points import read_wire
+from cell.program.program_file import read_program
 from cell.task.plan_matches import require_match, require_scene, require_start_at, scene_of_now
 from driver.emulator.faults.file import read_faults
 from pictures.boards import lab_board, lab_camera, random_pose, seen_corners
@@ -67,6 +72,11 @@ TOMLS: dict[str, Callable[[Path], object]] = {
     "faults/bad-day.toml": read_faults,
     "fixtures/mesh.toml": read_scene_file,
     "scara.toml": read_arm_file,
+    "hoop/seen.toml": read_program,
+    "hoop/wires/d.toml": read_wire,
+    "hoop/boards/puzzle_01-02.toml": lambda path: read_board(path, 0.036),
+    "hoop/tools/hoop.toml": lambda path: read_fixed_tool(Node.of_toml(path)),
+    "pen/drawing.toml": read_program,
 }
 
 
