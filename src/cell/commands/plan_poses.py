@@ -21,6 +21,7 @@ from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
 from cell.program.planning import plan_of_program
 from cell.program.program_file import read_program
+from cell.program.steps import Action
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.explain import explain_list_failure
@@ -29,6 +30,8 @@ from cell.task.pose_list_planning import place_of_arm, place_of_cell, plan_pose_
 from plan.budget import SearchBudget
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from vision.observation import Observation
+
+_IN_JAWS = "objects in the jaws are unknown and not checked for collisions"
 
 
 def plan_poses_step(
@@ -92,7 +95,7 @@ def plan_poses_step(
     if seen is None and not isinstance(task, ArmFile):
         console.say("this plan considers only the table and the walls; add boards and cubes with --look FILE")
     if any(entry.jaws for entry in poses.entries):
-        console.say("objects in the jaws are unknown and not checked for collisions")
+        console.say(_IN_JAWS)
     console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {
         "plan": str(output),
@@ -157,6 +160,8 @@ def plan_program_step(
         f"{tool_words(plan, task.cell.robot_holding(), task.cell.unit)}, clearance at least {least:.1f} mm"
     )
     warn_of(plan, console)
+    if any(isinstance(step, Action) and step.jaws for step in task.steps):
+        console.say(_IN_JAWS)
     console.say(f"clearances refer to the bodies of the files; {task.cell.arm_shape()}")
     console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {

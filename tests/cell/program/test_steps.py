@@ -17,13 +17,13 @@ def test_a_pose_with_a_grid_goes_to_its_next_place_in_each_repeat(tmp_path: Path
     replace_in(
         file,
         "dwell_s = 0.5",
-        "grid.count = [2, 1, 2]\ngrid.step_mm = [50, 40, 30]",
+        "grid.count = [2, 1, 3]\ngrid.step_mm = [50, 40, 30]",
     )
     task = read_program(file)
-    assert task.repeat == 4
+    assert task.repeat == 6
     pose = task.steps[0]
     assert isinstance(pose, PoseStep)
-    places = [[0, 0, 0.3], [0.05, 0, 0.3], [0, 0, 0.33], [0.05, 0, 0.33]]
+    places = [[x, 0, z] for z in (0.3, 0.33, 0.36) for x in (0, 0.05)]
     np.testing.assert_allclose(pose.T_work_tool[:, :3, 3], places, atol=1e-12)
 
 
