@@ -116,11 +116,6 @@ def test_a_drawing_has_a_smooth_path_for_each_stroke_down_to_the_plane_and_up(tm
             r"steps\[1\].axis = 'along': must be a direction x, y, z, with svg",
         ),
         ('svg = "d.svg"', "points_mm = [[0, 0, 0], [0, 0, 9]]", r"steps\[1\].width_mm = 100: needs svg"),
-        (
-            "deviation_mm = 0.5",
-            'free = "rz"',
-            r"steps\[1\].*has a corner at 26 mm, where the arm stops: give dev",
-        ),
     ],
 )
 def test_keys_of_a_drawing_belong_to_a_drawing(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -67,7 +67,8 @@ def test_the_tool_stays_on_the_path_within_what_is_free(made: tuple[ProgramTask,
         tilt = np.degrees(np.arccos([np.clip(T[2, 2], -1, 1) for T in in_work]))
         assert tilt.max() < 30.1
     ends = points[[0, -1]]
-    np.testing.assert_allclose(ends, path.outline.at([path.outline.length, 0.0]), atol=1e-4)
+    # a path is left at speed, at a whole millisecond
+    np.testing.assert_allclose(ends, path.outline.at([path.outline.length, 0.0]), atol=5e-4)
 
 
 def test_the_bodies_of_the_work_are_obstacles(made: tuple[ProgramTask, Plan]) -> None:
