@@ -164,8 +164,8 @@ def main() -> None:
         least = 1e3 * min((one.clearance for one in planned), default=np.nan)
         print(
             f"| {wire.upper()} | {len(drawn)} | {len(possible)} | {len(planned)} | {np.median(cpu):.1f}, "
-            f"{max(cpu):.1f} | {optimal:.3f} | {middle('over_graph'):.2f} | {1e3 * middle('clearance'):.1f}, {least:.1f} "
-            f"| {middle('duration'):.1f} |",
+            f"{max(cpu):.1f} | {optimal:.3f} | {middle('over_graph'):.2f} | {1e3 * middle('clearance'):.1f}, "
+            f"{least:.1f} | {middle('duration'):.1f} |",
             flush=True,
         )
     for line in refused:
