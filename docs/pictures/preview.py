@@ -1,6 +1,7 @@
-"""Draws preview.png, the page of a plan of scenes/task2.toml, and arm-bodies.png, what of it is checked for contact.
+"""Draws preview.png, the page of a plan of scenes/task2.toml, arm-bodies.png, what of it is checked for contact, and
+hoop.png, the hoop of scenes/hoop/c.toml on its wire.
 
-Both are made here, in Debian's chromium.
+All are made here, in Debian's chromium.
 
 python docs/pictures/preview.py
 """
@@ -17,6 +18,7 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from arm.io.storage import data_file
+from cell.commands.plan_poses import plan_program_step
 from cell.commands.preview import preview_file
 from cell.commands.steps import look_step, plan_step
 from cell.console import Console
@@ -25,6 +27,7 @@ HERE = Path(__file__).resolve().parent
 SIZE = {"width": 1280, "height": 760}
 SHOWN_S = 18.2  # of the plan
 CHECKED_S = 6.2  # where the arm is stretched out
+HOOP_S = 7.4  # where the ring is at the wire's upper corner
 STEP = 6  # of a colour's 256: what the eye does not miss, and a picture of half the bytes
 FLAGS = ["--no-sandbox", "--disable-gpu"]
 
@@ -48,6 +51,14 @@ def main() -> None:
         page.get_by_role("button", name="side").click()
         _show(page, CHECKED_S)
         _save(page.locator("#stage").screenshot(), HERE / "arm-bodies.png")
+        program = data_file("scenes/hoop/c.toml")
+        plan_program_step(program, None, plan, None, console)
+        preview_file(plan, program, page_file, console)
+        page = browser.new_page(viewport=SIZE)
+        page.goto(page_file.as_uri())
+        page.wait_for_timeout(3000)
+        _show(page, HOOP_S)
+        _save(page.locator("#stage").screenshot(), HERE / "hoop.png")
         browser.close()
 
 

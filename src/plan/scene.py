@@ -15,8 +15,8 @@ from arm.errors import InputError
 from arm.io.storage import sha256
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, body_from_json, body_to_json
+from arm.robot.thread import Thread, thread_from_json
 from arm.se3 import Array
-from plan.thread import Thread, thread_from_json
 
 Pair = frozenset[str]
 

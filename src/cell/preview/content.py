@@ -183,8 +183,9 @@ def _step(timed: TimedStep, joined: bool, erring: float | None) -> dict[str, Any
         case Move():
             return common | {
                 "kind": "move",
-                "role": step.role,
+                "role": "along" if step.role == "line" else step.role,
                 "cube": step.cube,
+                "threaded": step.threaded,
                 "counts": list(step.path.start),
                 "segments": [[s.duration_ms, *map(list, s.coefficients)] for s in step.path.segments],
                 "held": step.held,

@@ -105,7 +105,7 @@ _NOT_OF_SVG = ("backwards", "extend_mm", "threaded")
 
 @dataclass(frozen=True, eq=False)
 class ThreadedLine:
-    """The line that passes through a ring of the tool; see `plan.thread.Thread`.
+    """The line that passes through a ring of the tool; see `arm.robot.thread.Thread`.
 
     Attributes:
         name: of the line: that of its file.

@@ -8,6 +8,7 @@ from dataclasses import replace
 from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.numerics.products import mul
 from arm.plan_file import Plan
+from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen
 from cell.program.path_step import PathStep
 from cell.program.program_file import PROGRAM, ProgramTask
@@ -20,7 +21,6 @@ from plan.options import PlanOptions
 from plan.program.goals.target import Target
 from plan.program.program import Program, plan_program
 from plan.scene import Scene
-from plan.thread import Thread
 from vision.observation import Observation
 
 LEAST_DWELL_S = 1e-3  # at rest, so that the arm stops for its jaws

@@ -15,6 +15,7 @@ from arm.numerics.products import mul
 from arm.plan_file import Plan
 from arm.poses import BoardPose
 from arm.robot.shapes import Body, Shape
+from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen, inverse, transform
 from cell.accuracy.arm_errors import arm_errors
 from cell.config.arm_file import ARM, ArmFile
@@ -33,7 +34,6 @@ from plan.collision.certificate import ArmErrors
 from plan.options import PlanOptions
 from plan.program.grammar import require_grammar
 from plan.scene import Scene, scene_from_json
-from plan.thread import Thread
 from plan.verify import ReplayedMove, RequiredClearance, placed_cubes, replay
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy

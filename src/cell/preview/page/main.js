@@ -78,6 +78,7 @@
     title.append(role, step.name);
     const facts = [];
     if (step.held) facts.push(`holds ${step.held}`);
+    if (step.threaded) facts.push(`stays threaded on ${step.threaded}`);
     if (clearance) facts.push(`${clearance.sampled ? "" : "≥ "}${millimetres(clearance.mm)} ${clearance.pair.join(" – ")}`);
     else if (step.kind === "look") facts.push("the camera takes images");
     now.replaceChildren(title, element("span", "muted", facts.join(" · ")));

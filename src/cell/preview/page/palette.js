@@ -3,7 +3,7 @@
 
 const CUBE_COLOURS = ["#d9503f", "#2f7fc4", "#eeb333", "#3a9d62", "#8c62bf", "#e37d4a", "#3aa3a8", "#b5527f"];
 const JOINT_COLOURS = ["#4c8dd6", "#e08a34", "#35a37f", "#cb5f8c", "#8a72d0", "#a38f35", "#5aa6b8", "#b56a4d"];
-const ROLES = ["transit", "approach", "retract", "home", "gripper", "look"];
+const ROLES = ["transit", "approach", "along", "retract", "home", "gripper", "look"];
 
 // Colour of a clearance in mm: red up to 2 mm, amber at 10, green from 60; logarithmic in between.
 const CLEARANCE_RAMP = [[2, "#cf3b34"], [5, "#e2703a"], [10, "#e5ab3c"], [25, "#86ad4c"], [60, "#2f9e76"]];

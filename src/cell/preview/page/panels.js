@@ -110,7 +110,7 @@ function fillSteps(content, onStep) {
           ? `; clearance ${step.certified ? "certified" : "sampled"}: ${millimetres(1e3 * step.clearance)}, ${step.closest.join(" – ")}`
           : "";
         const erring = step.clearance_with_errors === null ? "" : `; with the arm's errors: ${millimetres(1e3 * step.clearance_with_errors)}`;
-        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${clearance}${erring}${step.joined ? "; continues without a stop" : ""}`;
+        row.title = `${step.role}${step.held ? `, holding ${step.held}` : ""}${step.threaded ? `, stays threaded on ${step.threaded} (proved)` : ""}${clearance}${erring}${step.joined ? "; continues without a stop" : ""}`;
         row.classList.toggle("joined", step.joined);
         mm.style.color = known && step.clearance < 0.005 ? clearanceColour(1e3 * step.clearance) : "";
       }

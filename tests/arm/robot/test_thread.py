@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.controller.unit import Unit
+from arm.controller.unit import Unit, load_unit
 from arm.errors import ImpossibleError, InputError
 from arm.numerics.products import mul
 from arm.plan_file import Move, Plan, read_plan, write_plan
-from arm.robot.model import Robot
+from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Capsule, Torus
+from arm.robot.thread import Thread, thread_from_json
 from arm.robot.tool import with_tool
 from arm.se3 import Array, apply, inverse, rot_z, transform
 from plan.collision.bezier import curve_of_waypoints
@@ -25,7 +26,6 @@ from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.program import Program, plan_program
 from plan.scene import Scene, scene_from_json
-from plan.thread import Thread, thread_from_json
 from plan.verify import replay
 
 FOOT, TIP = np.array([0.45, 0.0, 0.05]), np.array([0.45, 0.0, 0.25])
@@ -36,8 +36,14 @@ TURN = np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def hoop(robot: Robot) -> Robot:
+def unit() -> Unit:
+    return load_unit("crs93")
+
+
+@pytest.fixture(scope="module")
+def hoop() -> Robot:
     """The arm with a ring beside its flange, level if the gripper points down."""
+    robot = load_a465(tool_length=0.134112, jaw_opening=0.06)
     T = transform(np.diag([-1.0, 1.0, -1.0]), (-0.135, 0.0, 0.013))
     return with_tool(robot, T, [Body("ring", Torus(RADIUS, 0.003), T, "robot")])
 
