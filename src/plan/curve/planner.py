@@ -33,7 +33,7 @@ _ROUNDS, _MORE_ROUNDS = 24, 3  # steps of the smoothing of a chain, and with mor
 _ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
 _MOST_STATIONS = 120  # with which a path is still smoothed; the time of a program grows with their cube
 _FINER = 4  # times that stations are doubled
-_GIVEN = 5e-4  # m, of the largest distance, for the sake of time
+_GIVEN = 2e-4  # m, of the largest distance, for the sake of time
 _WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
 
 
@@ -109,10 +109,12 @@ class CurvePlanner:
                 break
             if self.widened is not None:
                 smoothing, way = self._widened(smoothing, way, self.widened)
-            try:
-                return self._certified(smoothing, way)
-            except ImpossibleError as error:
-                seen = error
+            # positions at their limits may bend the path too sharply; then they stay as the chain has them
+            for shifts in (True, False) if self.widened is None else (True,):
+                try:
+                    return self._certified(smoothing, way, shifts)
+                except ImpossibleError as error:
+                    seen = error
         why = f"path {self.name!r}: the tool cannot be kept on it near {chain.branch}"
         raise seen or ImpossibleError(why, target=self.name, length_m=self.curve.length)
 
@@ -123,16 +125,18 @@ class CurvePlanner:
         demands = [*smoothing.demands, kept]
         return Smoothing(self.robot, self.curve, demands, self.limits, smoothing.fixed), wide
 
-    def _certified(self, smoothing: Smoothing, way: Followed) -> JointPath:
+    def _certified(self, smoothing: Smoothing, way: Followed, shifts: bool) -> JointPath:
         # turns first: with all that is free at once, steps more often end in a slow way
-        smooth = smoothing.smoothed(smoothing.smoothed(way, _ROUNDS, turns_only=True), _ROUNDS)
+        smooth = smoothing.smoothed(way, _ROUNDS, turns_only=True)
+        smooth = smoothing.smoothed(smooth, _ROUNDS) if shifts else smooth
         for _ in range(_FINER):
             if self.beyond(smooth) <= 1.0:
                 break
             finer = smoothing.finer(smooth)
             if finer is None:
                 break
-            smooth = finer if len(finer.q) > _MOST_STATIONS else smoothing.smoothed(finer, _MORE_ROUNDS)
+            few = len(finer.q) <= _MOST_STATIONS
+            smooth = smoothing.smoothed(finer, _MORE_ROUNDS, turns_only=not shifts) if few else finer
         off = self.beyond(smooth)
         if off > 1.0:
             raise ImpossibleError(
