@@ -50,7 +50,6 @@ PLACES = {
     "driver.stepped": "driver.line.stepped_clock",
     "driver.stream": "driver.execution.stream",
     "plan.check": "plan.collision.certificate",
-    "plan.curve": "plan.collision.bezier",
     "plan.ik": "plan.kinematics.ik",
     "plan.ik_numeric": "plan.kinematics.numeric_ik",
     "plan.legs": "plan.program.goals.leg_times",

@@ -141,11 +141,11 @@ def test_a_program_threads_the_ring_over_the_free_end_and_leads_it_down(wire: st
     free_end = outline.at([outline.length])[0]
     np.testing.assert_allclose(path.threaded.points[[0, -1]], [(0, 0, 0), free_end], atol=1e-12)
     first, last = path.outline.at([0.0, path.outline.length])
-    np.testing.assert_allclose(first, free_end + 0.06 * np.array(ahead), atol=1e-9)
+    np.testing.assert_allclose(first, free_end + 0.04 * np.array(ahead), atol=1e-9)
     assert last[2] == pytest.approx(
         0.0275, abs=2e-4
     )  # 30 mm above the board, whose top is 2.5 below the plate's
-    on_wire = path.outline.at(np.linspace(0.06, path.outline.length, 300))
+    on_wire = path.outline.at(np.linspace(0.04, path.outline.length, 300))
     assert np.min([piece.distances(on_wire) for piece in outline.pieces], axis=0).max() < 0.0031
 
 

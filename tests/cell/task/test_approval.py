@@ -72,7 +72,7 @@ def run(preview_case, tmp_path: Path) -> Iterator[Any]:
     cell = SimpleNamespace(
         unit=unit,
         cube_size=0.04,
-        robot=lambda opening: preview_case.robot_holding,
+        robot_holding=lambda: preview_case.robot_holding,
         arm_shape=shipped.arm_shape,
         calibration=None,
         camera_file=shipped.camera_file,

@@ -98,7 +98,7 @@ def test_a_step_that_does_not_help_is_not_taken(
     for case in (CASES["ranges"], (LOW, [])):
         smoothing, way = way_along(robot, crs97, *case)
         step, of = smoothing._step, Demand(smoothing.demands[0].world, 0.0)
-        monkeypatch.setattr(smoothing, "_step", lambda *given, step=step: -step(*given))
+        monkeypatch.setattr(smoothing, "_step", lambda *given, step=step, **named: -step(*given, **named))
         assert smoothing.time(smoothing.smoothed(way, 4)) <= smoothing.time(way)
         assert of.least(smoothing.widened(way, 4, of).all_q) >= of.least(way.all_q)
 
