@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from arm.errors import InputError
 from arm.se3 import Array, Bools, Indices, frozen
 from plan.curve.tool_curve import ToolCurve
 
@@ -17,6 +18,7 @@ _LEAST_SHIFT = (
     0.015  # m to either side is left to the smoothing, because samples multiply with each direction
 )
 _SAME = 1e-9
+MOST = 3500  # samples; the memory of a graph grows with their number times that of their neighbours
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,11 @@ class Samples:
 
 
 def samples_of(curve: ToolCurve) -> Samples:
-    """Return samples that cover what is free at each place of a curve; the least deviation from its poses is first."""
+    """Return samples that cover what is free at each place of a curve; the least deviation from its poses is first.
+
+    Raises:
+        InputError: there would be more than `MOST`.
+    """
     low, high = curve.box()
     axes: list[Array] = []
     near: list[Bools] = []
@@ -57,6 +63,13 @@ def samples_of(curve: ToolCurve) -> Samples:
             values, touching = row[:, None], np.abs(np.subtract.outer(*[np.arange(len(row))] * 2)) <= 1
         axes.append(values)
         near.append(touching)
+    count = int(np.prod([len(values) for values in axes]))
+    if count > MOST:
+        raise InputError(
+            f"path: what is free makes {count} samples at each place, must be at most {MOST}; narrow ranges, or free "
+            "fewer directions",
+            samples=count,
+        )
     index = np.array(list(product(*(range(len(values)) for values in axes))))
     coordinates = np.concatenate([values[index[:, i]] for i, values in enumerate(axes)], axis=1)
     size = np.abs(np.where(np.isinf(high), 0.0, coordinates))

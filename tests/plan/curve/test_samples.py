@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm.errors import InputError
 from plan.curve.samples import Samples, samples_of
 from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.freedom import Freedom
@@ -80,6 +81,11 @@ def test_a_small_range_of_position_is_left_to_the_smoothing() -> None:
     _, samples = made(Freedom({"x": (-0.014, 0.014), "y": (-0.014, 0.05)}), ())
     assert not samples.coordinates[:, 0].any()
     assert (samples.coordinates[:, 1].min(), samples.coordinates[:, 1].max()) == (0.0, 0.05)
+
+
+def test_more_samples_than_memory_holds_are_refused() -> None:
+    with pytest.raises(InputError, match="makes 42750 samples at each place"):
+        made(Freedom(dict.fromkeys(("x", "y", "z"), (-0.04, 0.04)), 0.5), ("rz",))
 
 
 @every_freedom
