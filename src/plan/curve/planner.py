@@ -120,8 +120,9 @@ class CurvePlanner:
 
     def _widened(self, smoothing: Smoothing, way: Followed, world: World) -> tuple[Smoothing, Followed]:
         """Return the way with the largest least distance in a world, and a smoothing that keeps it."""
-        wide = smoothing.widened(way, _ROUNDS, Demand(world, 0.0))
-        kept = Demand(world, Demand(world, 0.0).least(wide.all_q) - _GIVEN)
+        every = Demand(world, 0.0)
+        wide = smoothing.widened(way, _ROUNDS, every)
+        kept = Demand(world, every.least(wide.all_q) - _GIVEN)
         demands = [*smoothing.demands, kept]
         return Smoothing(self.robot, self.curve, demands, self.limits, smoothing.fixed), wide
 

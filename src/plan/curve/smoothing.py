@@ -13,7 +13,7 @@ minimization", 2008, for the method). With the clearance as the aim, the least d
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,46 +153,58 @@ class Smoothing:
         """
         if not self.columns:
             return way
-        time, region = self.time(way), 1.0
-        for _ in range(rounds):
-            if region < _LEAST_REGION:
-                break
-            spend(QP_CHECKS)
-            step = self._step(way, region, turns_only=turns_only)
-            if step is None:
-                break
-            for part in _PARTS:
-                trial = self._moved(way, part * step)
-                if trial is None:
-                    continue
-                faster = time - self.time(trial)
-                if faster > _WORTH * time and not self.blocked(trial):
-                    way, time = trial, time - faster
-                    region = min(1.0, 1.5 * part * region)
-                    break
-            else:
-                region *= 0.3
-        return way
+        return self._better(
+            way,
+            rounds,
+            lambda at, region: self._step(at, region, turns_only=turns_only),
+            lambda at: -self.time(at),
+            lambda value: _WORTH * -value,
+        )
 
     def widened(self, way: Followed, rounds: int, of: Demand) -> Followed:
         """Return a way with more distance between the pairs of a demand, which also keeps all others."""
         if not self.columns:
             return way
-        least, region = of.least(way.all_q), 1.0
+        return self._better(
+            way,
+            rounds,
+            lambda at, region: self._step(at, region, of),
+            lambda at: of.least(at.all_q),
+            lambda value: _WORTH_M,
+        )
+
+    def _better(
+        self,
+        way: Followed,
+        rounds: int,
+        step_at: Callable[[Followed, float], Array | None],
+        value_of: Callable[[Followed], float],
+        worth: Callable[[float], float],
+    ) -> Followed:
+        """Return a way of larger value that is clear at its stations; the same if none is found.
+
+        Args:
+            way: where to begin.
+            rounds: largest number of quadratic programs.
+            step_at: their solution at a way, within a trust region.
+            value_of: what is maximised.
+            worth: least useful gain at a value.
+        """
+        value, region = value_of(way), 1.0
         for _ in range(rounds):
             if region < _LEAST_REGION:
                 break
             spend(QP_CHECKS)
-            step = self._step(way, region, of)
+            step = step_at(way, region)
             if step is None:
                 break
             for part in _PARTS:
                 trial = self._moved(way, part * step)
                 if trial is None:
                     continue
-                more = of.least(trial.all_q) - least
-                if more > _WORTH_M and not self.blocked(trial):
-                    way, least = trial, least + more
+                more = value_of(trial) - value
+                if more > worth(value) and not self.blocked(trial):
+                    way, value = trial, value + more
                     region = min(1.0, 1.5 * part * region)
                     break
             else:
