@@ -77,7 +77,7 @@ def ring_to_bar(plan: Plan, task: ProgramTask, move: Move) -> float:
     """Return the certified least distance of ring and bar on a move, m."""
     scene = program_scene(task, Observation())
     bars = [body for body in scene.bodies if body.name.startswith("bar")]
-    world = World(scene.robot_open, bars).only(["ring"])
+    world = World(scene.robot_open, bars).only(["ring 1", "ring 2"])
     seen = certify_move(world, move.path, task.cell.unit, 0.0).seen
     for asked in np.arange(seen - 5e-5, 0.0, -2e-4):
         if certify_move(world, move.path, task.cell.unit, float(asked), tight=False).proved:
