@@ -23,7 +23,7 @@ from plan.trajectory.timing import time_curve
 _LINES = ("approach", "retract", "line")
 _SAMPLE = 0.01  # s, between samples of the sent motion
 _APART = 0.03  # s of nominal time between knots of the spline, or
-_KNOTS = 300  # so many of them on a short path
+_KNOTS = 1000  # so many of them on a short path
 _RESTS = 1e-3  # of the velocity limit
 _STILL = 1e-9  # rad
 

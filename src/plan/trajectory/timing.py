@@ -25,7 +25,8 @@ from plan.trajectory.toppra_timing import parametrise_by_toppra
 
 Caps = float | Array | None  # on the rate of the path parameter, for a whole path or for each piece of it
 
-GRID = 200  # intervals over all curved pieces; fewer give slower motions
+GRID = 200  # intervals over all curved pieces, at least; fewer give slower motions
+PER_PIECE = 4  # the same for each curved piece of a spline, on average: knots are where the path needs them
 _TOPPRA_GRID = 400  # intervals over a whole path for the library
 _BEND_GRID = 12  # intervals in a bend, however short; in a parabola, limits hold between them too
 _INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # places in an interval where limits are measured
@@ -204,12 +205,14 @@ def rate_caps(path: Path, rate_cap: Caps) -> Array:
     return caps
 
 
-def _counts(path: Path) -> npt.NDArray[np.int64]:
+def _counts(path: Path, per_piece: int = PER_PIECE) -> npt.NDArray[np.int64]:
     """Return the number of intervals of each piece: one if it is straight, which is exact; else several."""
     straight = ~(path.c[:-2] != 0.0).any(axis=(0, 2))
     length = np.diff(path.x)
-    step = max(float(length[~straight].sum()), 1e-12) / GRID
-    least = _BEND_GRID if path.c.shape[0] < 4 else 1  # a spline has many pieces
+    is_spline = path.c.shape[0] > 3  # which has many pieces
+    grid = max(GRID, per_piece * int(np.count_nonzero(~straight))) if is_spline else GRID
+    step = max(float(length[~straight].sum()), 1e-12) / grid
+    least = 1 if is_spline else _BEND_GRID
     return np.where(straight, 1, np.maximum(least, np.ceil(length / step - 1e-9))).astype(np.int64)
 
 
@@ -217,7 +220,7 @@ def _counts_of_toppra(path: Path) -> npt.NDArray[np.int64]:
     """Return the number of intervals of each piece: it has no switches inside intervals, in straight pieces neither."""
     length = np.diff(path.x)
     step = float(length.sum()) / _TOPPRA_GRID
-    return np.asarray(np.maximum(_counts(path), np.ceil(length / step - 1e-9)), dtype=np.int64)
+    return np.asarray(np.maximum(_counts(path, 1), np.ceil(length / step - 1e-9)), dtype=np.int64)
 
 
 def _times(s: Array, rate: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import plan.trajectory.timing
 import plan.trajectory.topp_ra
@@ -111,3 +112,21 @@ def test_a_solver_that_lies_costs_time_not_limits(crs97: Unit, monkeypatch: pyte
     _check(trajectory, path.q[0], path.q[-1], limits)
     assert trajectory.stretch > 1.0
     assert trajectory.duration >= best * (1 - 1e-9)
+
+
+def test_a_spline_with_many_knots_is_timed_as_finely_as_it_bends(
+    unit: Unit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a way along a wire: the joints weave between 200 knots, most of all where these are dense."""
+    limits = unit.limits()
+    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, 60), np.linspace(0.4, 0.5, 140)]))
+    weave = np.sin(2.0 * np.pi * np.where(np.abs(s - 0.45) < 0.05, 60.0, 6.0) * s)
+    q = (
+        (limits.lower + limits.upper) / 2.0
+        + np.outer(s, 0.3 * limits.upper)
+        + np.outer(weave, np.full(6, 0.02))
+    )
+    path = CubicSpline(s, q)
+    found = time_curve(path, limits).duration
+    monkeypatch.setattr(plan.trajectory.timing._counts, "__defaults__", (40,))
+    assert found < 1.025 * time_curve(path, limits).duration
