@@ -43,6 +43,7 @@ _AIM = 3e-4  # m, added to the clearance where distances are linearised
 _PENALTY = 100.0  # per mm of missing clearance, relative to the largest curvature
 _MM = 1e-3  # m; clearances of the quadratic program are in mm
 _NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
+_JOINT_ROOM = 5e-3  # rad (m) to a joint limit that a step keeps, for its curvature and what lies between stations
 _PROBE = 1e-6  # rad or m, of the derivative by the coordinates
 _WORTH = 2e-3  # least useful gain of a step, relative
 _WORTH_M = 5e-5  # m, least useful gain of distance
@@ -276,7 +277,6 @@ class Smoothing:
             matrix, linear = _WIDENING * matrix, _WIDENING * linear
         matrix[range(size), range(size)] += _SMALL
         matrix[-2, -2] = matrix[-1, -1] = 1e-2
-        G, h = self._rows(way, D, size, widened)
         trust = region * np.where(np.array(self.columns) < 3, _SHIFT, _TURN)
         at = way.coordinates[:, self.columns]
         low = np.maximum(np.minimum(self.low + self.room - at, 0.0), -trust)
@@ -286,6 +286,7 @@ class Smoothing:
         if turns_only:
             shifts = np.array(self.columns) < 3
             low[:, shifts] = high[:, shifts] = 0.0
+        G, h = self._rows(way, D, size, widened, low, high)
         x = qpsolvers.solve_qp(
             matrix,
             np.concatenate([linear.ravel(), [_PENALTY, 0.0 if widened is None else -1.0]]),
@@ -297,8 +298,10 @@ class Smoothing:
         )
         return None if x is None else x[:-2].reshape(m, f)
 
-    def _rows(self, way: Followed, D: Array, size: int, widened: Demand | None) -> tuple[Array, Array]:
-        """Return the rows G x <= h: distances, joint limits and the disc of tilts."""
+    def _rows(
+        self, way: Followed, D: Array, size: int, widened: Demand | None, low: Array, high: Array
+    ) -> tuple[Array, Array]:
+        """Return the rows G x <= h: distances, joint limits and the disc of tilts, for changes (m, f) within bounds."""
         f = len(self.columns)
         rows, room = [], []
         for demand in self.demands:
@@ -315,9 +318,12 @@ class Smoothing:
             station, joint = np.nonzero(left < _NEAR_LIMIT)
             some = np.zeros((len(station), size))
             place = station[:, None] * f + np.arange(f)
-            some[np.arange(len(station))[:, None], place] = side * D[station, joint]
+            slope = side * D[station, joint]
+            some[np.arange(len(station))[:, None], place] = slope
             rows.append(some)
-            room.append(left[station, joint])
+            # no more room is asked for than half of a step can make
+            inwards = np.maximum(-slope * low[station], -slope * high[station]).sum(axis=1)
+            room.append(np.maximum(left[station, joint] - _JOINT_ROOM, -0.5 * inwards))
         tilt = self.tilt
         if tilt > 0.0:
             swing = way.coordinates[:, 3:5]

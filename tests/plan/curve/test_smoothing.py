@@ -139,6 +139,25 @@ def test_a_step_is_within_the_trust_region_and_what_is_free(
             assert (c <= high[column] + 1e-6).all()
 
 
+@pytest.mark.parametrize("fixed", [False, True])
+def test_a_step_leads_away_from_a_joint_limit_that_the_way_touches(
+    robot: Robot, begun: tuple[Smoothing, Followed], case: str, fixed: bool
+) -> None:
+    """Else its curvature, and what lies between stations, ends beyond the limit, and no step is taken."""
+    smoothing, way = begun
+    joint = int(np.argmax(np.abs(smoothing._derivatives(way)).sum(axis=2).min(axis=0)))  # which all steps move
+    upper = np.array(smoothing.limits.upper)
+    upper[joint] = way.q[:, joint].max()
+    near = Smoothing(
+        robot, smoothing.curve, smoothing.demands, replace(smoothing.limits, upper=frozen(upper)), fixed
+    )
+    step = near._step(way, 1.0)
+    assert step is not None, case
+    then = way.q[:, joint] + (near._derivatives(way) @ step[..., None])[:, joint, 0]
+    assert then[int(fixed) :].max() <= upper[joint] - 4e-3
+    assert then[0] == pytest.approx(way.q[0, joint]) or not fixed
+
+
 def test_the_derivatives_keep_the_tool_where_the_coordinates_say(
     robot: Robot, begun: tuple[Smoothing, Followed]
 ) -> None:
