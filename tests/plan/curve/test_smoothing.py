@@ -139,23 +139,25 @@ def test_a_step_is_within_the_trust_region_and_what_is_free(
             assert (c <= high[column] + 1e-6).all()
 
 
-@pytest.mark.parametrize("fixed", [False, True])
-def test_a_step_leads_away_from_a_joint_limit_that_the_way_touches(
-    robot: Robot, begun: tuple[Smoothing, Followed], case: str, fixed: bool
+@pytest.mark.parametrize(("case", "side", "joint"), [("tilting", -1, 3), ("ranges", -1, 4)])
+def test_a_step_keeps_room_to_a_joint_limit_that_it_would_cross(
+    robot: Robot, crs97: Unit, case: str, side: int, joint: int
 ) -> None:
     """Else its curvature, and what lies between stations, ends beyond the limit, and no step is taken."""
-    smoothing, way = begun
-    joint = int(np.argmax(np.abs(smoothing._derivatives(way)).sum(axis=2).min(axis=0)))  # which all steps move
-    upper = np.array(smoothing.limits.upper)
-    upper[joint] = way.q[:, joint].max()
-    near = Smoothing(
-        robot, smoothing.curve, smoothing.demands, replace(smoothing.limits, upper=frozen(upper)), fixed
-    )
+    smoothing, way = way_along(robot, crs97, *CASES[case])
+    faster = smoothing.smoothed(way, 24)
+    limit = (side * way.q[:, joint]).max()  # where the way touches it
+    assert (side * faster.q[:, joint]).max() > limit + 0.05
+    limits = smoothing.limits
+    bound = np.array(limits.upper if side > 0 else limits.lower)
+    bound[joint] = side * limit
+    limits = replace(limits, **{"upper" if side > 0 else "lower": frozen(bound)})
+    near = Smoothing(robot, smoothing.curve, smoothing.demands, limits)
     step = near._step(way, 1.0)
-    assert step is not None, case
+    assert step is not None
     then = way.q[:, joint] + (near._derivatives(way) @ step[..., None])[:, joint, 0]
-    assert then[int(fixed) :].max() <= upper[joint] - 4e-3
-    assert then[0] == pytest.approx(way.q[0, joint]) or not fixed
+    assert (side * then).max() <= limit - 0.9e-3
+    assert near.time(near.smoothed(way, 24)) < 0.95 * near.time(way)
 
 
 def test_the_derivatives_keep_the_tool_where_the_coordinates_say(
