@@ -20,7 +20,7 @@ from cell.config.bodies import PLACE
 from cell.files.pose_list import RANGES
 from cell.program.biarcs import rounded
 from cell.program.frames import CHORD_ERROR, PathPoses, poses_along
-from cell.program.outline import STRAIGHT, Arc, Outline
+from cell.program.outline import STRAIGHT, Arc, Outline, through
 from cell.program.points import POINTS, read_wire
 from cell.program.svg import strokes_of
 from plan.kinematics.numeric_ik import FREE
@@ -83,6 +83,8 @@ class PathKeys(FreedomKeys):
     points: Outline | None = key("points_mm", POINTS, None)
     line_of: Path | None = key("line_of", path(), None)
     svg: Path | None = key("svg", path(), None)
+    meander: Array | None = key("meander_mm", numbers(2, "mm", 1.0, 5000.0), None)
+    pitch: float | None = key("pitch_mm", number("mm", 0.1, 1000.0), None)
     width: float | None = key("width_mm", number("mm", 1.0, 5000.0), None)
     corner: Array = key("corner_mm", PLACE, [0, 0, 0])
     lift: float | None = key("lift_mm", number("mm", 0.5, 200.0), None)
@@ -97,10 +99,19 @@ class PathKeys(FreedomKeys):
     clearance_of: frozenset[str] = key("clearance_of", Rule("names of bodies", _names), [])
 
 
-SOURCES = ("points_mm", "line_of", "svg")  # keys that make a step a path, each by itself
+SOURCES = ("points_mm", "line_of", "svg", "meander_mm")  # keys that make a step a path, each by itself
 FILES = ("line_of", "svg")  # those of them that name a file
-_OF_SVG = ("width_mm", "corner_mm", "lift_mm")
-_NOT_OF_SVG = ("backwards", "extend_mm", "threaded")
+MOST_LINES = 1000  # of a meander
+_ON_PLANE = ("svg", "meander_mm")
+_NEEDS = {  # what each of these keys is for
+    "width_mm": ("svg",),
+    "pitch_mm": ("meander_mm",),
+    "corner_mm": _ON_PLANE,
+    "lift_mm": _ON_PLANE,
+    "threaded": ("line_of",),
+    "backwards": ("points_mm", "line_of", "meander_mm"),
+    "extend_mm": ("points_mm", "line_of"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,13 +170,11 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
     Raises:
         InputError: the keys do not make a path; names file, key, value and rule.
     """
-    for wrong in _OF_SVG if keys.svg is None else _NOT_OF_SVG:
-        if wrong in node:
-            raise node.error_at(wrong, "needs svg" if keys.svg is None else "cannot be combined with svg")
+    for optional, sources in _NEEDS.items():
+        if optional in node and not any(source in node for source in sources):
+            raise node.error_at(optional, f"needs {' or '.join(sources)}")
     if set(keys.free.replace(",", " ").split()) - {"rz"}:
         raise node.error_at("free", "must be rz, or nothing, on a path; give ranges for other directions")
-    if keys.threaded is not None and keys.line_of is None:
-        raise node.error_at("threaded", "needs line_of: a ring is threaded on the line of a wire file")
     if keys.svg is not None:
         strokes = _drawn(node, keys.svg, keys)
         for number, stroke in enumerate(strokes, start=1):
@@ -173,6 +182,8 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
             yield _path(node, of, keys, stroke, 1.0)
         return
     whole = keys.points
+    if keys.meander is not None:
+        whole = _meander(node, keys.meander).moved(keys.corner)
     if keys.line_of is not None:
         whole = read_wire(keys.line_of).outline
         if whole is None:
@@ -181,6 +192,7 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
         raise node.error(f"must have one of {', '.join(SOURCES)}")
     try:
         outline, along = _travelled(whole, keys)
+        outline = outline if keys.lift is None else _with_lifts(outline, keys.lift)
     except A465Error as error:
         raise node.error(str(error)) from error
     threaded = None
@@ -218,6 +230,22 @@ def _drawn(node: Node, file: Path, keys: PathKeys) -> list[Outline]:
         _with_lifts(rounded(stroke, keys.deviation).moved(keys.corner), lift)
         for stroke in strokes_of(file, width)
     ]
+
+
+def _meander(node: Node, size: Array) -> Outline:
+    """Return lines along x, there and back, over the rectangle from the origin to `size` (2,) m."""
+    pitch = node.get("pitch_mm", number("mm", 0.1, 1000.0))
+    lines = int(np.ceil(size[1] / pitch - 1e-9)) + 1
+    if lines > MOST_LINES:
+        raise node.error_at("pitch_mm", f"makes {lines} lines; must make at most {MOST_LINES}")
+    ends = [
+        (side * size[0], y, 0.0) for k, y in enumerate(np.linspace(0.0, size[1], lines)) for side in _sides(k)
+    ]
+    return through(ends)
+
+
+def _sides(line: int) -> tuple[int, int]:
+    return (0, 1) if line % 2 == 0 else (1, 0)
 
 
 def _with_lifts(stroke: Outline, lift: float) -> Outline:

@@ -1,10 +1,13 @@
-"""The drawing of scenes/pen: the tip stays on the lines at every millisecond, and on the paper."""
+"""The drawing of scenes/pen and the pass of scenes/polish: the tool stays on the lines at every millisecond."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.se3 import inverse
 from cell.program.path_step import PathStep
@@ -39,3 +42,22 @@ def test_the_pen_is_on_the_drawn_lines_at_every_millisecond() -> None:
         )  # rounded corners, and about 1 mm at both ends
         speed = np.linalg.norm(np.diff(tip, axis=0), axis=1) / 1e-3
         assert speed.max() < 1.01 * 0.060
+
+
+def test_the_ball_is_on_its_lines_and_leans_as_far_as_it_may_beside_the_clamp() -> None:
+    task = read_program(data_file("scenes/polish/pass.toml"))
+    plan = plan_of_program(task, Observation(), task.cell.speed)
+    replayed(task, plan)
+    (step,) = task.steps
+    assert isinstance(step, PathStep)
+    path = next(move for move in plan.moves if move.name == f"along {step.name}").path
+    robot, unit, T_work_base = task.cell.robot(), task.cell.unit, inverse(task.T_on_work)
+    q = unit.positions(path.at(np.arange(0.0, path.duration_s, 1e-3)))
+    ball = np.array([T_work_base @ robot.T_base_tool(one) for one in q])
+    off = np.min([piece.distances(ball[:, :3, 3]) for piece in step.outline.pieces], axis=0)
+    assert off.max() < 1e-4
+    lean = np.degrees(np.arccos(-ball[:, 2, 2]))
+    assert 1.0 < lean.max() < 25.1
+    upright = replace(task, steps=(replace(step, tilt=0.0),))
+    with pytest.raises(ImpossibleError, match=r"the nearest miss is spindle .* mm from clamp"):
+        plan_of_program(upright, Observation(), task.cell.speed)

@@ -109,17 +109,73 @@ def test_a_drawing_has_a_smooth_path_for_each_stroke_down_to_the_plane_and_up(tm
     [
         ("width_mm = 100\n", "", r"steps\[1\].width_mm: is missing"),
         ("lift_mm = 4\n", "", r"steps\[1\].lift_mm: is missing"),
-        ("lift_mm = 4", "backwards = true", r"steps\[1\].backwards = True: cannot be combined with svg"),
+        (
+            "lift_mm = 4",
+            "backwards = true",
+            r"steps\[1\].backwards = True: needs points_mm or line_of or meander_mm",
+        ),
         (
             "axis = [0, 0, -1]",
             'axis = "along"',
             r"steps\[1\].axis = 'along': must be a direction x, y, z, with svg",
         ),
         ('svg = "d.svg"', "points_mm = [[0, 0, 0], [0, 0, 9]]", r"steps\[1\].width_mm = 100: needs svg"),
+        ("width_mm = 100", "width_mm = 100\npitch_mm = 2", r"steps\[1\].pitch_mm = 2: needs meander_mm"),
     ],
 )
 def test_keys_of_a_drawing_belong_to_a_drawing(tmp_path: Path, old: str, new: str, message: str) -> None:
     file = _drawing(tmp_path)
+    replace_in(file, old, new)
+    with pytest.raises(InputError, match=message):
+        read_program(file)
+
+
+def _meander(folder: Path, more: str = "") -> Path:
+    file = program(folder)
+    keys = f"meander_mm = [50, 20]\npitch_mm = 6\ncorner_mm = [5, 6, 7]\naxis = [0, 0, -1]\n{more}"
+    replace_in(file, 'name = "wire"\n', f'name = "pass"\n{keys}\n[[steps]]\nname = "wire"\n')
+    return file
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_meander_covers_its_rectangle_with_lines_at_most_a_pitch_apart(
+    tmp_path: Path, backwards: bool
+) -> None:
+    path = read_program(_meander(tmp_path, f"backwards = {str(backwards).lower()}")).steps[2]
+    assert isinstance(path, PathStep)
+    ends = 1e3 * np.array([path.outline.at([s])[0] for s in path.outline.joints])
+    ends = ends[::-1] if backwards else ends
+    np.testing.assert_allclose(
+        ends[:, 1], np.repeat([6, 11, 16, 21, 26], 2), atol=1e-9
+    )  # 20 mm in four steps
+    np.testing.assert_allclose(ends[:, 0], [5, 55, 55, 5, 5, 55, 55, 5, 5, 55], atol=1e-9)
+    np.testing.assert_allclose(ends[:, 2], 7, atol=1e-9)
+    assert len(path.legs()) == 9
+
+
+def test_a_meander_with_arcs_comes_down_and_leaves_along_its_lines(tmp_path: Path) -> None:
+    path = read_program(_meander(tmp_path, "deviation_mm = 1\nlift_mm = 4")).steps[2]
+    assert isinstance(path, PathStep)
+    assert len(path.legs()) == 1
+    np.testing.assert_allclose(1e3 * path.outline.at([0.0, path.outline.length]), [[1, 6, 11], [59, 26, 11]])
+    assert path.outline.at(np.linspace(0.0, path.outline.length, 1000))[:, 2].min() >= 0.007 - 1e-12
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("pitch_mm = 6\n", "", r"steps\[1\].pitch_mm: is missing"),
+        (
+            "pitch_mm = 6",
+            "pitch_mm = 6\nextend_mm = [1, 1]",
+            r"extend_mm = \[1, 1\]: needs points_mm or line_of",
+        ),
+        ("pitch_mm = 6", "pitch_mm = 6\nwidth_mm = 9", r"steps\[1\].width_mm = 9: needs svg"),
+        ("meander_mm = [50, 20]\npitch_mm = 6", "meander_mm = [50, 500]\npitch_mm = 0.1", "makes 5001 lines"),
+    ],
+)
+def test_keys_of_a_meander_belong_to_a_meander(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = _meander(tmp_path)
     replace_in(file, old, new)
     with pytest.raises(InputError, match=message):
         read_program(file)
