@@ -43,9 +43,7 @@ _AIM = 3e-4  # m, added to the clearance where distances are linearised
 _PENALTY = 100.0  # per mm of missing clearance, relative to the largest curvature
 _MM = 1e-3  # m; clearances of the quadratic program are in mm
 _NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
-_JOINT_ROOM = (
-    1e-3  # rad (m) that a step keeps to joint limits, for its curvature and what is between stations
-)
+_JOINT_ROOM = 1e-3  # rad (m) kept to joint limits: for a step's curvature and what is between stations
 _PROBE = 1e-6  # rad or m, of the derivative by the coordinates
 _WORTH = 2e-3  # least useful gain of a step, relative
 _WORTH_M = 5e-5  # m, least useful gain of distance
