@@ -10,7 +10,7 @@ the other. So a cube is gripped well and placed badly, and images show the truth
 "told" is what the run said. Without recovery no look comes before all cubes have been released, because a run ends at
 the first that is not seated. CPU and steps are means of a run. CPU is process time, with planning, images and unit.
 With --alone neither arm nor camera nor unit takes part: the tool carries one cube at a time on straight lines, from a
-hole to a hole, both drawn, and is off at the second.
+hole to a hole, both drawn, and is off at the second. With --lean it leans there instead, about the hole's middle.
 """
 
 from __future__ import annotations
@@ -153,24 +153,29 @@ def judged(simulated: ContactCell, report: dict[str, object], end: str, cpu_s: f
     return Ran(len(full), released, len(told), len(set(told) - full), end, cpu_s, simulated.simulated_steps)
 
 
-def alone(errors_mm: list[float], seeds: range, settings: list[str]) -> None:
+def alone(errors: list[float], seeds: range, settings: list[str], leans: bool) -> None:
     """Print a row per error: cubes that the tool alone, on straight lines, grips, carries and releases."""
     keys = {name: float(value) for name, value in (one.split("=") for one in settings)}
-    print("| error, mm | cubes | seated | lost | CPU s a cube |\n|---|---|---|---|---|")
-    for error_mm in errors_mm:
+    print(
+        f"| {'lean, deg' if leans else 'error, mm'} | cubes | seated | lost | CPU s a cube |\n|---|---|---|---|---|"
+    )
+    for error in errors:
         ends, began = Counter[str](), time.process_time()
         for seed in seeds:
             rng = np.random.default_rng([seed, 21])
             angle, source, target = rng.uniform(0.0, 2.0 * np.pi), int(rng.integers(4)), int(rng.integers(4))
             driven = DrivenContact(world_of(contact=keys))
             driven.fetch(source)
-            driven.place(target, (1e-3 * error_mm * np.cos(angle), 1e-3 * error_mm * np.sin(angle)))
+            way = np.array([np.cos(angle), np.sin(angle)])
+            if leans:
+                driven.place(target, lean=np.radians(error) * way)
+            else:
+                driven.place(target, tuple(1e-3 * error * way))
             ends.update(event.what for event in driven.cell.events)
         cpu_s = (time.process_time() - began) / len(seeds)
         share = 100 * ends["placed"] / len(seeds)
         print(
-            f"| {error_mm:g} | {len(seeds)} | {ends['placed']} ({share:.0f} %) | {ends['lost']} | "
-            f"{cpu_s:.2f} |",
+            f"| {error:g} | {len(seeds)} | {ends['placed']} ({share:.0f} %) | {ends['lost']} | {cpu_s:.2f} |",
             flush=True,
         )
 
@@ -187,12 +192,20 @@ def main() -> None:
     parser.add_argument("--speed", type=float, default=0.5, help="as of a465 run")
     parser.add_argument("--alone", action="store_true", help="one cube at a time, by the tool alone")
     parser.add_argument(
+        "--lean", action="store_true", help="with --alone: errors are deg by which the tool leans"
+    )
+    parser.add_argument(
         "--set", nargs="*", default=[], help="with --alone: KEY=VALUE of [contact], in SI units"
     )
     options = parser.parse_args()
     if options.alone:
         print(f"{run_conditions()}; one cube at a time; {' '.join(options.set) or 'constants as shipped'}\n")
-        alone(options.errors, range(options.first_seed, options.first_seed + options.runs), options.set)
+        alone(
+            options.errors,
+            range(options.first_seed, options.first_seed + options.runs),
+            options.set,
+            options.lean,
+        )
         return
     print(f"{run_conditions()}; speed {options.speed:g}, recovery {'on' if options.recovery else 'off'}\n")
     print("| error, mm | cubes | released | seated | told as placed | not seated of these | CPU s | steps |")

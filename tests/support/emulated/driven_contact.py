@@ -108,9 +108,13 @@ class DrivenContact:
         self.line(above)
         return opening
 
-    def place(self, hole: int, aside: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Put the held cube into a hole of the second board, off by `aside`, m, and retract."""
-        at = self.T_base_hole(1, hole) @ transform(t=(*aside, 0.0)) @ OVER
+    def place(self, hole: int, aside: tuple[float, float] = (0.0, 0.0), lean: Array | None = None) -> None:
+        """Put the held cube into a hole of the second board, off by `aside`, m, and retract.
+
+        The tool leans about the hole's middle by `lean`, a rotation vector (2,) rad in the plate's plane.
+        """
+        error = transform(rotation((*lean, 0.0)) if lean is not None else None, (*aside, 0.0))
+        at = self.T_base_hole(1, hole) @ error @ OVER
         above = at @ transform(t=(0.0, 0.0, -LIFT))
         self.line(above)
         self.line(at)
