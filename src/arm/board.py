@@ -49,6 +49,19 @@ PLATE = Plate()
 """That of all boards with holes."""
 
 
+@dataclass(frozen=True)
+class Outline:
+    """Outline of a plate's top, in the plane of the markers, where light turns to dark.
+
+    Attributes:
+        corners: (4, 2), clockwise seen from above, m in the board frame.
+        tolerance: of each corner along x and along y, m: `TOLERANCE_SDS` standard deviations.
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    tolerance: float
+
+
 def seat_depth(cube_size: float, pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)) -> float:
     """Return the depth at which a cube of this edge wedges in a funnel-shaped pocket (mouth, floor), all in m."""
     mouth, floor = pocket
@@ -68,6 +81,7 @@ class Board:
         tolerance: tolerance of the positions of markers and holes, m: `TOLERANCE_SDS` standard deviations.
         pocket: width of a pocket's mouth and of its floor, m.
         plate: its plate.
+        outline: that of its top, if it may stand in for a hidden marker; else None.
     """
 
     name: str
@@ -78,6 +92,7 @@ class Board:
     tolerance: float = 0.0
     pocket: tuple[float, float] = (POCKET_MOUTH, POCKET_FLOOR)
     plate: Plate = PLATE
+    outline: Outline | None = None
 
     def marker_corners(self) -> Array:
         """Return the marker corners, (2, 4, 3) m in the board frame: top left, top right, bottom right, bottom left."""

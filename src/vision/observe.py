@@ -17,8 +17,9 @@ from arm.poses import BoardPose, adjoint
 from arm.se3 import apply, frozen, inverse
 from vision.background.camera_shift import CameraShift
 from vision.background.watch import CameraWatch
-from vision.boards.pose import BoardLimits, estimate_board_pose
-from vision.camera.frame_source import Image
+from vision.boards.outline_pose import assess_with_outline
+from vision.boards.pose import BoardLimits, accepted_pose, assess_board
+from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.drawing import Pen
 from vision.markers.detect import Marker, detect_markers
@@ -82,16 +83,16 @@ def look(
     missing: dict[str, str] = {}
     for board in boards:
         hidden = [i for i in board.marker_ids if i not in detected]
-        if hidden:
+        if len(hidden) == 2 or (hidden and board.outline is None):
             missing[board.name] = _why_missing(board, hidden)
             continue
         try:
             _require_in_region(board, frames, camera)
-            pose = estimate_board_pose(board, frames, camera, limits, tilts)
+            pose = _pose(board, frames, images, camera, dictionary, limits, tilts)
         except ImpossibleError as error:
-            if not arm_in_view:
+            if not arm_in_view and not hidden:
                 raise
-            missing[board.name] = str(error)
+            missing[board.name] = f"marker {hidden[0]} is hidden; {error}" if hidden else str(error)
             continue
         if shift is not None:
             pose = with_camera_uncertainty(pose, camera, shift)
@@ -99,6 +100,32 @@ def look(
         found.append(ObservedBoard(pose, cubes))
     half_seen = tuple(b.name for b in boards if b.name in missing and detected & set(b.marker_ids))
     return Observation(tuple(found), missing, half_seen, tuple(images), frames, shift)
+
+
+def _pose(
+    board: Board,
+    frames: Sequence[Sequence[Marker]],
+    images: Sequence[Image],
+    camera: Camera,
+    dictionary: str,
+    limits: BoardLimits | None,
+    tilts: Sequence[float],
+) -> BoardPose:
+    """Return the pose of a board of which a marker shows; its outline, if it has one, is asked where markers do not do.
+
+    Raises:
+        ImpossibleError: the pose is refused.
+    """
+    if set(board.marker_ids) <= {m.id for frame in frames for m in frame}:
+        by_markers = assess_board(board, frames, camera, limits, tilts)
+        # what more evidence cures: a board that does not fit its markers is not asked further
+        unsure = bool(by_markers.doubts) and all(d.data.keys() & {"odds", "turn"} for d in by_markers.doubts)
+        if board.outline is None or not unsure:
+            return accepted_pose(board, by_markers)
+    mean = np.mean([as_grey(image) for image in images], axis=0, dtype=np.float32)
+    return accepted_pose(
+        board, assess_with_outline(board, frames, np.asarray(mean), camera, dictionary, limits, tilts)
+    )
 
 
 def _require_in_region(board: Board, frames: Sequence[Sequence[Marker]], camera: Camera) -> None:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from arm.board import Board, Plate, read_board_csv
+from arm.board import Board, Outline, Plate, read_board_csv
 from arm.io.keys import Keys, key
 from arm.io.node import Node
 from arm.io.rules import integers, number, numbers, triple
 from arm.se3 import Array, frozen
 
 _APART = 1.05  # least distance of the markers' centres, in marker sizes, along x or y
+_OFF = 5e-3  # largest distance of a measured corner of the outline from that of the plate, along x and y, m
 
 
 class PlainBoardKeys(Keys):
@@ -24,6 +25,8 @@ class PlainBoardKeys(Keys):
     size: tuple[float, float, float] = key("size_mm", triple("mm", 1, 2000))
     centre: Array = key("centre_mm", numbers(2, "mm", -1000, 1000))
     made_within: float | None = key("made_within_mm", number("mm", 0, 5), None)
+    outline: Array | None = key("outline_mm", numbers((4, 2), "mm", -1000, 1000), None)
+    outline_within: float | None = key("outline_within_mm", number("mm", 0.01, 5), None)
 
 
 def read_board(path: Path, marker_size: float, tolerance: float = 0.0) -> Board:
@@ -60,4 +63,23 @@ def read_board(path: Path, marker_size: float, tolerance: float = 0.0) -> Board:
         (float(keys.second[0]), float(keys.second[1])),
         tolerance if keys.made_within is None else keys.made_within,
         plate=Plate((x, y, thickness), (float(keys.centre[0]), float(keys.centre[1]))),
+        outline=_outline(keys, root),
     )
+
+
+def _outline(keys: PlainBoardKeys, root: Node) -> Outline | None:
+    """Return the outline that may stand in for a hidden marker, if the file allows it."""
+    if keys.outline_within is None:
+        if keys.outline is not None:
+            raise root.error_at("outline_mm", "needs outline_within_mm: how exactly its corners are known")
+        return None
+    half = np.array(keys.size[:2]) / 2.0
+    plate = keys.centre + half * np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+    corners = plate if keys.outline is None else keys.outline
+    if np.abs(corners - plate).max() > _OFF:
+        rule = (
+            "must be the plate's corners as measured, each within 5 mm of that of size_mm and centre_mm: top left, top "
+            "right, bottom right, bottom left, in marker 1's picture"
+        )
+        raise root.error_at("outline_mm", rule)
+    return Outline(tuple((float(x), float(y)) for x, y in corners), keys.outline_within)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from vision.boards.marker_size import fit_marker_size
 from vision.boards.pose_fit import Corners, Fit
 from vision.boards.shared_errors import SAME_PRINT
 from vision.camera.model import Camera
+from vision.markers.detect import Marker
 
 RESIDUAL_PX = 1.0  # largest rms residual of the mean corners, per coordinate
 MOVED_PX = 2.0  # largest deviation of a frame's markers from the median of all frames
@@ -75,6 +76,23 @@ def _at_centre(pose: BoardPose) -> Array:
     """Covariance of the pose of the centre of the plate's top, (6, 6)."""
     Ad = adjoint(inverse(transform(t=(*pose.board.plate.centre, 0.0))))
     return mul(mul(Ad, pose.covariance), Ad.T)
+
+
+def seen_twice(board: Board, frames: Sequence[Sequence[Marker]]) -> ImpossibleError | None:
+    """Return the doubt that two boards with equal ids are in view, if a marker is in one frame twice."""
+    for frame in frames:
+        for marker_id in board.marker_ids:
+            at = [m.corners_px.mean(axis=0).tolist() for m in frame if m.id == marker_id]
+            if len(at) > 1:
+                (x0, y0), (x1, y1) = at[:2]
+                return ImpossibleError(
+                    f"board {board.name}: marker {marker_id} is in view twice, at {x0:.0f}, {y0:.0f} px and at "
+                    f"{x1:.0f}, {y1:.0f} px; no pose is made of markers of two boards: each needs ids of its own",
+                    board=board.name,
+                    marker=marker_id,
+                    markers_px=at,
+                )
+    return None
 
 
 def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:

@@ -83,11 +83,19 @@ def estimate_board_pose(
     """Run `assess_board` and raise its first doubt.
 
     Raises:
-        ImpossibleError: a marker is in no frame, the board moved between frames, another marker size fits, the corners
-            do not fit the board, its tilt cannot be distinguished from the mirrored one, or the pose is less certain
-            than the limits allow.
+        ImpossibleError: a marker is in no frame, or twice in one; the board moved between frames, another marker size
+            fits, the corners do not fit the board, its tilt cannot be distinguished from the mirrored one, or the pose
+            is less certain than the limits allow.
     """
-    assessment = assess_board(board, frames, camera, limits, tilts)
+    return accepted_pose(board, assess_board(board, frames, camera, limits, tilts))
+
+
+def accepted_pose(board: Board, assessment: BoardAssessment) -> BoardPose:
+    """Return the pose of an assessment, or raise its first doubt.
+
+    Raises:
+        ImpossibleError: the pose is doubted, or there is none.
+    """
     for doubt in assessment.doubts:
         raise doubt
     if assessment.pose is None:
@@ -271,6 +279,9 @@ def _residual(corners: Corners, fit: Fit) -> float:
 
 def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> Corners | ImpossibleError:
     pixels = np.full((len(frames), 2, 4, 2), np.nan)
+    twice = checks.seen_twice(board, frames)
+    if twice is not None:
+        return twice
     for index, frame in enumerate(frames):
         for marker in frame:
             if marker.id in board.marker_ids:
