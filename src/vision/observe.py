@@ -88,7 +88,7 @@ def look(
             continue
         try:
             _require_in_region(board, frames, camera)
-            pose = _pose(board, frames, images, camera, dictionary, limits, tilts)
+            pose = _pose(board, frames, images, camera, dictionary, limits, tilts, boards)
         except ImpossibleError as error:
             if not arm_in_view and not hidden:
                 raise
@@ -110,6 +110,7 @@ def _pose(
     dictionary: str,
     limits: BoardLimits | None,
     tilts: Sequence[float],
+    boards: Sequence[Board],
 ) -> BoardPose:
     """Return the pose of a board of which a marker shows; its outline, if it has one, is asked where markers do not do.
 
@@ -122,10 +123,10 @@ def _pose(
         unsure = bool(by_markers.doubts) and all(d.data.keys() & {"odds", "turn"} for d in by_markers.doubts)
         if board.outline is None or not unsure:
             return accepted_pose(board, by_markers)
-    mean = np.mean([as_grey(image) for image in images], axis=0, dtype=np.float32)
-    return accepted_pose(
-        board, assess_with_outline(board, frames, np.asarray(mean), camera, dictionary, limits, tilts)
-    )
+    mean = np.asarray(np.mean([as_grey(image) for image in images], axis=0, dtype=np.float32))
+    others = [i for other in boards if other is not board for i in other.marker_ids]
+    assessment = assess_with_outline(board, frames, mean, camera, dictionary, limits, tilts, others)
+    return accepted_pose(board, assessment)
 
 
 def _require_in_region(board: Board, frames: Sequence[Sequence[Marker]], camera: Camera) -> None:

@@ -9,8 +9,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from arm.board import Board, Outline, Plate
 from arm.errors import ImpossibleError, InputError
 from arm.poses import BoardPose
+from arm.robot.shapes import Body, Box
 from arm.se3 import apply, transform
 from pictures.boards import (
     CUBE,
@@ -24,7 +26,9 @@ from pictures.boards import (
     twist_between,
     window,
 )
+from pictures.puzzle import PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of
 from vision.background.camera_shift import CameraShift
+from vision.boards.checks import BoardLimits
 from vision.observe import annotated, look, with_camera_uncertainty
 from vision.occupancy.classify import OUT
 
@@ -230,3 +234,28 @@ def test_the_camera_s_shift_adds_to_covariance_and_repeatability_alike() -> None
     assert added == pytest.approx(now.repeatability - 1e-13 * np.eye(6), abs=1e-20)
     assert np.sqrt(np.diag(added)) == pytest.approx([1e-5, 1e-5, 0.0, 1e-5, 1e-5, 0.0], abs=1e-9)
     assert with_camera_uncertainty(replace(pose, repeatability=None), camera, shift).repeatability is None
+
+
+def test_a_hidden_marker_is_the_outline_s_matter_only_if_the_board_s_file_says_so() -> None:
+    T = lying((0.46, 0.02, 0.034), 40.0, 7.0, 100.0)
+    camera = view_of(corners_of(T))
+    bar = Body("bar", Box((0.044, 0.02, 0.002)), T @ transform(t=(0.075, -0.075, 0.004)), "wire")
+    image = picture(camera, [(as_designed(), T)], PLAIN, np.random.default_rng(3), [bar])
+    limits = BoardLimits(height_m=4e-3)
+    seen = look([image, image], camera, [PUZZLE, A], DICTIONARY, CUBE, limits, arm_in_view=True)
+    assert seen.boards[0].pose.board is PUZZLE
+    assert np.linalg.norm(twist_between(seen.poses[0].T_base_board, T)[:3]) < 8e-3
+    without = replace(PUZZLE, outline=None)
+    refused = look([image], camera, [without], DICTIONARY, CUBE, limits)
+    assert refused.missing[PUZZLE.name].startswith("marker 2 is hidden, or less than 3 px inside")
+    other = replace(PUZZLE, plate=Plate((0.12, 0.12, 0.003), PUZZLE.plate.centre), outline=_shrunk(PUZZLE))
+    odd = look([image], camera, [other], DICTIONARY, CUBE, limits)
+    assert odd.half_seen == (PUZZLE.name,)
+    assert odd.missing[PUZZLE.name].startswith("marker 2 is hidden; board 01-02: ")
+
+
+def _shrunk(board: Board) -> Outline:
+    assert board.outline is not None
+    corners = np.array(board.outline.corners)
+    middle = corners.mean(axis=0)
+    return replace(board.outline, corners=tuple(map(tuple, middle + 0.96 * (corners - middle))))

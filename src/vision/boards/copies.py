@@ -8,6 +8,8 @@ their codes, everything else by 0.51 at most (bench/results/real-cell-2026-11-26
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +32,12 @@ OWN = 0.8  # marker sizes from the centre of a board's own markers within which 
 
 
 def other_copy(
-    image: Grey, board: Board, T_camera_board: Array, camera: Camera, dictionary: str
+    image: Grey,
+    board: Board,
+    T_camera_board: Array,
+    camera: Camera,
+    dictionary: str,
+    others: Sequence[int] = (),
 ) -> ImpossibleError | None:
     """Return the doubt that another board with the same markers is in view, if one is.
 
@@ -40,6 +47,7 @@ def other_copy(
         T_camera_board: its pose.
         camera: the camera; its extrinsics are not used.
         dictionary: of the markers.
+        others: ids of markers of other boards that may be in view; they look somewhat alike.
     """
     on_board, px, inside = _map(board, T_camera_board, camera)
     if not inside.any():
@@ -51,15 +59,26 @@ def other_copy(
     )
     own = board.marker_corners().mean(axis=1)[:, :2]
     apart = np.linalg.norm(on_board[..., None, :] - own, axis=-1).min(axis=-1) > OWN * board.marker_size
-    alike = [
-        np.where(apart, _correlation(seen, inside, marker_id, dictionary), 0.0)
-        for marker_id in board.marker_ids
-    ]
-    which, row, column = np.unravel_index(int(np.argmax(alike)), (len(alike), *apart.shape))
-    most = float(alike[which][row, column])
-    if most < ALIKE:
-        return None
-    marker_id, (x, y) = board.marker_ids[which], px[row, column].tolist()
+    alike = np.stack([_correlation(seen, inside, i, dictionary) for i in board.marker_ids]) * apart
+    while alike.max() >= ALIKE:
+        which, row, column = (int(k) for k in np.unravel_index(int(np.argmax(alike)), alike.shape))
+        most, here = float(alike[which, row, column]), _around(row, column, PIXELS // 2)
+        about = _around(row, column, 2 * PIXELS)
+        middle = _around(min(row, 2 * PIXELS), min(column, 2 * PIXELS), 3)  # of `about`
+        codes = [_correlation(seen[about], inside[about], i, dictionary)[middle] for i in others]
+        if max((float(code.max()) for code in codes), default=0.0) <= most:
+            return _doubt(board, board.marker_ids[which], px[row, column], most)
+        alike[(slice(None), *here)] = 0.0
+    return None
+
+
+def _around(row: int, column: int, by: int) -> tuple[slice, slice]:
+    """The part of a map about a place."""
+    return slice(max(row - by, 0), row + by + 1), slice(max(column - by, 0), column + by + 1)
+
+
+def _doubt(board: Board, marker_id: int, at: Floats, alike: float) -> ImpossibleError:
+    x, y = at.tolist()
     return ImpossibleError(
         f"board {board.name}: a second marker {marker_id} shows in part, at {x:.0f}, {y:.0f} px, so another board with "
         "the same ids is in view; which one is meant cannot be told, and a pose is never made of markers of two "
@@ -67,7 +86,7 @@ def other_copy(
         board=board.name,
         marker=marker_id,
         marker_px=[x, y],
-        alike=most,
+        alike=alike,
     )
 
 

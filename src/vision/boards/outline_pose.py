@@ -107,6 +107,7 @@ def assess_with_outline(
     dictionary: str,
     limits: BoardLimits | None = None,
     tilts: Sequence[float] = (),
+    others: Sequence[int] = (),
 ) -> BoardAssessment:
     """Estimate the pose of a board from its markers, one or both, and its outline, and collect doubts.
 
@@ -118,6 +119,7 @@ def assess_with_outline(
         dictionary: of the markers.
         limits: for doubts.
         tilts: known tilts of the stands, rad, which are compared with the pose and change nothing.
+        others: ids of markers of other boards that may be in view.
     """
     seen = _gather(board, frames)
     if isinstance(seen, ImpossibleError):
@@ -147,7 +149,7 @@ def assess_with_outline(
     )
     if tilts:
         pose = replace(pose, tilt_hypothesis=tilt_hypothesis(pose, tilts))
-    twice = other_copy(image, board, best.T, camera, dictionary)
+    twice = other_copy(image, board, best.T, camera, dictionary, others)
     doubts = [
         *([] if twice is None else [twice]),
         *checks.ambiguous(board, angle, (cost - best.cost) / 2.0, ratio),

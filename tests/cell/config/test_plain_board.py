@@ -77,6 +77,28 @@ def test_a_cell_compares_boards_by_what_they_are() -> None:
     assert config_inputs({}, boards=[board])["board 01-02"] == cell.inputs["board 01-02"]
 
 
+def test_the_outline_is_the_plate_s_or_as_measured_and_is_a_choice(tmp_path: Path) -> None:
+    board = read_board(PUZZLE, 0.036)
+    corners = ((-0.025, 0.025), (0.1, 0.025), (0.1, -0.1), (-0.025, -0.1))
+    assert board.outline is not None
+    np.testing.assert_allclose(board.outline.corners, corners, atol=1e-12)
+    assert board.outline.tolerance == pytest.approx(5e-4)
+    file = tmp_path / "board.toml"
+    file.write_text(PUZZLE.read_text())
+    replace_in(file, "outline_within_mm = 0.5", "outline_within_mm = 0.1 #")
+    file.write_text(
+        file.read_text() + "outline_mm = [[-25.1, 25], [99.8, 24.9], [99.7, -99.8], [-25, -99.9]]\n"
+    )
+    measured = read_board(file, 0.036).outline
+    assert measured is not None
+    np.testing.assert_allclose(measured.corners[1], (0.0998, 0.0249), atol=1e-12)
+    replace_in(file, "outline_within_mm", "# outline_within_mm")
+    replace_in(file, "outline_mm", "# outline_mm")
+    none = read_board(file, 0.036)
+    assert none.outline is None
+    assert config_inputs({}, boards=[none]) == config_inputs({}, boards=[board])  # plans do not depend on it
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -95,6 +117,21 @@ def test_a_cell_compares_boards_by_what_they_are() -> None:
         ),
         ("centre_mm = [37.5, -37.5]", "centre_mm = [50, -37.5]", r"centre_mm = .*partly off the board"),
         ("size_mm = [125, 125, 3]", "size_mm = [125, 125]", r"size_mm = .*must be 3 numbers in mm"),
+        (
+            "outline_within_mm = 0.5",
+            "outline_mm = [[-25, 25], [100, 25], [100, -100], [-25, -100]]",
+            r"outline_mm.*needs outline_within_mm",
+        ),
+        (
+            "outline_within_mm = 0.5",
+            "outline_within_mm = 0.2\noutline_mm = [[100, 25], [-25, 25], [100, -100], [-25, -100]]",
+            r"outline_mm.*top left, top right, bottom right, bottom left",
+        ),
+        (
+            "outline_within_mm = 0.5",
+            "outline_within_mm = 0",
+            r"outline_within_mm = 0: must be a number in mm",
+        ),
     ],
 )
 def test_wrong_boards_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:

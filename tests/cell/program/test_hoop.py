@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import runpy
+import shutil
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +26,7 @@ from cell.program.points import read_wire
 from cell.program.program_file import read_program
 from cell.program.steps import Step
 from cell.task.plan_matches import replayed, scene_of_now
-from typed.command_line import a465
+from typed.command_line import a465, replace_in
 from typed.doc_commands import ROOT
 from vision.observation import Observation
 
@@ -206,3 +207,21 @@ def test_the_ring_is_led_along_a_wire_whose_board_is_seen_by_its_markers(tmp_pat
     a465("check", plan, file)
     said, _ = a465("execute", plan, file, "--json", "--time-scale", "100", cwd=tmp_path)
     assert json.loads(said)["plan_sha256"] == read_plan(plan).sha256
+
+
+def test_a_board_of_which_a_lamp_hides_a_marker_is_found_by_its_outline(tmp_path: Path) -> None:
+    for folder in ("hoop", "cameras"):
+        shutil.copytree(data_file(f"scenes/{folder}"), tmp_path / folder)
+    file, cell, look = tmp_path / "hoop/seen.toml", tmp_path / "hoop/cell.toml", tmp_path / "look.json"
+    lamp = "[[walls]]\nname = 'lamp'\ncentre_mm = [516, -6.5, 90]\nsize_mm = [44, 44, 10]\nrpy_deg = [0, 0, 15]\n"
+    replace_in(cell, "[look]", lamp + "\n[look]")
+    a465("look", file, "-o", look)
+    (found,) = json.loads(look.read_text())["scenes"][0]["boards"]
+    true = read_world(file.with_suffix(".world.toml"), 0.04).boards[0].T_base_board
+    off = np.linalg.inv(np.array(found["T_base_board"])) @ true
+    assert found["verdict"] == "accepted"
+    assert np.linalg.norm(off[:3, 3]) < 4e-3
+    assert np.degrees(np.arccos(off[2, 2])) < 1.0
+    replace_in(tmp_path / "hoop/boards/puzzle_01-02.toml", "outline_within_mm", "# outline_within_mm")
+    _, told = a465("look", file, code=3)
+    assert "marker 2 is hidden, or less than 3 px inside the image; marker 1 alone does not determine" in told

@@ -35,6 +35,21 @@ def test_a_pose_too_uncertain_to_grasp_is_refused_with_its_figures() -> None:
     assert assess_board(board, frames, CAMERA, wide).accepted
 
 
+def test_a_marker_that_is_in_a_frame_twice_is_refused_and_no_pose_is_made() -> None:
+    """Of two boards with equal ids; the markers of either would fit."""
+    rng = np.random.default_rng(2)
+    board = lab_board()
+    first, second = (seen_corners(board, random_pose(rng, 7.0), CAMERA, rng)[0] for _ in range(2))
+    for frame in ([*first, *second], [first[0], *second], [*first, second[1]]):
+        seen = assess_board(board, [first, frame], CAMERA)
+        assert seen.pose is None
+        (doubt,) = seen.doubts
+        assert "is in view twice" in str(doubt)
+        assert len(doubt.data["markers_px"]) == 2
+    apart = assess_board(board, [[first[0], second[1]]], CAMERA)
+    assert not apart.accepted
+
+
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
