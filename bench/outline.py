@@ -138,7 +138,7 @@ def hidden(board: Board, count: int) -> None:
     """Boards as their files say, one marker showing."""
     errors, told, nees, again = [], [], [], []
     refused: Counter[str] = Counter()
-    wrong = 0
+    wrong: list[str] = []
     for shot, _ in shots(board, count, 10_000, lambda one, _: (one, FOAM_GREY)):
         verdict = assess_with_outline(
             board, [shot.frame], shot.image.astype(np.float32), shot.camera, DICTIONARY, LIMITS
@@ -153,7 +153,8 @@ def hidden(board: Board, count: int) -> None:
         if verdict.accepted:
             told.append(np.sqrt(np.diag(C)))
             again.append(x)
-            wrong += is_wrong(verdict.pose, shot.T)
+            if is_wrong(verdict.pose, shot.T):
+                wrong.append(f"- wrong: off {words(1e3 * x[:3], np.degrees(x[3:]))}; told {said(C)}")
     z = np.array(errors)
     sd, x = np.array(told), np.array(again)
     within, made_ = 1e3 * (board.outline.tolerance if board.outline else 0.0), 1e3 * board.tolerance
@@ -164,10 +165,18 @@ def hidden(board: Board, count: int) -> None:
         np.degrees(np.sqrt(np.mean(sd[:, 3:] ** 2, axis=0))),
     )
     print(
-        f"| {made_:g}, {within:g} | {count} | {len(told)} | {wrong} | {reasons} | {words(*rms)} | {words(*says)} | "
+        f"| {made_:g}, {within:g} | {count} | {len(told)} | {len(wrong)} | {reasons} | {words(*rms)} | {words(*says)} | "
         f"{words(*np.split(np.sqrt(np.mean(z**2, axis=0)), 2))} | {np.mean(nees):.2f} ({len(nees)}) |",
+        *wrong,
+        sep="\n",
         flush=True,
     )
+
+
+def said(covariance: Array) -> str:
+    """Standard deviations of a covariance (6, 6)."""
+    sd = np.sqrt(np.diag(covariance))
+    return words(1e3 * sd[:3], np.degrees(sd[3:]))
 
 
 def words(shift: Array, turn: Array) -> str:

@@ -36,7 +36,7 @@ REACHES = (3e-3, 2e-3, 1e-3, 1e-3)
 """Distances within which sides are looked for, one round after the other, m: less than from a marker to its side."""
 OUTWARDS_PX = 0.2  # standard deviation of a shift of all sides by light and blur, outwards
 MISFIT = 1e-3  # probability below which markers and outline are not those of one board
-SHAPE = 0.04e-3  # standard deviation of each corner of a marker as printed, m: that of a real 3D print
+SHAPE = 0.05e-3  # standard deviation of each corner of a marker as printed, m: a real 3D print has 0.04 mm
 _STEPS, _DONE = 30, 1e-9  # of a fit; m and rad
 _MEDIAN = np.pi / 2.0  # variance of a median over that of a mean
 
