@@ -165,8 +165,8 @@ def hidden(board: Board, count: int) -> None:
         np.degrees(np.sqrt(np.mean(sd[:, 3:] ** 2, axis=0))),
     )
     print(
-        f"| {made_:g}, {within:g} | {count} | {len(told)} | {len(wrong)} | {reasons} | {words(*rms)} | {words(*says)} | "
-        f"{words(*np.split(np.sqrt(np.mean(z**2, axis=0)), 2))} | {np.mean(nees):.2f} ({len(nees)}) |",
+        f"| {made_:g}, {within:g} | {count} | {len(told)} | {len(wrong)} | {reasons} | {words(*rms)} | "
+        f"{words(*says)} | {words(*np.split(np.sqrt(np.mean(z**2, axis=0)), 2))} | {np.mean(nees):.2f} ({len(nees)}) |",
         *wrong,
         sep="\n",
         flush=True,

@@ -34,6 +34,7 @@ PLATE = Plate((0.125, 0.125, 0.003), (0.0375, -0.0375))
 CORNERS = ((-0.025, 0.025), (0.1, 0.025), (0.1, -0.1), (-0.025, -0.1))  # m
 LIMITS = BoardLimits(height_m=4e-3)  # of scenes/hoop/cell.toml
 LEAST_SEEN = 0.25  # part of a border of the half hidden marker
+MOST_TURNED_PX = 2.0  # of its ends against each other
 
 
 def outlined(made_mm: float, within_mm: float) -> Board:
@@ -198,7 +199,10 @@ def half_hidden(
         if side.seen < LEAST_SEEN:
             continue
         seen = Projection(camera, pose.T_base_board, side.points)
-        across = float((side.inwards * (side.found_px - seen.pixels)).sum(axis=-1).mean())
+        ends = (side.inwards * (side.found_px - seen.pixels)).sum(axis=-1)
+        if np.ptp(ends) > MOST_TURNED_PX:  # the wire's edge
+            continue
+        across = float(ends.mean())
         J = np.einsum("ni,nij->nj", side.inwards, seen.by_target).mean(axis=0)
         px_per_m = float(np.linalg.norm(np.einsum("ni,nij->nj", side.inwards, seen.by_point), axis=-1).mean())
         off.append(across / px_per_m)
