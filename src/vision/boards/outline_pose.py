@@ -267,10 +267,10 @@ def _by_pose(seen: _Seen, sides: Sequence[Side], T: Array, camera: Camera) -> Ar
 def _errors(seen: _Seen, sides: Sequence[Side], T: Array, camera: Camera) -> Array:
     """Effect of one standard deviation of each error of print, light and outline, (8 m + 2 n, k) px."""
     board = seen.board
-    of_markers = shared_errors(board, T, camera, seen.sides_px)
-    of_markers = of_markers.reshape(2, 8, -1)[list(seen.numbers)].reshape(seen.corners_px.size, -1)
+    rows = np.arange(16).reshape(2, 8)[list(seen.numbers)].ravel()
+    of_markers = shared_errors(board, T, camera, seen.sides_px)[rows]
     px_per_m = float(np.linalg.norm(seen.corners_px[1] - seen.corners_px[0])) / board.marker_size
-    own = np.hypot(SHAPE * px_per_m, COMMON_MODE_PX["lines"]) * np.eye(len(of_markers))
+    own = np.hypot(SHAPE * px_per_m, COMMON_MODE_PX["lines"]) * np.eye(len(rows))
     of_sides = _side_errors(board, sides, T, camera)
     return np.asarray(block_diag(np.hstack([of_markers, own]), of_sides))
 

@@ -8,8 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from arm.robot.shapes import Body, Box
-from arm.se3 import frozen, inverse, transform
-from pictures.boards import window
+from arm.se3 import inverse, transform
 from pictures.puzzle import DICTIONARY, PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of, wire
 from vision.boards.copies import other_copy
 from vision.markers.detect import detect_markers
@@ -61,18 +60,3 @@ def test_markers_of_boards_with_other_ids_are_no_copies() -> None:
     """They look somewhat alike: all have a black frame."""
     other = replace(PUZZLE, name="03-04", marker_ids=(3, 4))
     assert other_copy(drawn(True), other, T_CAMERA, CAMERA, DICTIONARY, others=(1, 2)) is None
-
-
-def test_what_is_beyond_the_image_is_no_copy() -> None:
-    """The window ends before the second board."""
-    low = np.array([0.0, 0.0])
-    first = CAMERA.project_base(corners_of(FIRST))
-    second = CAMERA.project_base(corners_of(SECOND))
-    width = int(min(first[:, 0].max(), CAMERA.size[0]))
-    if second[:, 0].mean() < first[:, 0].mean():
-        low = np.array([np.floor(first[:, 0].min()), 0.0])
-        width = int(CAMERA.size[0] - low[0])
-    part = window(CAMERA, low, (width, CAMERA.size[1]))
-    left = int(low[0])
-    image = np.asarray(frozen(drawn(True)[:, left : left + width]), dtype=np.float32)
-    assert other_copy(image, PUZZLE, T_CAMERA, part, DICTIONARY) is None

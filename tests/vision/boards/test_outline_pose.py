@@ -114,6 +114,14 @@ def test_both_markers_with_the_outline_are_more_certain_than_one() -> None:
     assert twist @ np.linalg.solve(both.covariance, twist) < 22.5
 
 
+def test_a_board_without_tolerance_has_a_pose_from_corners_of_unknown_light() -> None:
+    taken = shot(3, 7.0)
+    bare = replace(taken.frame[0], side_sigma_px=None, noise=None)
+    pose = taken.assessed([bare], replace(EXACT, tolerance=0.0)).pose
+    assert pose is not None
+    assert np.linalg.norm(twist_between(pose.T_base_board, taken.T)[3:]) < np.radians(2.0)
+
+
 def test_a_less_exact_outline_leaves_the_pose_less_certain() -> None:
     taken, spreads = shot(3, 7.0), []
     for within in (1e-4, 5e-4, 2e-3):
