@@ -134,12 +134,12 @@ def shots(
             yield Shot(camera, image, T, frame[left : left + 1]), rng
 
 
-def hidden(board: Board, count: int) -> None:
+def hidden(board: Board, count: int, first: int) -> None:
     """Boards as their files say, one marker showing."""
     errors, told, nees, again = [], [], [], []
     refused: Counter[str] = Counter()
     wrong: list[str] = []
-    for shot, _ in shots(board, count, 10_000, lambda one, _: (one, FOAM_GREY)):
+    for shot, _ in shots(board, count, first, lambda one, _: (one, FOAM_GREY)):
         verdict = assess_with_outline(
             board, [shot.frame], shot.image.astype(np.float32), shot.camera, DICTIONARY, LIMITS
         )
@@ -283,6 +283,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--tables", nargs="*", choices=TABLES, default=TABLES)
     parser.add_argument("--pictures", type=int, default=300, help="of boards as their files say")
+    parser.add_argument("--first", type=int, default=10_000, help="seed before that of the first of these")
     parser.add_argument("--spoilt", type=int, default=25, help="of each fault")
     parser.add_argument("--pairs", type=int, default=200, help="of two boards")
     options = parser.parse_args()
@@ -293,7 +294,7 @@ def main() -> None:
             *("off rms, x y z mm; deg", "told rms", "error over told, rms", "NEES per component (poses)"),
         )
         table("One marker shows", *header)
-        hidden(puzzle(0.1, 0.5), options.pictures)
+        hidden(puzzle(0.1, 0.5), options.pictures, options.first)
     if "spoilt" in options.tables:
         spoilt(puzzle(0.1, 0.5), options.spoilt)
     if "ids" in options.tables:
