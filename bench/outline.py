@@ -1,6 +1,6 @@
 """Boards of which one marker shows, and boards with equal ids, on drawn pictures: python bench/outline.py.
 
-Pictures have what photographs of a real cell have (tests/support/pictures/puzzle.py): outlines that are not square,
+Pictures have what photographs of a real cell have (tests/support/outlined/puzzle.py): outlines that are not square,
 prints with a shape, saturated white, uneven light, blur, foam, a table in use, wires, the image's edge. A board lies
 anywhere in the view, turned and tilted anyhow.
 """
@@ -25,7 +25,7 @@ from arm.errors import A465Error
 from arm.poses import BoardPose
 from arm.robot.shapes import Body
 from arm.se3 import Array, inverse, rotation_vector
-from pictures.puzzle import (
+from outlined.puzzle import (
     DICTIONARY,
     FOAM_GREY,
     PUZZLE,

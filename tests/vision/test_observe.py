@@ -14,6 +14,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.poses import BoardPose
 from arm.robot.shapes import Body, Box
 from arm.se3 import apply, transform
+from outlined.puzzle import PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of
 from pictures.boards import (
     CUBE,
     Photographed,
@@ -26,7 +27,6 @@ from pictures.boards import (
     twist_between,
     window,
 )
-from pictures.puzzle import PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of
 from vision.background.camera_shift import CameraShift
 from vision.boards.checks import BoardLimits
 from vision.observe import annotated, look, with_camera_uncertainty

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.robot.shapes import Body, Box
 from arm.se3 import inverse, transform
-from pictures.puzzle import DICTIONARY, PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of, wire
+from outlined.puzzle import DICTIONARY, PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of, wire
 from vision.boards.copies import other_copy
 from vision.markers.detect import detect_markers
 from vision.markers.edge_profiles import Grey

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, inverse, transform
-from pictures.puzzle import PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of
+from outlined.puzzle import PLAIN, PUZZLE, as_designed, corners_of, lying, picture, view_of
 from vision.boards.outline import SIDES, Side, find_sides, meet
 from vision.camera.model import Camera
 from vision.camera.projection import Projection

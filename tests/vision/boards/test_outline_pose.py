@@ -11,8 +11,7 @@ import pytest
 from arm.board import Board, Outline
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, transform
-from pictures.boards import twist_between
-from pictures.puzzle import (
+from outlined.puzzle import (
     DICTIONARY,
     FOAM_GREY,
     PLAIN,
@@ -28,6 +27,7 @@ from pictures.puzzle import (
     view_of,
     wire,
 )
+from pictures.boards import twist_between
 from vision.boards.checks import BoardLimits
 from vision.boards.outline_pose import assess_with_outline
 from vision.boards.pose import BoardAssessment

@@ -1,0 +1,1 @@
+"""Boards before a camera whose outlines are not square."""
