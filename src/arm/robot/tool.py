@@ -45,6 +45,11 @@ class FixedTool:
         bare = load_robot(urdf, "flange", np.eye(4), text=_without_hand(read_text(urdf)))
         return with_tool(bare, self.T_flange_tool, self.bodies)
 
+    def moved(self, T_flange_moved: Array) -> FixedTool:
+        """Return it elsewhere on the flange: what was in the flange frame is in that of `T_flange_moved` (4x4)."""
+        bodies = tuple(body.at(mul(T_flange_moved, body.T_base_body)) for body in self.bodies)
+        return FixedTool(frozen(mul(T_flange_moved, self.T_flange_tool)), bodies)
+
 
 def _without_hand(urdf: str) -> str:
     """Return the text of the arm's URDF without the links of the gripper and the joints that carry them."""

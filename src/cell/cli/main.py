@@ -53,13 +53,13 @@ def _root(
 
 @app.command(
     short_help="Run a whole task: look, plan, execute, look again, report.",
-    help="Run a whole task, in the simulated cell or in the real one with --port: look, check reach, plan, execute, "
-    "look again after each cube, report.",
+    help="Run a whole task or program, in the simulated cell or in the real one with --port: look, check reach, plan, "
+    "execute, look again after each cube, report.",
     epilog=examples("a465 run scenes/task2.toml --speed 0.5"),
 )
 def run(
     context: typer.Context,
-    task: shared.TaskFile,
+    task: shared.ProgramFile,
     port: shared.Port = None,
     world: shared.WorldFile = None,
     images: shared.Images = None,
@@ -300,7 +300,7 @@ def preview(
 def execute(
     context: typer.Context,
     plan: shared.PlanFile,
-    task: shared.TaskFile,
+    task: shared.ProgramFile,
     port: shared.Port = None,
     world: shared.WorldFile = None,
     images: shared.Images = None,

@@ -1,4 +1,4 @@
-"""``a465 run`` and ``a465 execute``: run a whole task, or execute an existing plan file."""
+"""``a465 run`` and ``a465 execute``: run a whole task or program, or execute an existing plan file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from cell.console import Console, OutputLost
 from cell.cubes.confirm_placed import nominal_width
 from cell.cubes.recovery import Recovery
 from cell.files.cube_widths import read_widths
-from cell.files.task import Task, read_task
+from cell.files.task import Task
 from cell.preview.of_plan import write_page
-from cell.program.program_file import task_of_file
+from cell.program.program_file import ProgramTask, task_of_file
 from cell.report.run_folder import LOG, run_folder
 from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
+from cell.task.programs.run import ProgramRun
 from cell.task.resume import resume
 from cell.task.run import TaskRun
 from driver.execution.control import Control
@@ -36,6 +37,7 @@ from plan.trajectory.virtual_unit import NO_UNIT
 SIMULATED = WhichCell()
 Confirm = Callable[[TaskRun], None]
 ConfirmPlan = Callable[[TaskRun, Plan], None]
+_STATED = ("failure", "advice", "plan_sha256", "index")  # data of an error that the report states
 
 
 def run_task(
@@ -48,10 +50,10 @@ def run_task(
     watcher: RunObserver | None = None,
     budget: SearchBudget | None = None,
 ) -> dict[str, Any]:
-    """Run a whole task and return its report as JSON types.
+    """Run a whole task or program and return its report as JSON types.
 
     Args:
-        task_file: task to run.
+        task_file: task or program to run.
         console: output.
         where: cell to run it in.
         folder: run folder; None: a new one.
@@ -66,7 +68,7 @@ def run_task(
             is at q_start.
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
-    task = read_task(task_file)
+    task = task_of_file(task_file)
     speed = planning_speed(task.cell, where.speed)
     with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
         run.advice, run.budget = advice, budget
@@ -78,8 +80,7 @@ def run_task(
         run.go_to_start(before)
         run.after_homing()
         seen = run.look("from q_start")
-        run.check_reach(seen)
-        run.move_cubes(seen)
+        run.carry_out(seen)
         return run.require_confirmed()
 
 
@@ -134,8 +135,7 @@ def execute_plan(
         if plan.task["cubes"]:
             _, again = run.follow(plan, seen)
         else:
-            run.execute(plan.steps)
-            console.step(f"done: {len(moves)} moves, {plan.duration_s / control.ceiling:.1f} s of motion")
+            run.follow_through(plan)
         report = run.require_confirmed()
     if again:
         raise ExecutionStopped(f"{run.remarks[-1]}; plan again", **report)
@@ -222,7 +222,8 @@ def opened(
         open_cell(task, where, folder / LOG) as connection,
     ):
         control.tell = console.step
-        run = TaskRun(task, connection, console, speed, folder, control, watcher=watcher or RunObserver())
+        kind = ProgramRun if isinstance(task, ProgramTask) else TaskRun
+        run = kind(task, connection, console, speed, folder, control, watcher=watcher or RunObserver())
         run.homed_before, run.preload, run.write_page = where.homed, where.preload, write_page
         permitted = confirm is None
         try:
@@ -285,7 +286,7 @@ def _ended(run: TaskRun, error: A465Error, where: WhichCell) -> A465Error:
         words += ["--speed", f"{run.speed * run.control.override:.4g}"] if run.control.override < 1.0 else []
     with suppress(OutputLost):  # must not replace the error, which is printed on standard error
         failed = {"kind": type(error).__name__, "word": error.word, "message": str(error)}
-        known = {key: error.data[key] for key in ("failure", "advice") if key in error.data}
+        known = {key: error.data[key] for key in _STATED if key in error.data}
         run.write_report({"error": {**failed, "exit_code": error.exit_code, **known}})
         if isinstance(error, ExecutionStopped):
             if "cubes" not in error.data:  # else the table was printed

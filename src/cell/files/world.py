@@ -17,7 +17,16 @@ from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, rot_z, rotation, transform
 from cell.config.plain_board import read_board
-from cell.files.world_errors import ArmKeys, ContactKeys, ImageKeys, MadeKeys, PrintKeys, TableKeys
+from cell.files.world_errors import (
+    ArmKeys,
+    ContactKeys,
+    ImageKeys,
+    MadeKeys,
+    PrintKeys,
+    TableKeys,
+    ToolKeys,
+    WorkKeys,
+)
 from render.surface import Print
 from vision.camera.model import Camera, read_camera
 
@@ -66,7 +75,7 @@ class World(WorldValues):
         releases: how the first cubes that are released over a hole come to rest, each one of `RELEASES`; later cubes
             are seated.
         grasps: how the first grasps of a cube in a pocket end, each one of `GRASPS`; later ones hold it.
-        image, table, prints, made, arm: errors of the cell, see `cell.files.world_errors`.
+        image, table, prints, made, arm, tool, work: errors of the cell, see `cell.files.world_errors`.
         contact: constants of contact physics, see there.
     """
 
@@ -81,6 +90,8 @@ class World(WorldValues):
     prints: PrintKeys
     made: MadeKeys
     arm: ArmKeys
+    tool: ToolKeys
+    work: WorkKeys
     contact: ContactKeys
 
 
@@ -119,7 +130,9 @@ class TrueBoardKeys(Keys):
     cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
 
 
-class WorldKeys(ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, ContactKeys, WorldValues):
+class WorldKeys(
+    ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, ToolKeys, WorkKeys, ContactKeys, WorldValues
+):
     """Keys of a world file."""
 
     camera: Path | None = key("camera", path(), None)
@@ -158,6 +171,8 @@ def read_world(path: Path, marker_size: float) -> World:
         prints=PrintKeys(**keys.values_of(PrintKeys)),
         made=MadeKeys(**keys.values_of(MadeKeys)),
         arm=ArmKeys(**keys.values_of(ArmKeys)),
+        tool=ToolKeys(**keys.values_of(ToolKeys)),
+        work=WorkKeys(**keys.values_of(WorkKeys)),
         contact=ContactKeys(**keys.values_of(ContactKeys)),
     )
 

@@ -66,6 +66,21 @@ class ArmKeys(Keys):
     warm_up_s: float = key("arm.warm_up_s", number("s", 1, 1e6), 1800)
 
 
+class ToolKeys(Keys):
+    """Keys of ``[tool]``: a tool without jaws as it truly is."""
+
+    tool_off: Array = key("tool.off_mm", numbers(3, "mm", -50, 50), [0] * 3)
+    tool_turned: Array = key("tool.turned_deg", numbers(3, "deg", -20, 20), [0] * 3)
+    ring: Array | None = key("tool.ring_mm", numbers(3, "mm", 0.5, 1000), None)
+
+
+class WorkKeys(Keys):
+    """Keys of ``[work]``: where the work of a program truly is."""
+
+    work_off: Array = key("work.off_mm", numbers(3, "mm", -50, 50), [0] * 3)
+    work_turned: Array = key("work.turned_deg", numbers(3, "deg", -20, 20), [0] * 3)
+
+
 class ContactKeys(Keys):
     """Keys of ``[contact]``: what contact physics needs to know; all are assumed."""
 

@@ -15,6 +15,7 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import flag, is_number, line, number, numbers, path
 from arm.numerics.products import norm
+from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
 from cell.config.bodies import PLACE
 from cell.files.pose_list import RANGES
@@ -122,11 +123,13 @@ class ThreadedLine:
         name: of the line: that of its file.
         ring: name of the tool's body.
         points: (k, 3) m, of the line from its foot to its free end, in the frame of the work.
+        bodies: of the wire, with poses in the frame of the work.
     """
 
     name: str
     ring: str
     points: Array
+    bodies: tuple[Body, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +184,12 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
             of = name if len(strokes) == 1 else f"{name}, stroke {number}"
             yield _path(node, of, keys, stroke, 1.0)
         return
-    whole = keys.points
+    whole, bodies = keys.points, tuple[Body, ...]()
     if keys.meander is not None:
         whole = _meander(node, keys.meander).moved(keys.corner)
     if keys.line_of is not None:
-        whole = read_wire(keys.line_of).outline
+        wire = read_wire(keys.line_of)
+        whole, bodies = wire.outline, wire.bodies
         if whole is None:
             raise node.error_at("line_of", "names a file without line_mm")
     if whole is None:
@@ -198,7 +202,7 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
     threaded = None
     if keys.threaded is not None and keys.line_of is not None:
         points = whole.at(whole.sampled(CHORD_ERROR, whole.length))
-        threaded = ThreadedLine(keys.line_of.stem, keys.threaded, frozen(points))
+        threaded = ThreadedLine(keys.line_of.stem, keys.threaded, frozen(points), bodies)
     yield _path(node, name, keys, outline, along, threaded)
 
 

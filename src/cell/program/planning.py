@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.numerics.products import mul
 from arm.plan_file import Plan
@@ -58,19 +60,8 @@ def program_scene(task: ProgramTask, observation: Observation) -> Scene:
         scene,
         bodies=(*scene.bodies, *padded),
         allowed=scene.allowed | task.touch,
-        threads=tuple(_threads(task, T)),
+        threads=tuple(Thread(line.name, line.ring, apply(T, line.points)) for line in task.threads),
     )
-
-
-def _threads(task: ProgramTask, T_base_work: Array) -> Iterator[Thread]:
-    """Yield each line once that a ring is threaded on in some step."""
-    lines = {
-        step.threaded.name: step.threaded
-        for step in task.steps
-        if isinstance(step, PathStep) and step.threaded
-    }
-    for line in lines.values():
-        yield Thread(line.name, line.ring, apply(T_base_work, line.points))
 
 
 def program_options(task: ProgramTask, speed: float) -> PlanOptions:
@@ -114,6 +105,26 @@ def plan_of_program(
         raise _located(task, error) from error
     reached = [{"name": r.target, "q": [round(float(v), 9) + 0.0 for v in r.q]} for r in found.reached]
     return replace(found, task={**stated, "reached": reached}).plan()
+
+
+def require_threads(task: ProgramTask, plan: Plan) -> None:
+    """Require that a plan states `threaded` for as many moves, in order, as the paths of the program have.
+
+    A move that does not state it is not proved to stay on its wire.
+
+    Raises:
+        ImpossibleError: it does not; data: stated, expected.
+    """
+    goals = program_goals(task, np.eye(4))
+    expected = [goal.threaded for goal in goals if goal.threaded is not None for _ in range(1 + goal.back)]
+    expected = expected[plan.task.get("threaded_before", 0) :]  # of a plan for the rest of another
+    stated = [move.threaded for move in plan.moves if move.threaded is not None]
+    if stated != expected:
+        shown, asked = (", ".join(names) or "none" for names in (stated, expected))
+        why = (
+            f"the plan states a threaded ring for moves on {shown}; the program asks for {asked}; plan again"
+        )
+        raise ImpossibleError(why, stated=stated, expected=expected)
 
 
 def program_goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:

@@ -112,6 +112,12 @@ class ProgramTask(Task, ProgramValues):
             *(s.touch for s in self.steps if isinstance(s, PathStep | PoseStep))
         )
 
+    @property
+    def threads(self) -> tuple[ThreadedLine, ...]:
+        """Each line once that a ring is threaded on in some step."""
+        threaded = (s.threaded for s in self.steps if isinstance(s, PathStep))
+        return tuple({line.name: line for line in threaded if line is not None}.values())
+
     def bodies_at(self, T_base_work: Array) -> tuple[Body, ...]:
         """Return the bodies on the work, in the base frame."""
         return tuple(body.at(mul(T_base_work, body.T_base_body)) for body in self.bodies)

@@ -12,7 +12,7 @@ from arm.plan_file import Move, Step
 from arm.se3 import Array, inverse, transform
 from cell.console import Console
 from cell.files.task import Task
-from cell.sim.cell import angle_to_square
+from cell.sim.grip import angle_to_square
 
 if TYPE_CHECKING:
     from cell.sim.cell import CellEvent, SimulatedCell

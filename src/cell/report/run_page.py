@@ -75,6 +75,8 @@ def run_page(
         *_extreme(cubes, "min_clearance_mm", min, "mm least clearance", 1),
         *_extreme(cubes, "error_mm", max, "mm largest error (truth)", 3),
         *_extreme(cubes, "tilt_error_deg", max, "deg largest tilt (truth)", 3),
+        *((str(wire["touches"]), f"touches of wire {wire['wire']} (truth)") for wire in report["wires"]),
+        *_extreme(report["wires"], "least_mm", min, "mm from ring to wire (truth)", 1),
     ]
     previews = [k.name.replace("plan", "preview") + ".html" for k in plans if k.name.startswith("plan")]
     cell = task.cell

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.shapes import Body
+from arm.se3 import rotation, transform
 from cell.config.camera_keys import OF_CELL
 from cell.console import say_on_stderr
 from cell.files.task import Task
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from cell.sim.camera import SimulatedCamera
     from cell.sim.cell import SimulatedCell
     from cell.sim.target_photos import TargetCamera
+    from cell.sim.touches import TrueWire
     from driver.emulator import Emulator
 
 
@@ -243,20 +245,30 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     cell = task.cell
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     if not contact:
-        return SimulatedCell(cell, truth, _true_work(task, truth) if isinstance(task, ProgramTask) else ())
+        work, wires = _true_work(task, truth) if isinstance(task, ProgramTask) else ((), ())
+        return SimulatedCell(cell, truth, work, wires)
     from cell.contact.cell import ContactCell
 
     return ContactCell(cell, truth)
 
 
-def _true_work(task: ProgramTask, truth: World) -> tuple[Body, ...]:
-    """The bodies on the work of a program, where the work truly is; none if its board is not in the world."""
-    if task.board is None:
-        return task.bodies_at(task.T_on_work)
-    for true in truth.boards:
-        if true.board.marker_ids == task.board.marker_ids:
-            return task.bodies_at(mul(true.T_base_board, task.T_on_work))
-    return ()
+def _true_work(task: ProgramTask, truth: World) -> tuple[tuple[Body, ...], tuple[TrueWire, ...]]:
+    """The bodies on the work of a program, where the work truly is, and the wires; none without its board."""
+    from cell.sim.touches import TrueWire
+
+    T = task.T_on_work
+    if task.board is not None:
+        ids = task.board.marker_ids
+        on = next((true.T_base_board for true in truth.boards if true.board.marker_ids == ids), None)
+        if on is None:
+            return (), ()
+        T = mul(on, T)
+    T = mul(T, transform(rotation(truth.work.work_turned), truth.work.work_off))
+    wires = (
+        TrueWire(line.name, line.ring, tuple(body.at(mul(T, body.T_base_body)) for body in line.bodies))
+        for line in task.threads
+    )
+    return task.bodies_at(T), tuple(wires)
 
 
 def join(simulated: SimulatedCell, emulator: Emulator) -> SimulatedCamera:

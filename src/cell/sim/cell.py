@@ -20,15 +20,19 @@ from arm.robot.dh import A465
 from arm.robot.link_errors import with_link_errors
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
-from arm.se3 import Array, apply, frozen, inverse, rot_z, rotation, transform
+from arm.robot.tool import FixedTool
+from arm.se3 import Array, apply, frozen, inverse, rot_z, transform
 from cell.config.cell import Cell
 from cell.files.hand_target import HandTarget
 from cell.files.world import TrueBoard, World
 from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from cell.sim.arm import Arrival, JointErrors
-from cell.sim.made import cube_sizes, made_board, target_print
+from cell.sim.grip import angle_to_jaws, between_jaws
+from cell.sim.made import cube_sizes, made_board, target_print, true_tool
 from cell.sim.release_faults import PUSH, T_hole_released
+from cell.sim.touches import Touches, TouchJudge, TrueWire
 from driver.emulator.unit.record import Record, no_record
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from render.light import Light
 from render.target import TargetSolid
 
@@ -96,8 +100,11 @@ class SimulatedCell:
     Args:
         cell: the user's data (sizes, fixed bodies, nominal arm).
         world: ground truth.
+        work: bodies on the work of a program, where it truly is.
+        wires: those of them that a ring is threaded on.
 
     Attributes:
+        tool: as it truly is on the flange.
         in_hand: calibration target in the gripper, or None.
         events: of cubes, in order.
         history: states, in order, to judge a run afterwards.
@@ -108,9 +115,11 @@ class SimulatedCell:
 
     kind = "the simulated cell"
 
-    def __init__(self, cell: Cell, world: World, work: Sequence[Body] = ()) -> None:
-        self.cell = cell
-        self.work = tuple(work)
+    def __init__(
+        self, cell: Cell, world: World, work: Sequence[Body] = (), wires: Sequence[TrueWire] = ()
+    ) -> None:
+        self.cell, self.tool = cell, true_tool(cell, world)
+        self.work, self._wires = tuple(work), tuple(wires)
         pocket = cell.boards[0].pocket  # one for all boards of a cell file
         boards = tuple(made_board(world, b, pocket) for b in world.boards)
         self.world = replace(world, boards=boards)
@@ -119,6 +128,7 @@ class SimulatedCell:
         self.now_ms: Callable[[], int] = lambda: 0
         self.arrival: Callable[[], Arrival] = Arrival
         self.record: Callable[[int], Record] = no_record
+        self._judged: tuple[int, tuple[Touches, ...]] = (-1, ())  # up to which sample, and what was found
         self._joint_errors = JointErrors(world)
         self._lock = threading.RLock()
         self._robot = self.true_robot(cell.jaw_opening)
@@ -165,7 +175,9 @@ class SimulatedCell:
 
     def true_robot(self, jaw_opening: float) -> Robot:
         """The true arm, jaws at an opening in m."""
-        return with_link_errors(self.cell.nominal_robot(jaw_opening), A465, self.world.links)
+        tool = self.tool
+        nominal = tool.robot() if isinstance(tool, FixedTool) else tool.robot(jaw_opening)
+        return with_link_errors(nominal, A465, self.world.links)
 
     def positions(self, counts: npt.ArrayLike) -> Array:
         """True joint positions at encoder counts, (6,) rad."""
@@ -177,6 +189,22 @@ class SimulatedCell:
     def T_base_tool(self, counts: npt.ArrayLike) -> Array:
         """True pose of the tool at encoder counts."""
         return self._robot.T_base_tool(self.positions(counts))
+
+    def touches(self) -> tuple[Touches, ...]:
+        """Return what a graded run would have recorded until now, for each wire that a ring is threaded on."""
+        tool, record = self.tool, self.record(-1)
+        if not isinstance(tool, FixedTool) or not self._wires:
+            return ()
+        if len(record.time_ms) == self._judged[0]:
+            return self._judged[1]
+        q = self.cell.nominal_unit.positions(record.counts) + self.world.joint_offsets
+        q += self._joint_errors.along(q, record.time_ms)
+        T_base_tool = product_of_exponentials(self._robot).tool_poses(q)
+        ring = None if self.world.tool.ring is None else self.world.tool.ring.tolist()
+        judges = [TouchJudge(tool, ring, wire) for wire in self._wires]
+        touches = tuple(judge.judged(T_base_tool, record.time_ms) for judge in judges)
+        self._judged = len(record.time_ms), touches
+        return touches
 
     def targets(self, counts: npt.ArrayLike) -> list[TargetSolid]:
         """Calibration targets with the arm at `counts`."""
@@ -362,34 +390,6 @@ def _seated(board: TrueBoard, hole: int, size: float) -> Array:
     """Pose of a cube of edge `size` m that is seated in a hole."""
     T_base_hole = mul(board.T_base_board, board.board.T_board_hole(hole))
     return frozen(mul(T_base_hole, T_hole_cube(size, seat_depth(size, board.board.pocket))))
-
-
-def between_jaws(T_tool_cube: Array) -> Array:
-    """Pose of a cube, 4x4, that jaws moving along the tool's y axis have centred and aligned with their faces.
-
-    Where it lies along the fingers, and its rotation about the jaws' travel, stay as they were.
-    """
-    faces = T_tool_cube[1, :3]  # the jaws' travel in the cube's frame
-    face = int(np.argmax(np.abs(faces)))
-    normal = np.sign(faces[face]) * T_tool_cube[:3, face]
-    axis = np.cross(normal, (0.0, 1.0, 0.0))
-    angle = float(np.arctan2(norm(axis), normal[1]))
-    turned = mul(rotation(axis * (angle / norm(axis) if norm(axis) > 0.0 else 0.0)), T_tool_cube[:3, :3])
-    return transform(turned, T_tool_cube[:3, 3] * (1.0, 0.0, 1.0))
-
-
-def angle_to_jaws(R: Array) -> float:
-    """Angle, rad, between the jaws' travel (y) and a cube's R (3, 3), however it is rotated about that axis."""
-    return float(np.arccos(np.clip(np.abs(R[1]).max(), -1.0, 1.0)))
-
-
-def angle_to_square(R: Array) -> float:
-    """Smallest rotation, rad, from a cube's R (3, 3) to an orientation equivalent to the identity."""
-    nearest = np.zeros((3, 3))
-    for axis in range(3):
-        column = int(np.argmax(np.abs(R[:, axis])))
-        nearest[column, axis] = np.sign(R[column, axis])
-    return float(np.arccos(np.clip((np.trace(mul(nearest.T, R)) - 1.0) / 2.0, -1.0, 1.0)))
 
 
 former_names(__name__, "cell.sim.camera", "SimulatedCamera")

@@ -6,7 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm.se3 import frozen
+from arm.errors import InputError
+from arm.robot.gripper import Gripper
+from arm.robot.tool import FixedTool
+from arm.se3 import frozen, rotation, transform
+from cell.config.cell import Cell
 from cell.files.world import TrueBoard, World
 from render.surface import Print, Texture
 
@@ -55,6 +59,22 @@ def cube_sizes(world: World, count: int, size: float) -> list[float]:
     """True edges of the cubes of nominal `size`, m."""
     rng = np.random.default_rng([world.build_seed, _CUBES])
     return [size + world.made.cube * float(rng.standard_normal()) for _ in range(count)]
+
+
+def true_tool(cell: Cell, world: World) -> Gripper | FixedTool:
+    """Return the tool as it truly is on the flange.
+
+    Raises:
+        InputError: the world has another place for a tool with jaws.
+    """
+    errors, tool = world.tool, cell.tool
+    if not (np.any(errors.tool_off) or np.any(errors.tool_turned)):
+        return tool
+    if not isinstance(tool, FixedTool):
+        raise InputError(
+            f"{world.file}: tool.off_mm, tool.turned_deg: are for tools without jaws", name="tool.off_mm"
+        )
+    return tool.moved(transform(rotation(errors.tool_turned), errors.tool_off))
 
 
 def texture(world: World) -> Texture:

@@ -11,7 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.io.storage import write_atomic
 from arm.plan_file import GripperStep, Plan, Step, write_plan
 from arm.se3 import Array, frozen
@@ -22,6 +22,7 @@ from cell.cubes.confirm_placed import Release
 from cell.cubes.recovery import Recovery
 from cell.files.observation import require_boards
 from cell.files.task import Task
+from cell.program.program_file import PROGRAM
 from cell.report.cubes import UNDECIDED, CubeRow, print_rows
 from cell.report.run_page import KeptPlan, Picture, run_page
 from cell.scene.build import cube_name
@@ -160,11 +161,11 @@ class OpenRun:
         return frozen(self.task.cell.unit.positions(self.connection.mars.settled_counts()))
 
     def keep(self, plan: Plan, name: str) -> None:
-        """Write a plan to the folder, with its preview if it moves cubes."""
+        """Write a plan to the folder, with its preview unless it only goes to q_start."""
         self.kept.append(KeptPlan(name, plan))
         file = self.folder / f"{name}.json"
         write_plan(file, plan)
-        if plan.task["cubes"]:
+        if plan.task["cubes"] or (plan.task.get("kind") == PROGRAM and name != TO_START):
             self.followed = file
         self.connection.mars.note("plan", file=f"{name}.json", sha256=plan.sha256)
         if name.startswith("plan"):
@@ -172,6 +173,20 @@ class OpenRun:
             budgets = [b for cube in plan.task["cubes"] if (b := self.budgets.get(cube["cube"])) is not None]
             self.write_page(self.task, plan, page.with_suffix(".html"), budgets)
         self.watcher.plan(plan, name)
+
+    def follow_through(self, plan: Plan) -> None:
+        """Execute all steps of a plan that moves no cubes.
+
+        Raises:
+            ExecutionStopped: a motion stopped; data: `plan_sha256`, and the `index` of the step.
+        """
+        try:
+            self.execute(plan.steps)
+        except ExecutionStopped as error:
+            error.data["plan_sha256"] = plan.sha256
+            raise
+        lasted = plan.duration_s / self.control.ceiling
+        self.console.step(f"done: {len(list(plan.moves))} moves, {lasted:.1f} s of motion")
 
     def execute(self, steps: Sequence[Step], options: StreamOptions | None = None) -> tuple[StepResult, ...]:
         """Execute steps under `control`."""
@@ -220,9 +235,12 @@ class OpenRun:
         return self.to_json()
 
     def tell_rows(self) -> None:
-        """Print a row for each cube that was started."""
+        """Print a row for each cube that was started, and what touched the wires of a program."""
         if self.rows:
             print_rows(self.console, self.rows)
+        if (simulated := self.connection.simulated) is not None:
+            for touches in simulated.touches():
+                self.console.step(touches.words())
 
     def write_report(self, more: dict[str, Any]) -> None:
         """Write ``report.json`` with `more`, and ``report.html``.
@@ -242,6 +260,7 @@ class OpenRun:
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON types."""
         whole = [kept.plan for kept in self.kept if kept.name != TO_START]
+        simulated = self.connection.simulated
         return {
             "task": self.task.name,
             "began": self.began.isoformat(timespec="seconds"),
@@ -257,7 +276,8 @@ class OpenRun:
             "override": self.control.ceiling,
             "time_scale": self.connection.time_scale,
             "arm_shape": self.task.cell.arm_shape(),
-            "simulated": self.connection.simulated is not None,
+            "simulated": simulated is not None,
+            "wires": [] if simulated is None else [touches.to_json() for touches in simulated.touches()],
             "placements": [budget_to_json(budget) for budget in self.budgets.values()],
             "remarks": self.remarks,
             "folder": str(self.folder),

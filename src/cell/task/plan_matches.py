@@ -23,7 +23,7 @@ from cell.config.cell import Cell
 from cell.config.inputs import changes, shortened
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
-from cell.program.planning import program_options, program_scene
+from cell.program.planning import program_options, program_scene, require_threads
 from cell.program.program_file import ProgramTask
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
@@ -355,7 +355,10 @@ def replayed(task: Task, plan: Plan, errors: ArmErrors | None = None) -> tuple[R
     require_match(task, plan)
     require_grammar(plan)
     cell, options = task.cell, _options_of(task, plan)
-    offset = None if isinstance(task, ProgramTask) else cell.offset
+    offset: float | None = cell.offset
+    if isinstance(task, ProgramTask):
+        require_threads(task, plan)
+        offset = None
     required = RequiredClearance(options.clearance, options.line_clearance, offset)
     return replay(plan, scene_of_now(task, plan), cell.unit, cell.limits, required, errors)
 

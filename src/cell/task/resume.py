@@ -81,8 +81,7 @@ def resume(run: TaskRun, plan: Plan) -> None:
     observation = run.look("from q_start")
     observation = run.confirm_placed(observation)
     _take_stock(run, plan, observation)
-    run.check_reach(observation)
-    run.move_cubes(observation)
+    run.carry_out(observation)
 
 
 def _planned(task: Task, plan: Plan) -> Observation:

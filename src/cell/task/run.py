@@ -87,6 +87,11 @@ class TaskRun(CheckedRun):
             self.tell(hidden)
         return True
 
+    def carry_out(self, observation: Observation) -> None:
+        """Do the task, for a look from q_start."""
+        self.check_reach(observation)
+        self.move_cubes(observation)
+
     def move_cubes(self, observation: Observation) -> None:
         """Plan the rest and execute it, until nothing is left; take displaced cubes first, and blocked ones at last."""
         self._survey(observation)

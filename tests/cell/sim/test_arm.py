@@ -83,3 +83,27 @@ def test_a_warm_arm_has_other_zeros(world: World) -> None:
     errors = JointErrors(changed(world, "arm", warm_up=1e-3 * SIX, warm_up_s=100.0))
     at = [errors.at(SIX, Arrival(), ms)[0] for ms in (0, 100_000, 10**7)]
     assert at == pytest.approx([0.0, 1e-3 * (1 - np.exp(-1)), 1e-3])
+
+
+def test_errors_along_motions_are_those_of_arrivals_at_their_ends_and_change_steadily_between(
+    world: World,
+) -> None:
+    arm = changed(
+        world, "arm", scatter=1e-4 * SIX, backlash=1e-3 * SIX, eccentricity=1e-4 * SIX, sag=1e-3 * SIX[:2]
+    )
+    errors = JointErrors(changed(arm, "arm", warm_up=1e-3 * SIX, warm_up_s=2.0))
+    times = np.concatenate([np.arange(5, 605), np.arange(2000, 2400)])
+    q = np.sin(times[:, None] / 200.0 + np.arange(6)) * SIX
+    q[:, 5] = 0.3  # never moves
+    found = errors.along(q, times)
+    for end in (599, 999):
+        directions = tuple(int(s) for s in np.sign(q[end] - q[end - 1]))
+        assert found[end] == pytest.approx(
+            errors.at(q[end], Arrival(int(times[end]), directions), int(times[end]))
+        )
+    lagging = errors.steady(q, times) - found
+    drawn = [errors.of_arrival(Arrival(ms))[1] for ms in (0, 604, 2399)]
+    assert -lagging[0, 5] == pytest.approx(drawn[0][5])
+    assert -lagging[300, 5] == pytest.approx((drawn[0] + drawn[1])[5] / 2.0, abs=1e-6)
+    assert -lagging[600, 5] == pytest.approx(drawn[1][5])
+    assert len(errors.along(q[:0], times[:0])) == 0

@@ -11,7 +11,8 @@ from arm.io.storage import data_file
 from arm.se3 import Array, inverse, rot_x, rot_z, rotation, transform
 from cell.config.cell_file import read_cell
 from cell.files.world import read_world
-from cell.sim.cell import SimulatedCell, angle_to_square, between_jaws
+from cell.sim.cell import SimulatedCell
+from cell.sim.grip import angle_to_square, between_jaws
 from plan.kinematics.ik import inverse_kinematics
 
 

@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from arm.board import POCKET_FLOOR, POCKET_MOUTH
+from arm.errors import InputError
+from arm.io.storage import data_file
+from arm.robot.tool import FixedTool
+from arm.se3 import rotation, transform
+from cell.config.cell_file import read_cell
 from cell.files.world import World
-from cell.sim.made import cube_sizes, made_board, target_print, texture
+from cell.sim.made import cube_sizes, made_board, target_print, texture, true_tool
 from pictures.rendered import changed, world_with
 from render.surface import Print
 
@@ -59,3 +64,22 @@ def test_the_same_is_made_in_every_session(world: World) -> None:
     assert cube_sizes(today, 4, 0.04) == cube_sizes(tomorrow, 4, 0.04)
     assert target_print(today) == target_print(tomorrow)
     assert texture(today).seed == texture(tomorrow).seed != texture(replace(today, build_seed=9)).seed
+
+
+def test_a_tool_without_jaws_is_where_the_world_says_and_one_with_jaws_where_the_cell_says(
+    world: World,
+) -> None:
+    hoop = read_cell(data_file("scenes/hoop/cell.toml"))
+    off = changed(
+        world, "tool", tool_off=np.array([0.001, 0.0, -0.002]), tool_turned=np.array([0.0, 0.1, 0.0])
+    )
+    assert true_tool(hoop, world) is hoop.tool
+    found = true_tool(hoop, off)
+    assert isinstance(found, FixedTool)
+    assert isinstance(hoop.tool, FixedTool)
+    T = transform(rotation([0.0, 0.1, 0.0]), (0.001, 0.0, -0.002))
+    np.testing.assert_allclose(found.T_flange_tool, T @ hoop.tool.T_flange_tool, atol=1e-15)
+    jaws = read_cell(data_file("scenes/cell.toml"))
+    assert true_tool(jaws, world) is jaws.tool
+    with pytest.raises(InputError, match=r"tool.off_mm, tool.turned_deg: are for tools without jaws"):
+        true_tool(jaws, off)

@@ -1,0 +1,1 @@
+"""Programs on the road of tasks: run, resumed, and what of them is in reach."""
