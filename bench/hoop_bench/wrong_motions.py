@@ -147,7 +147,7 @@ def grazing(of: Right, rng: Rng) -> Array | None:
     """The right motion, shifted until it lacks little of the clearance."""
     way, wanted = _across(of.ahead, rng), of.task.required - rng.uniform(*GRAZES)
     low, high, found = 0.0, 0.03, None
-    for _ in range(9):
+    for _ in range(7):
         middle = 0.5 * (low + high)
         q = _shifted(of, middle * way)
         if q is None or (judged := of.oracle.judge(q, wanted)).least < wanted:

@@ -44,6 +44,7 @@ def report(*cubes: dict[str, Any], **other: Any) -> dict[str, Any]:
     said = {
         "cubes": list(cubes),
         "cubes_planned": len(cubes),
+        "wires": [],
         "unit": "crs93",
         "motion_s": 41.25,
         "speed": 0.5,
