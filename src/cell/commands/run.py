@@ -18,12 +18,13 @@ from cell.files.cube_widths import read_widths
 from cell.files.task import Task
 from cell.preview.of_plan import write_page
 from cell.program.program_file import ProgramTask, task_of_file
-from cell.report.run_folder import LOG, run_folder
+from cell.report.run_folder import LOG, REPORT, run_folder
 from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
+from cell.task.programs.resume import resume_program, stopped_in
 from cell.task.programs.run import ProgramRun
 from cell.task.resume import resume
 from cell.task.run import TaskRun
@@ -164,13 +165,16 @@ def resume_plan(
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
-    if not plan.task.get("cubes"):
+    if not (plan.task.get("cubes") or isinstance(task, ProgramTask)):
         why = f"{plan_file}: the plan moves no cubes, so its remaining part is unknown; execute it again as a whole"
         raise ImpossibleError(why, file=str(plan_file))
     with opened(task, console, where, plan.speed, folder, control, _of_plan(confirm, plan), watcher) as run:
         run.followed, run.budget = plan_file, budget
-        run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
-        resume(run, plan)
+        if isinstance(run, ProgramRun):
+            resume_program(run, plan, stopped_in(plan_file.with_name(REPORT), plan))
+        else:
+            run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
+            resume(run, plan)
         return run.require_confirmed()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from arm.errors import InputError
 from arm.io.temporary import remove_abandoned
 
-LOG = "wire.jsonl"
+LOG, REPORT = "wire.jsonl", "report.json"
 RUNS = Path("runs")
 
 

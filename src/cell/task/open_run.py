@@ -24,6 +24,7 @@ from cell.files.observation import require_boards
 from cell.files.task import Task
 from cell.program.program_file import PROGRAM
 from cell.report.cubes import UNDECIDED, CubeRow, print_rows
+from cell.report.run_folder import REPORT
 from cell.report.run_page import KeptPlan, Picture, run_page
 from cell.scene.build import cube_name
 from cell.session.camera_watch import shift_words
@@ -249,7 +250,7 @@ class OpenRun:
         """
         report = {**self.to_json(), **more}
         try:
-            write_atomic(self.folder / "report.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
+            write_atomic(self.folder / REPORT, json.dumps(report, indent=2, allow_nan=False) + "\n")
             now = datetime.now().astimezone()
             budgets = list(self.budgets.values())
             page = run_page(self.task, report, self.pictures, self.kept, self.began, now, budgets)

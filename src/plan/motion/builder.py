@@ -347,11 +347,11 @@ def _move(group: Sequence[MotionPhase], path: CountPath, check: ClearanceCertifi
         path=path,
         held=phase.held,
         jaw_opening=_jaw_opening(phase.world.robot),
-        clearance=_rounded_down(check.clearance),
+        clearance=rounded_down(check.clearance),
         closest=check.pair,
         certified=True,
         allowed_collisions=tuple(sorted(phase.allowed_collisions)),
-        clearances=tuple(_rounded_down(min(bound, check.seen)) for bound in check.bounds),
+        clearances=tuple(rounded_down(min(bound, check.seen)) for bound in check.bounds),
         allowed_pairs=tuple(sorted((min(pair), max(pair)) for pair in phase.allowed_pairs)),
         threaded=phase.threaded,
     )
@@ -383,7 +383,7 @@ def _past_limit(phase: MotionPhase, joint: str, beyond: float) -> ImpossibleErro
     )
 
 
-def _rounded_down(clearance: float) -> float:
+def rounded_down(clearance: float) -> float:
     """Round down to 0.1 um: the last bits differ between processors and must not change the file."""
     return float(np.floor(clearance * 1e7)) / 1e7
 

@@ -1,0 +1,155 @@
+"""A program that was stopped goes on along the same path, or says in one line what to do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cell.commands.run
+from arm.errors import ExecutionStopped, ImpossibleError
+from arm.io.storage import data_file
+from arm.plan_file import Plan, read_plan, write_plan
+from cell.commands.run import execute_plan, resume_plan
+from cell.console import Console
+from cell.program.planning import plan_of_program
+from cell.program.program_file import ProgramTask, read_program
+from cell.session.connection import Connection, WhichCell, join, simulated_cell
+from cell.task.programs.resume import stopped_in
+from cell.task.programs.run import ProgramRun
+from cell.task.run import TaskRun
+from driver.emulator import Emulator
+from driver.execution.progress import Progress
+from driver.line.stepped_clock import SteppedClock
+from driver.line.wire_log import WireLog
+from driver.mars.mars import Mars
+from vision.observation import Observation
+
+PROGRAM = data_file("scenes/hoop/b.toml")
+SPEED = 1.0
+pytestmark = pytest.mark.xdist_group("resume")
+
+
+@cache
+def _planned() -> tuple[ProgramTask, Plan]:
+    task = read_program(PROGRAM)
+    return task, plan_of_program(task, Observation(), SPEED)
+
+
+def test_the_report_beside_a_plan_says_in_which_step_it_was_stopped(tmp_path: Path) -> None:
+    _, plan = _planned()
+    file = tmp_path / "report.json"
+    assert stopped_in(file, plan) is None
+    for error, index in (
+        ({"index": 2, "plan_sha256": plan.sha256}, 2),
+        ({"index": 2, "plan_sha256": "another"}, None),
+        ({"index": 99, "plan_sha256": plan.sha256}, None),
+        ({}, None),
+    ):
+        file.write_text(json.dumps({"error": error}))
+        assert stopped_in(file, plan) == index
+    file.write_text("[")
+    assert stopped_in(file, plan) is None
+
+
+class Lasting:
+    """A simulated cell with a hoop that outlives the sessions with its controller."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder, self.stop_at = folder, ("", 2.0)
+        self.task, plan = _planned()
+        self.plan = folder / "plan.json"
+        write_plan(self.plan, plan)
+        self.simulated, self.clock = simulated_cell(self.task, None), SteppedClock()
+        self.emulator = Emulator(self.task.cell.unit, self.clock, plant=self.simulated)
+        self.camera, self.line = join(self.simulated, self.emulator), self.emulator.open_line(0.0)
+        monkeypatch.setattr(cell.commands.run, "open_cell", self.opened)
+        plain = TaskRun._on_progress
+
+        def on_progress(run: TaskRun, progress: Progress) -> None:
+            plain(run, progress)
+            if run._step_name == self.stop_at[0] and progress.done >= self.stop_at[1] * progress.total:
+                run.control.abort()
+
+        monkeypatch.setattr(TaskRun, "_on_progress", on_progress)
+
+    @contextmanager
+    def opened(self, *arguments: Any) -> Iterator[Connection]:
+        unit, log = self.task.cell.unit, arguments[-1]
+        with WireLog(log, self.clock) as wire, Mars(self.line, unit, self.clock, wire) as mars:
+            yield Connection(mars, self.camera, 1.0, self.simulated, self.emulator)
+
+    def stopped(self, run: Callable[[], Any], step: str, share: float) -> Path:
+        self.stop_at = (step, share)
+        with pytest.raises(ExecutionStopped, match="aborted on request") as stopped:
+            run()
+        self.stop_at = ("", 2.0)
+        return Path(stopped.value.data["resume_with"])
+
+    def first(self) -> dict[str, Any]:
+        return execute_plan(self.plan, PROGRAM, Console(), WhichCell("/dev/mars"), self.folder / "first")
+
+    def resumed(self, plan: Path, name: str) -> dict[str, Any]:
+        return resume_plan(plan, PROGRAM, Console(), WhichCell("/dev/mars"), self.folder / name)
+
+
+@pytest.fixture
+def lasting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lasting]:
+    found = Lasting(tmp_path, monkeypatch)
+    with found.emulator:
+        yield found
+
+
+@pytest.mark.slow
+def test_stopped_on_the_wire_again_and_again_the_ring_comes_off_over_the_free_end(
+    lasting: Lasting, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at = lasting
+    plan = at.stopped(at.first, "along wire B", 0.4)
+    plan = at.stopped(lambda: at.resumed(plan, "second"), "along wire B", 0.6)
+    plan = at.stopped(lambda: at.resumed(plan, "third"), "back along wire B", 0.5)
+    report = at.resumed(plan, "fourth")
+    said = capsys.readouterr().out
+    assert said.count("it goes on in 'along wire B'") == 2
+    assert said.count("it goes on in 'back along wire B'") == 1
+    assert "to go on: a465 execute" in said
+    (wire,) = report["wires"]
+    assert (wire["wire"], wire["touches"]) == ("b", 0)
+    assert at.emulator.violations == ()
+    np.testing.assert_allclose(at.task.cell.unit.positions(at.emulator.counts()), at.task.q_end, atol=1e-3)
+    assert all(m.certified for f in at.folder.glob("*/plan.json") for m in read_plan(f).moves)
+
+
+@pytest.mark.slow
+def test_an_arm_that_is_not_on_the_path_begins_anew_if_it_can_and_tells_a_cure_if_not(
+    lasting: Lasting, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def blocked(run: ProgramRun, observation: Observation) -> None:
+        raise ImpossibleError("the ring is on the wire")
+
+    at = lasting
+    plan = at.stopped(at.first, "to wire B", 0.5)
+    monkeypatch.setattr("cell.task.programs.resume.NEAR", -1.0)
+    with monkeypatch.context() as on_wire:
+        on_wire.setattr(ProgramRun, "go_to_start", blocked)
+        told = "deg from the path of the plan, and no certified motion leads from there to q_start: the ring is on"
+        with pytest.raises(
+            ImpossibleError, match=f"{told} the wire; take the tool clear of the work by hand"
+        ):
+            at.resumed(plan, "second")
+    report = at.resumed(plan, "third")
+    assert "it begins anew from q_start" in capsys.readouterr().out
+    assert report["wires"][0]["touches"] == 0
+
+
+@pytest.mark.slow
+def test_a_unit_that_lost_its_positions_is_not_homed_with_a_ring_on_the_wire(lasting: Lasting) -> None:
+    with pytest.raises(ImpossibleError, match="before it is homed, take the tool clear of the work by hand"):
+        lasting.resumed(lasting.plan, "first")  # it never was homed
+    assert "HH" not in (lasting.folder / "first/wire.jsonl").read_text()
