@@ -31,6 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(calibrate_app)
+_LOOK = "Boards as written by a465 look; a program needs it if its work is on one."
 _AVOIDED = "Detected boards, to be avoided like the table and the walls; default: none."
 
 
@@ -137,17 +138,29 @@ def look(
 
 
 @app.command(
-    short_help="Report which holes the arm can reach.",
-    help="Report for every hole whether the arm can reach it, on which inverse-kinematics branches, "
-    "and what limits it.",
+    short_help="Report which holes, or stations of a program's paths, the arm can reach.",
+    help="Report for every hole, or every station of a program's paths, whether the arm can reach it, "
+    "on which inverse-kinematics branches or with how many solutions, and what limits it.",
     epilog=examples("a465 reach scenes/task2.toml --look look.json"),
 )
 def reach(
-    task: shared.TaskFile, look: shared.LookFile, advice: shared.Advice = True, as_json: shared.Json = False
+    task: shared.ProgramFile,
+    look: Annotated[Path | None, Option(help=_LOOK)] = None,
+    advice: shared.Advice = True,
+    as_json: shared.Json = False,
 ) -> None:
     with answering("checking reach", as_json) as console:
+        from cell.program.program_file import is_program
+
+        if is_program(task):
+            from cell.commands.plan_poses import reach_program_step
+
+            console.result(reach_program_step(task, look, console))
+            return
         from cell.commands.steps import reach_step
 
+        if look is None:
+            raise InputError("--look is missing: holes are where boards were seen", option="--look")
         console.result(reach_step(task, look, console, advice))
 
 
@@ -158,9 +171,7 @@ def reach(
 )
 def plan(
     task: shared.ProgramFile,
-    look: Annotated[
-        Path | None, Option(help="Boards as written by a465 look; a program needs it if its work is on one.")
-    ] = None,
+    look: Annotated[Path | None, Option(help=_LOOK)] = None,
     output: shared.PlanOutput = Path("plan.json"),
     speed: shared.Speed = None,
     advice: shared.Advice = True,

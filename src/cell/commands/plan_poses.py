@@ -20,13 +20,14 @@ from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
 from cell.program.planning import plan_of_program
-from cell.program.program_file import read_program
+from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import Action
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.explain import explain_list_failure
 from cell.task.planning import require_above_table
 from cell.task.pose_list_planning import place_of_arm, place_of_cell, plan_pose_list
+from cell.task.programs.reach import path_reach, require_reach
 from plan.budget import SearchBudget
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from vision.observation import Observation
@@ -141,13 +142,7 @@ def plan_program_step(
         ImpossibleError: a step (named) is out of reach or has too little clearance, or an arm with its errors has.
     """
     keep_apart(output, program_file, look)
-    task = read_program(program_file)
-    if look is None and task.board is not None:
-        why = f"--look is missing: the work of {program_file} is on board {task.board.name}"
-        raise InputError(why, option="--look")
-    seen = Observation() if look is None else read_observation(look, task.cell.boards)
-    if look is not None:
-        require_boards(seen, task)
+    task, seen = _task_and_look(program_file, look)
     explain = partial(explain_list_failure, task, seen) if advice else None
     with within(budget):
         plan = plan_of_program(task, seen, planning_speed(task.cell, speed), explain)
@@ -176,6 +171,49 @@ def plan_program_step(
         "reached": plan.task["reached"],
         "moves": [move_to_json(m, of) for m, of in zip_longest(plan.moves, erring)],
     }
+
+
+def reach_program_step(program_file: Path, look: Path | None, console: Console) -> dict[str, Any]:
+    """``a465 reach`` of a program: which stations of its paths the arm can reach, and why not.
+
+    Raises:
+        InputError: a file is wrong, or the look is missing.
+        ImpossibleError: the arm cannot be at a station of a path; names it.
+    """
+    task, seen = _task_and_look(program_file, look)
+    stations = path_reach(task, seen, planning_speed(task.cell, None))
+    console.table(
+        ("path", "mm", "x mm", "y mm", "z mm", "solutions", "what limits it"),
+        [(s.path, 1e3 * s.place, *(1e3 * v for v in s.position), s.solutions, s.reason()) for s in stations],
+    )
+    require_reach(stations)
+    return {
+        "stations": [
+            {
+                "path": s.path,
+                "place_mm": 1e3 * s.place,
+                "position_mm": [1e3 * v for v in s.position],
+                "solutions": s.solutions,
+            }
+            for s in stations
+        ]
+    }
+
+
+def _task_and_look(program_file: Path, look: Path | None) -> tuple[ProgramTask, Observation]:
+    """Read a program and the look that it needs.
+
+    Raises:
+        InputError: a value is wrong, or the look is missing.
+    """
+    task = read_program(program_file)
+    if look is None and task.board is not None:
+        why = f"--look is missing: the work of {program_file} is on board {task.board.name}"
+        raise InputError(why, option="--look")
+    seen = Observation() if look is None else read_observation(look, task.cell.boards)
+    if look is not None:
+        require_boards(seen, task)
+    return task, seen
 
 
 def _print_steps(plan: Plan, erring: Sequence[float], console: Console) -> None:

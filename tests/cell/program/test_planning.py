@@ -166,5 +166,5 @@ def test_a_look_is_asked_for_where_it_is_needed(tmp_path: Path) -> None:
     assert "--look is missing: the work of" in told
     with pytest.raises(ImpossibleError, match="board 01-02, on which the work is, was not found"):
         program_scene(read_program(file), Observation())
-    _, told = a465("reach", file, "--look", file, code=2)
-    assert "program.toml: is a program file, must be a task of cubes" in told
+    _, told = a465("reach", file, code=2)
+    assert "--look is missing: the work of" in told

@@ -87,6 +87,18 @@ def test_a_plan_of_which_a_rest_is_left_is_no_plan_of_the_whole_program() -> Non
     assert again.task["threaded_before"] == 1
 
 
+def test_a_tool_that_has_a_speed_keeps_it_on_the_rest_of_its_path() -> None:
+    task, _, setting = _planned()
+    slow = replace(task, steps=tuple(replace(step, speed=0.06) for step in task.steps))
+    plan, robot, unit = plan_of_program(slow, Observation(), SPEED), setting.robot, task.cell.unit
+    path = plan.steps[1].path  # type: ignore[union-attr]
+    q = unit.positions(path.at([0.4 * path.duration_s]))[0]
+    rest = rest_of_plan(plan, setting, place_on(plan, unit, q, 1), unit.positions(unit.counts(q)))
+    tool = [robot.T_base_tool(one)[:3, 3] for one in unit.positions(next(rest.moves).path.sample(0.02))]
+    speeds = np.linalg.norm(np.diff(tool, axis=0), axis=1) / 0.02
+    assert 0.04 < speeds.max() < 0.062
+
+
 def test_nothing_is_left_of_a_plan_that_was_finished() -> None:
     task, plan, setting = _planned()
     q = task.cell.unit.positions(list(plan.moves)[-1].path.end)

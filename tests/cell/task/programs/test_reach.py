@@ -1,0 +1,64 @@
+"""Reach of a program: every station of its paths, and why the arm cannot be there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm.errors import ImpossibleError
+from arm.io.storage import data_file
+from arm.se3 import transform
+from cell.program.program_file import ProgramTask, read_program
+from cell.task.programs.reach import path_reach, require_reach
+from programs.program_files import program
+from typed.command_line import a465
+from vision.observation import Observation
+
+PROGRAM = data_file("scenes/hoop/b.toml")
+
+
+@cache
+def _task() -> ProgramTask:
+    return read_program(PROGRAM)
+
+
+def test_all_stations_of_a_path_that_is_planned_are_in_reach() -> None:
+    stations = path_reach(_task(), Observation(), 0.5)
+    require_reach(stations)
+    places = np.array([s.place for s in stations])
+    assert {s.path for s in stations} == {"wire B"}
+    assert np.diff(places).max() < 0.0081
+    assert all(s.solutions > 0 and s.reason() == "" for s in stations)
+    first, last = (np.array(s.position) for s in (stations[0], stations[-1]))
+    np.testing.assert_allclose(first, np.array([0.460 + 0.070, 0.0, 0.033 + 0.240]), atol=1e-6)
+    np.testing.assert_allclose(last, np.array([0.460, 0.0, 0.033 + 0.0275]), atol=3e-4)
+
+
+def test_a_station_out_of_reach_or_too_near_is_named_with_its_cause() -> None:
+    far = replace(_task(), T_on_work=transform(t=(0.72, 0.0, 0.033)))
+    stations = path_reach(far, Observation(), 0.5)
+    blocked = next(s for s in stations if not s.free)
+    with pytest.raises(ImpossibleError, match=f"'wire B' at {1e3 * blocked.place:.0f} mm: ") as told:
+        require_reach(stations)
+    assert blocked.reason() in str(told.value)
+    beyond = replace(_task(), T_on_work=transform(t=(1.5, 0.0, 0.033)))
+    with pytest.raises(ImpossibleError, match="out of reach, with all that is free there"):
+        require_reach(path_reach(beyond, Observation(), 0.5))
+    wide = replace(_task(), clearance=0.024)  # no ring has so much room
+    with pytest.raises(ImpossibleError, match=r"ring and bar . are .* mm too near"):
+        require_reach(path_reach(wide, Observation(), 0.5))
+
+
+def test_the_command_takes_programs_as_it_takes_tasks(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    said, _ = a465("reach", file, "--json")
+    stations = json.loads(said)["stations"]
+    assert {s["path"] for s in stations} == {"wire"}
+    assert stations[0]["place_mm"] == 0.0
+    _, told = a465("reach", file.with_name("task2.toml"), code=2)
+    assert "no jaws" in told or "--look is missing" in told
