@@ -76,7 +76,7 @@ def certified(plan: Plan, task: ProgramTask) -> float:
     cell, (line,) = task.cell, task.threads
     scene, names = scene_from_json(plan.scene, cell.robot(), cell.robot()), {b.name for b in line.bodies}
     bodies = [body for body in scene.bodies if body.name in names]
-    world = World(scene.robot_open, [body.at(body.T_base_body) for body in bodies]).only([line.ring])
+    world = World(scene.robot_open, [body.at(body.T_base_body) for body in bodies]).only(["ring 1", "ring 2"])
     return min(
         certify_move(world, move.path, cell.unit, 0.0).clearance for move in plan.moves if move.threaded
     )

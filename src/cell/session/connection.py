@@ -265,7 +265,7 @@ def _true_work(task: ProgramTask, truth: World) -> tuple[tuple[Body, ...], tuple
         T = mul(on, T)
     T = mul(T, transform(rotation(truth.work.work_turned), truth.work.work_off))
     wires = (
-        TrueWire(line.name, line.ring, tuple(body.at(mul(T, body.T_base_body)) for body in line.bodies))
+        TrueWire(line.name, tuple(body.at(mul(T, body.T_base_body)) for body in line.bodies))
         for line in task.threads
     )
     return task.bodies_at(T), tuple(wires)

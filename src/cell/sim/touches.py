@@ -36,12 +36,10 @@ class TrueWire:
 
     Attributes:
         name: of the wire.
-        ring: name of the tool's body that is threaded on it.
-        bodies: of the wire, with poses in the base frame.
+        bodies: of it, with poses in the base frame.
     """
 
     name: str
-    ring: str
     bodies: tuple[Body, ...]
 
 
@@ -79,18 +77,23 @@ class TouchJudge:
     """Judges the motion of a tool beside a wire.
 
     Args:
-        tool: as it truly is.
-        ring: inner and outer diameter and thickness of the wire's ring, m; None: it is as the tool has it.
+        tool: as it truly is. Its tori are the ring.
+        ring: inner and outer diameter and thickness, m, of the true ring, about the tool frame's z axis; None: it is as
+            the tool has it.
         wire: as it truly stands.
     """
 
     def __init__(self, tool: FixedTool, ring: Sequence[float] | None, wire: TrueWire) -> None:
         self._wire = wire
         self._T_tool_flange = inverse(tool.T_flange_tool)
-        self._bodies = [
-            (body, geometry(body.shape, ring if body.name == wire.ring else None)) for body in tool.bodies
+        self._around = [(body.shape, body.T_base_body) for body in tool.bodies]
+        parts = [
+            (isinstance(body.shape, Torus), body.T_base_body, geometry(body.shape)) for body in tool.bodies
         ]
-        self._fixed = [(body, coal_shape(body.shape)) for body in wire.bodies]
+        if ring is not None:
+            parts = [(True, tool.T_flange_tool, washer(ring)), *(part for part in parts if not part[0])]
+        self._parts = parts
+        self._fixed = [(body.T_base_body, coal_shape(body.shape)) for body in wire.bodies]
 
     def judged(self, T_base_tool: Array, time_ms: Times) -> Touches:
         """Return the record of a motion.
@@ -138,9 +141,9 @@ class TouchJudge:
     def _corners(self) -> Array:
         """Corners (8, 3) of a box around the tool's bodies, in the tool frame."""
         points = []
-        for body, _ in self._bodies:
-            around, radius = hull(body.shape)
-            at = apply(mul(self._T_tool_flange, body.T_base_body), around)
+        for shape, T_flange_body in self._around:
+            around, radius = hull(shape)
+            at = apply(mul(self._T_tool_flange, T_flange_body), around)
             points += [at - radius, at + radius]
         low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
         return np.array(
@@ -151,12 +154,11 @@ class TouchJudge:
         """Return the least distances of tool and wire, and of ring and wire, m; no more than 0 if they touch."""
         T_base_flange = mul(T_base_tool, self._T_tool_flange)
         whole = ring = np.inf
-        for body, geometry in self._bodies:
-            T = mul(T_base_flange, body.T_base_body)
-            is_ring = body.name == self._wire.ring
-            nearest = min(_apart(geometry, T, other, fixed.T_base_body) for fixed, other in self._fixed)
+        for is_ring, T_flange_part, part in self._parts:
+            T = mul(T_base_flange, T_flange_part)
+            nearest = min(_apart(part, T, other, T_other) for T_other, other in self._fixed)
             whole = min(whole, nearest)
-            ring = nearest if is_ring else ring
+            ring = min(ring, nearest) if is_ring else ring
         return whole, ring
 
 
@@ -169,21 +171,19 @@ def _pose(T: Array) -> Any:
     return coal.Transform3s(T[:3, :3], T[:3, 3])
 
 
-def geometry(shape: Shape, ring: Sequence[float] | None = None) -> Any:
-    """Return a shape as coal has it, a torus as a mesh.
-
-    Args:
-        shape: the shape.
-        ring: inner and outer diameter and thickness, m, of the ring that the shape stands for; None: it is exact.
-    """
-    if ring is not None:
-        inner, outer, half = ring[0] / 2.0, ring[1] / 2.0, ring[2] / 2.0
-        return _revolved(np.array([(inner, -half), (outer, -half), (outer, half), (inner, half)]))
+def geometry(shape: Shape) -> Any:
+    """Return a shape as coal has it, a torus as a mesh around it."""
     if isinstance(shape, Torus):
         angle = 2.0 * np.pi * np.arange(_TUBE) / _TUBE
         around = shape.tube / np.cos(np.pi / _TUBE)  # so that the facets touch the tube from outside
         return _revolved(around * np.stack([np.cos(angle), np.sin(angle)], axis=1) + (shape.radius, 0.0))
     return coal_shape(shape)
+
+
+def washer(ring: Sequence[float]) -> Any:
+    """Return a ring of rectangular section as a mesh: inner and outer diameter and thickness, m."""
+    inner, outer, half = ring[0] / 2.0, ring[1] / 2.0, ring[2] / 2.0
+    return _revolved(np.array([(inner, -half), (outer, -half), (outer, half), (inner, half)]))
 
 
 def _revolved(section: Array) -> Any:

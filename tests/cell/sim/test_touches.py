@@ -18,7 +18,7 @@ TOOL = FixedTool(
     ),
 )
 RING = [0.060, 0.0696, 0.0066]
-WIRE = TrueWire("w", "ring", (Body("bar", Box((0.01, 0.01, 0.2)), transform(t=(0.4, 0.1, 0.2)), "work"),))
+WIRE = TrueWire("w", (Body("bar", Box((0.01, 0.01, 0.2)), transform(t=(0.4, 0.1, 0.2)), "work"),))
 ON_WIRE = np.array([0.4, 0.1, 0.2])
 ROOM = 0.030 - 0.005 * np.sqrt(2.0)  # of the ring on the bar's axis, m
 
