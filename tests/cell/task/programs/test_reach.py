@@ -50,7 +50,7 @@ def test_a_station_out_of_reach_or_too_near_is_named_with_its_cause() -> None:
     with pytest.raises(ImpossibleError, match="out of reach, with all that is free there"):
         require_reach(path_reach(beyond, Observation(), 0.5))
     wide = replace(_task(), clearance=0.024)  # no ring has so much room
-    with pytest.raises(ImpossibleError, match=r"ring and bar . are .* mm too near"):
+    with pytest.raises(ImpossibleError, match=r"ring \d and bar . are .* mm too near"):
         require_reach(path_reach(wide, Observation(), 0.5))
 
 
