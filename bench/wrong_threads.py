@@ -87,9 +87,26 @@ def main() -> None:
     def of_another_wire(of: Right, rng: Rng) -> np.ndarray | None:
         return other_wire(of, rng, every)
 
-    rng, tallies = np.random.default_rng(asked.seed), dict[str, Tally]()
+    columns = (
+        "wrong",
+        "wrong accepted",
+        "only the ray",
+        "right",
+        "right accepted",
+        "undecided",
+        "undecided accepted",
+    )
+    print(
+        f"{run_conditions()}; seed {asked.seed}\n\n| kind | {' | '.join(columns)} |\n|---|{'---|' * len(columns)}"
+    )
+
+    def print_row(kind: str, counts: Counter[str]) -> None:
+        print(f"| {kind} | {' | '.join(str(counts[c]) for c in columns)} |", flush=True)
+
+    rng, tallies = np.random.default_rng(asked.seed), {"unchanged": Tally()}
     for of in every:
-        tried(of, np.concatenate([of.q, of.q[-2::-1]]), of.wire, tallies.setdefault("unchanged", Tally()))
+        tried(of, np.concatenate([of.q, of.q[-2::-1]]), of.wire, tallies["unchanged"])
+    print_row("unchanged", tallies["unchanged"].counts)
     others: dict[str, Maker] = {**OTHERS, "another wire's": of_another_wire, UNSTATED: over_the_end}
     for half in ({OVER: over_the_end}, others):
         for number, (kind, make) in enumerate(half.items()):
@@ -101,21 +118,9 @@ def main() -> None:
                 if q is not None:
                     tried(of, q, None if kind == UNSTATED else of.wire, tally)
                     print(f"\r{kind} {tally.counts['wrong']}   ", end="", file=sys.stderr)
-    print(f"{run_conditions()}; seed {asked.seed}; {time.process_time() - begin:.0f} s of CPU\n")
-    columns = (
-        "wrong",
-        "wrong accepted",
-        "only the ray",
-        "right",
-        "right accepted",
-        "undecided",
-        "undecided accepted",
-    )
-    print(f"| kind | {' | '.join(columns)} |\n|---|{'---|' * len(columns)}")
-    for kind, tally in tallies.items():
-        print(f"| {kind} | {' | '.join(str(tally.counts[c]) for c in columns)} |")
-    total = sum((tally.counts for tally in tallies.values()), Counter[str]())
-    print(f"| all | {' | '.join(str(total[c]) for c in columns)} |")
+            print_row(kind, tally.counts)
+    print_row("all", sum((tally.counts for tally in tallies.values()), Counter[str]()))
+    print(f"\n{time.process_time() - begin:.0f} s of CPU")
     for kind, tally in tallies.items():
         for line in tally.accepted:
             print(f"- {kind}: {line}")

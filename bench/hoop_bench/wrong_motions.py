@@ -79,7 +79,9 @@ def plan_with(of: Right, q: Array, threaded: str | None) -> Plan:
 
     They are two moves, as many as the program has along its wire, each with the clearance that the program asks for.
     """
-    middle = max(1, len(q) // 2)
+    if len(q) == 2:
+        q = np.array([q[0], (q[0] + q[1]) / 2.0, q[1]])
+    middle = len(q) // 2
     there, back = (move for move in of.plan.moves if move.threaded is not None)
     parts = ((there, q[: middle + 1]), (back, q[middle:]))
     return replace(of.plan, steps=tuple(_move(of, move, some, threaded) for move, some in parts))

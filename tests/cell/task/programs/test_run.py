@@ -60,7 +60,7 @@ def test_a_ring_led_along_its_wire_never_touches_it(tmp_path: Path) -> None:
     assert found.least > least - 1e-4
     true_ring = _recorded(_world(tmp_path, "[tool]\nring_mm = [60, 69.6, 6.6]\n"))
     assert true_ring.least is not None
-    assert found.least < true_ring.least < found.least + 0.002
+    assert found.least < true_ring.least < found.least + 0.0045  # tori are thicker than the ring
 
 
 @pytest.mark.parametrize(
