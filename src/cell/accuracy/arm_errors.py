@@ -6,25 +6,23 @@ independently; where their errors go together, as those of the camera's pose do,
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from arm.board import plate_name
 from arm.calibration_file import COVARIANCE
-from arm.errors import InputError
 from arm.numerics.products import mul, norm
 from arm.plan_file import Plan
 from arm.poses import adjoint
 from arm.robot.dh import A465
 from arm.robot.gripper import Gripper
-from arm.robot.shapes import Body, Box
+from arm.robot.shapes import Body
 from arm.se3 import Array, apply, frozen, inverse, skew
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.linear_error import LinearError
 from cell.accuracy.placement import grip_error
 from cell.accuracy.plan_budgets import gripper_positions, hole_of
 from cell.config.cell import Cell
+from cell.program.points import WORK
 from plan.collision.certificate import ArmErrors
 from plan.collision.covers import hull
 from plan.scene import Scene
@@ -53,7 +51,7 @@ def arm_errors(cell: Cell) -> ArmErrors | None:
 
 
 def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict[str, float]:
-    """Return how far boards, stands and cubes of a plan may be from where it has them, m, by their names.
+    """Return how far boards, stands, cubes and what is on a work may be from where a plan has them, m, by their names.
 
     A cube counts as off by the largest of what it may be off in its hole, in the jaws, and where it is released. In the
     jaws that is relative to the tool, whose own errors are those of the arm.
@@ -70,7 +68,7 @@ def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict
     boards = {pose.board.name: model.board(pose) for pose in seen.poses}
     found: dict[str, float] = {}
     for body in (*scene.bodies, *scene.cubes):
-        board = boards.get(_board_of(body, scene))
+        board = boards.get(_board_of(body, scene, plan))
         if board is not None:
             T_body_base = inverse(body.T_base_body)
             found[body.name] = _largest(board.shared.transformed(adjoint(T_body_base)), body, cell.sigmas)
@@ -90,11 +88,13 @@ def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict
     return found
 
 
-def _board_of(body: Body, scene: Scene) -> str:
-    """Name of the board of ``plate 01-02`` or ``stand 01-02``, or of the one on which a cube stands.
+def _board_of(body: Body, scene: Scene, plan: Plan) -> str:
+    """Name of the board of ``plate 01-02`` or ``stand 01-02``, or of the one on which a cube stands, or the work is.
 
     A cube has the name of the hole that it came from, and stands on the nearest plate of those that it touches.
     """
+    if body.kind == WORK:
+        return str(plan.task.get("board", ""))
     plates = (b for b in scene.bodies if b.name.startswith(plate_name("")))
     touched = [plate for plate in plates if frozenset((plate.name, body.name)) in scene.allowed]
     of = min(touched, key=lambda b: float(norm(b.T_base_body[:3, 3] - body.T_base_body[:3, 3])), default=body)
@@ -102,18 +102,17 @@ def _board_of(body: Body, scene: Scene) -> str:
 
 
 def _largest(error: LinearError, body: Body, sigmas: float) -> float:
-    """Largest displacement of a point of a box by an error of its own frame within so many standard deviations, m.
+    """Largest displacement of a point of a body by an error of its own frame within so many standard deviations, m.
 
     A twist (v, w) moves a point p along a screw, at the constant speed |v + w x p|, so by no more than that. Over the
-    ellipsoid of v and w the largest such speed is convex in p, so it is at a corner.
+    ellipsoid of v and w the largest such speed is convex in p, so of a hull it is at a corner; in a ball about a corner
+    it is larger by at most |w| times the radius.
     """
-    if not isinstance(body.shape, Box):
-        raise InputError(f"{body.name!r} must be a box", name=body.name)
-    half, C = np.array(body.shape.size) / 2.0, error.covariance
-    corners = half * np.array(list(product((-1.0, 1.0), repeat=3)))
+    (corners, radius), C = hull(body.shape), error.covariance
     J = np.array([np.hstack([np.eye(3), -skew(corner)]) for corner in corners])
-    speeds = np.linalg.eigvalsh(J @ C @ np.swapaxes(J, 1, 2))[:, -1]
-    return sigmas * float(np.sqrt(max(float(speeds.max()), 0.0)))
+    square = float(np.linalg.eigvalsh(J @ C @ np.swapaxes(J, 1, 2))[:, -1].max())
+    turn = float(np.linalg.eigvalsh(C[3:, 3:])[-1])
+    return sigmas * float(np.sqrt(max(square, 0.0)) + radius * np.sqrt(max(turn, 0.0)))
 
 
 def _length_behind(cell: Cell) -> Array:

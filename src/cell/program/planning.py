@@ -93,6 +93,8 @@ def plan_of_program(
     options = program_options(task, speed)
     provenance = plan_fingerprint(task)
     stated = {"name": task.name, "kind": PROGRAM, "title": task.title, "repeat": task.repeat}
+    if task.board is not None:
+        stated["board"] = task.board.name
     program = Program(
         scene, goals, cell.q_start, cell.unit, cell.limits, options, provenance=provenance, task=stated
     )

@@ -15,7 +15,7 @@ from arm.poses import adjoint
 from arm.robot.dh import A465
 from arm.robot.error_screws import error_screws
 from arm.robot.link_errors import LinkErrors
-from arm.robot.shapes import Box
+from arm.robot.shapes import Body, Box, Capsule, Cylinder, Sphere, Torus
 from arm.se3 import Array, apply, frozen, transform
 from cell.accuracy.arm_errors import arm_errors, body_errors
 from cell.accuracy.error_model import ErrorModel
@@ -23,8 +23,10 @@ from cell.accuracy.placement import Transfer, placement_error
 from cell.accuracy.plan_budgets import gripper_positions, hole_of
 from cell.config.cell import Cell
 from cell.files.task import Task
+from cell.program.points import WORK
 from cell.scene.displaced import DisplacedCube, with_displaced
 from cell.task.plan_matches import check_plan
+from plan.collision.covers import hull
 from plan.scene import Scene, scene_from_json
 from vision.observation import Observation, ObservedBoard
 
@@ -199,6 +201,41 @@ def test_a_released_cube_is_off_by_the_error_of_its_placement(
         assert max(moved) <= found[cube.name]
         reached.append(max(moved) / found[cube.name])
     assert min(reached) > 0.8
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_on_a_work_errs_with_the_board_that_carries_it(
+    cell: Cell, seen: Observation, plan: Plan, scene: Scene, seed: int
+) -> None:
+    """Bodies of any shape; without a board of the work they have no errors."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(6, 6)) * np.array([1e-3, 1e-3, 2e-3, 0.02, 0.02, 0.02])[:, None]
+    noisy = replace(seen, boards=tuple(_with(b, root @ root.T / 6.0) for b in seen.boards))
+    pose = noisy.poses[0]
+    T = frozen(mul(pose.T_base_board, transform(t=(0.09, 0.06, 0.1))))
+    shapes = (
+        Box((0.01, 0.02, 0.2)),
+        Sphere(0.03),
+        Capsule(0.01, 0.1),
+        Cylinder(0.02, 0.1),
+        Torus(0.03, 0.005),
+    )
+    bodies = tuple(Body(type(shape).__name__, shape, T, WORK) for shape in shapes)
+    there = replace(scene, bodies=(*scene.bodies, *bodies))
+    on_board = replace(plan, task={"kind": "program", "board": pose.board.name})
+    found = body_errors(cell, noisy, on_board, there)
+    C = ErrorModel.of(cell).board(pose).shared.covariance
+    for body in bodies:
+        points, radius = hull(body.shape)
+        way = rng.normal(size=points.shape)
+        at = apply(T, points + radius * way / np.linalg.norm(way, axis=1, keepdims=True))
+        moved = []
+        for _ in range(300):
+            E = pin.exp6(_drawn(C, cell.sigmas, rng)).homogeneous
+            moved.append(float(np.linalg.norm(apply(E, at) - at, axis=1).max()))
+        assert 0.5 * found[body.name] < max(moved) <= found[body.name]
+    off = body_errors(cell, noisy, replace(on_board, task={"kind": "program"}), there)
+    assert not {body.name for body in bodies} & set(off)
 
 
 def test_what_is_not_seen_or_not_calibrated_has_no_errors(
