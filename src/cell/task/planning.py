@@ -8,12 +8,13 @@ from itertools import cycle, product
 from typing import Any
 
 from arm.errors import ImpossibleError
-from arm.numerics.products import mul, norm
+from arm.numerics.products import norm
 from arm.plan_file import Plan
 from arm.poses import HolePose
-from arm.se3 import Array, frozen
+from arm.se3 import Array
 from cell.accuracy.clearances import erring_clearances
 from cell.cubes.confirm_placed import T_base_of
+from cell.cubes.grips import Grip, recovery_grips
 from cell.files.task import POSES, Task
 from cell.scene.build import build_scene, cube_name
 from cell.scene.displaced import DisplacedCube, has_room, is_displaced, is_hidden, with_displaced
@@ -21,8 +22,9 @@ from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
 from cell.scene.places import hole_stations, reachable_places, unused_holes
 from plan.advice.changes import Request
-from plan.collision.world import World
+from plan.collision.world import World, distance_of
 from plan.failure import nearness
+from plan.options import PlanOptions
 from plan.program.go_to import plan_joint_motion
 from plan.scene import Scene, Station, Transfer
 from vision.observation import Observation
@@ -201,8 +203,9 @@ def hidden_holes(rest: Rest) -> list[str]:
 def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> Plan:
     """Plan to take a displaced cube from where it is to the best of some stations.
 
-    The jaws are aligned with the cube. If they cannot reach it so, they come and go on shorter lines, or lean less than
-    it does. If that fails too, because it stands close to another cube, lines keep `NARROW` from what the arm passes.
+    The jaws are aligned with the cube. If they cannot reach it so, they come and go on shorter lines, lean, or grip
+    higher. If that fails too, because it stands close to another cube, lines keep `NARROW` from what the arm passes. At
+    last the cube may touch that other cube on its lift, if the lift takes it no nearer.
 
     Args:
         rest: what is left of the task; `cube` is one of its displaced cubes.
@@ -210,47 +213,46 @@ def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> 
         goals: stations to choose from.
 
     Raises:
-        ImpossibleError: there is no plan; says why the jaws cannot be aligned with the cube.
+        ImpossibleError: there is no plan, also for an arm with its errors; says why the jaws cannot be aligned with the
+            cube.
     """
     cell, request = rest.task.cell, empty_request(rest)
     provenance, named = plan_fingerprint(rest.task), _named(rest.task)
     refused: ImpossibleError | None = None
     offsets = dict.fromkeys((cell.offset, max(0.5 * cell.offset, SHORTEST_LINE)))
-    grips = list(_recovery_grips(rest, cube, [cube.goal(goal) for goal in goals]))
-    for clearance, (pick, places), offset in product(
-        (request.options.line_clearance, NARROW), grips, offsets
-    ):
+    for (clearance, grip), offset in product(_recovery_ways(rest, cube, goals), offsets):
+        touching = {frozenset((cube.name, name)) for name in grip.pick.touches}
         asked = replace(
             request,
-            transfers=(Transfer(cube.name, pick, places[0]),),
-            places=tuple(places[1:]),
+            scene=request.scene.allowing(request.scene.allowed | touching),
+            transfers=(Transfer(cube.name, grip.pick, grip.goals[0]),),
+            places=grip.goals[1:],
             options=replace(request.options, offset=offset, line_clearance=clearance),
         )
         try:
             if (plan := asked.plan(provenance, named)) is not None:
+                erring_clearances(cell, plan, rest.observation)
                 return plan
         except ImpossibleError as error:
             refused = refused or error
     raise refused or ImpossibleError(f"no plan moves {cube.name}", cube=cube.name)
 
 
-def _recovery_grips(
-    rest: Rest, cube: DisplacedCube, goals: Sequence[Station]
-) -> Iterator[tuple[Station, Sequence[Station]]]:
-    """Stations to take a displaced cube from, each with the goals for a cube that is held so."""
-    cell, T_base_place = rest.task.cell, T_base_of(rest.task, rest.observation, cube.near)
-    yield cube.station(cell), goals
-    if T_base_place is None:
-        return
-    for share in (0.5, 1.0):
-        for pick, T_tool_leaning in cube.tilted_grips(cell, T_base_place, share):
-            yield (
-                pick,
-                [
-                    replace(goal, T_base_tool=tuple(frozen(mul(T, T_tool_leaning)) for T in goal.T_base_tool))
-                    for goal in goals
-                ],
-            )
+def _recovery_ways(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> Iterator[tuple[float, Grip]]:
+    """Yield the clearance of lines and the grip of each way to take a displaced cube, best first."""
+    cell, lines = rest.task.cell, PlanOptions.line_clearance
+    T_base_place = T_base_of(rest.task, rest.observation, cube.near)
+    grips = list(recovery_grips(cell, cube, [cube.goal(goal) for goal in goals], T_base_place))
+    yield from product((lines, NARROW), grips)
+    scene = rest.scene
+    body = scene.cube(cube.name)
+    close = [
+        other
+        for other in scene.cubes
+        if other is not body and distance_of(body, other).value < lines + 2.0 * cell.moved
+    ]
+    parted = (grip.lifting_from(body, close) for grip in grips if close)
+    yield from ((NARROW, grip) for grip in parted if grip is not None)
 
 
 def free_goals(rest: Rest) -> tuple[Station, ...]:

@@ -161,7 +161,6 @@ class TaskRun(CheckedRun):
         goals = self.recovery.goals(cube, observation, lambda: free_goals(replace(rest, displaced=others)))
         with self.console.doing("planning"), spending(self.budget):
             plan = plan_recovery(rest, cube, goals)
-        erring_clearances(self.task.cell, plan, observation)
         (transfer,) = plan.task["cubes"]
         self.console.step(
             f"planned {cube.name} from {cube.place} to {transfer['to']}: {plan.duration_s:.1f} s of motion, "

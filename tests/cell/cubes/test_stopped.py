@@ -14,11 +14,12 @@ from arm.io.storage import data_file
 from arm.numerics.products import mul
 from arm.plan_file import Plan
 from arm.se3 import frozen, inverse, rot_z, transform
+from cell.cubes.grips import recovery_grips
 from cell.cubes.stopped import displaced_in, released_at, released_before
 from cell.files.task import read_task
 from cell.scene.displaced import DisplacedCube
 from cell.sim.release_faults import T_hole_released
-from cell.task.planning import Rest, _recovery_grips, free_goals, plan_recovery, plan_rest
+from cell.task.planning import Rest, free_goals, plan_recovery, plan_rest
 from cell.task.resume import carried_by
 from tasks.true_look import true_look
 from vision.observation import Observation
@@ -44,7 +45,7 @@ def leaning() -> Plan:
     """A plan that takes a leaning cube by jaws that lean less than it does, so that it leans in them."""
     rest = Rest(TASK, SEEN, CELL.q_start, 0.5, displaced=(LEANS, STAYS))
     with patch.object(
-        cell.task.planning, "_recovery_grips", lambda *given: islice(_recovery_grips(*given), 1, None)
+        cell.task.planning, "recovery_grips", lambda *given: islice(recovery_grips(*given), 1, None)
     ):
         return plan_recovery(rest, LEANS, free_goals(rest))
 

@@ -31,6 +31,8 @@ from cell.task.planning import (
     skipped_cubes,
 )
 from plan.advice.changes import Request
+from plan.scene import scene_from_json
+from plan.verify import replay
 from tasks.seen_cells import planned
 from tasks.true_look import true_look
 from vision.observation import Observation
@@ -235,11 +237,21 @@ def test_three_of_four_cubes_move_if_there_are_three_places(task2: Task, assignm
     assert line.endswith("only 3 places are free and in reach")
 
 
-@pytest.mark.parametrize(("away", "least", "most"), [(0.026, 5e-3, 1.0), (0.032, NARROW, 5e-3)])
+@pytest.mark.parametrize(
+    ("away", "least", "most", "touches"),
+    [
+        (0.026, 5e-3, 1.0, ()),
+        (0.032, NARROW, 5e-3, ()),
+        (0.0355, NARROW, 1.0, ("cube 03-04/1",)),
+    ],
+)
 def test_a_cube_too_close_to_another_is_lifted_with_less_room(
-    task2: Task, away: float, least: float, most: float
+    task2: Task, away: float, least: float, most: float, touches: tuple[str, ...]
 ) -> None:
-    """All lines keep 5 mm, unless the cube stands with a corner nearer than that to a seated one."""
+    """All lines keep 5 mm, unless the cube stands with a corner nearer than that to a seated one.
+
+    From beside one that is 6 mm away, as far as boards may move unnoticed, it is lifted along that cube.
+    """
     seen = true_look(task2).with_states({"03-04/1": "cube", "01-02/4": "empty", "01-02/3": "empty"})
     board = seen.board("03-04")
     assert board is not None
@@ -250,6 +262,11 @@ def test_a_cube_too_close_to_another_is_lifted_with_less_room(
     rest = Rest(task2, seen, task2.cell.q_start, 0.5, displaced=(cube,))
     plan = plan_recovery(rest, cube, free_goals(rest))
     assert least <= min(move.clearance for move in plan.moves) < most
+    for move in plan.moves:
+        lifts = move.held is not None and move.role == "retract"
+        assert set(move.allowed_collisions) - {"plate 03-04"} == (set(touches) if lifts else set())
+    scene = scene_from_json(plan.scene, task2.cell.robot(), task2.cell.robot_holding())
+    assert len(replay(plan, scene, task2.cell.unit, task2.cell.limits)) == sum(1 for _ in plan.moves)
 
 
 def _aside(seen: Observation, name: str, near: str, away: float) -> DisplacedCube:
