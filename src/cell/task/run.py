@@ -18,6 +18,7 @@ from cell.cubes.confirm_placed import unseen_places, width_at
 from cell.files.board_shift import moved_boards
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
+from cell.scene.build import cube_name
 from cell.scene.displaced import DisplacedCube
 from cell.scene.places import reach_of
 from cell.session.budget import spending
@@ -162,6 +163,11 @@ class TaskRun(CheckedRun):
         with self.console.doing("planning"), spending(self.budget):
             plan = plan_recovery(rest, cube, goals)
         (transfer,) = plan.task["cubes"]
+        beside = sorted(
+            {name for m in plan.moves for name in m.allowed_collisions if name.startswith(cube_name(""))}
+        )
+        if beside:
+            self.tell(f"{cube.name} is lifted along {' and '.join(beside)}, which it may touch")
         self.console.step(
             f"planned {cube.name} from {cube.place} to {transfer['to']}: {plan.duration_s:.1f} s of motion, "
             f"clearance {1e3 * min(m.clearance for m in plan.moves):.1f} mm, {plan.sha256[:12]}"

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from arm.se3 import Array
 from displaced.loose import KINDS, WITHIN, LooseScene, error_of, loose_scene
 from vision.loose.locate import LooseCube, NotLocated, locate_cube
+from vision.loose.sides import Sides, measure_sides, side_normals
 from vision.occupancy.cube_top import EmptyPlace
+from vision.occupancy.edge_response import PlateView
 from vision.occupancy.seated import CubeWidth
 
 
@@ -100,3 +104,41 @@ def test_an_upright_cube_may_be_higher_or_lower_than_it_seems_by_what_fingers_fo
     error = error_of(found.T_base_cube, s.T_base_cube)
     assert np.linalg.norm(error[:2]) < 1e-3
     assert abs(error[2]) < 3e-3
+
+
+def _two_sides_further_apart(by_px: float) -> Callable[..., Sides]:
+    """Instead of `measure_sides`: exact places of two opposite sides further out, each by so many px."""
+
+    def measured(
+        view: PlateView, T_base_cube: Array, size: float, reach_px: float, noise: float, *exact: object
+    ) -> Sides:
+        sides = measure_sides(view, T_base_cube, size, reach_px, noise, *exact)  # type: ignore[arg-type]
+        if not (exact and exact[0]):
+            return sides
+        _, normal = side_normals(view, T_base_cube, size, sides.side, sides.along)
+        return replace(sides, points=sides.points + by_px * normal * (sides.side % 2 == 1)[:, None])
+
+    return measured
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_an_upright_cube_is_located_although_exact_places_of_its_sides_are_off(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As beside a narrow bright face and a dark gap: its top then seems to hover above the pocket."""
+    scene = loose_scene(seed, "high", width_std=1e-5)
+    monkeypatch.setattr("vision.loose.locate.measure_sides", _two_sides_further_apart(0.8))
+    found = _located(scene)
+    assert isinstance(found, LooseCube), found
+    error = error_of(found.T_base_cube, scene.T_base_cube)
+    assert np.linalg.norm(error[:3]) < 1.5e-3
+    assert np.degrees(np.linalg.norm(error[3:])) < 2.5
+    assert (np.abs(error) < 3.0 * np.sqrt(np.diag(found.covariance))).all()
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("half", 1), ("aside", 1), ("odd", 5), ("gone", 4)])
+def test_nothing_else_is_taken_for_an_upright_cube(
+    kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vision.loose.locate.measure_sides", _two_sides_further_apart(0.8))
+    assert isinstance(_located(loose_scene(seed, kind, width_std=1e-5)), NotLocated)
