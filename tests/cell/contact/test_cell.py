@@ -10,8 +10,12 @@ import pytest
 from arm.se3 import rot_z, transform
 from cell.commands.run import run_task
 from cell.console import Console
+from cell.cubes.grips import recovery_grips
+from cell.scene.build import RELEASE_GAP, grips_over
+from cell.scene.displaced import DisplacedCube
 from cell.session.connection import WhichCell
-from emulated.driven_contact import LIFT, DrivenContact, world_of
+from emulated.driven_contact import LIFT, SHUT, DrivenContact, world_of
+from plan.scene import Station
 from tasks.small import quick_scenes
 
 pytest.importorskip("mujoco")
@@ -34,6 +38,28 @@ def test_a_cube_is_carried_by_friction_and_guided_by_its_funnel() -> None:
     T_hole_cube = np.linalg.inv(driven.T_base_hole(1, 2)) @ placed.T_base_cube
     assert np.abs(T_hole_cube[:2, 3]).max() < 0.1e-3
     assert T_hole_cube[2, 3] == pytest.approx(0.012, abs=0.1e-3)
+
+
+@pytest.mark.parametrize("way", [1, 3, 5])
+def test_jaws_that_lean_and_grip_higher_hold_a_cube_and_seat_it(way: int) -> None:
+    """As where another cube leaves no room for straight ones: higher, and leaning by 10 and 20 degrees."""
+    driven = DrivenContact()
+    cube = driven.cell.cubes(driven.counts)[1]
+    T_base_hole = driven.T_base_hole(1, 2)
+    goal = Station("03-04/3", grips_over(T_base_hole, driven.cell.cell.grip_height + RELEASE_GAP))
+    displaced = DisplacedCube(cube.name, "01-02/2", cube.T_base_cube)
+    grip = list(recovery_grips(driven.cell.cell, displaced, [goal], None))[way]
+    at, to = grip.pick.T_base_tool[0], grip.goals[0].T_base_tool[0]
+    up, over = transform(t=LIFT * cube.T_base_cube[:3, 2]), transform(t=LIFT * T_base_hole[:3, 2])
+    for pose in (up @ at, at):
+        driven.line(pose)
+    driven.wait(0.1)
+    assert driven.jaws(SHUT) == pytest.approx(cube.size, abs=2e-4)
+    for pose in (up @ at, over @ to, to):
+        driven.line(pose)
+    driven.wait(0.1)
+    driven.jaws(0.0)
+    assert _events(driven) == ["cube 2 gripped", "cube 2 placed"]
 
 
 def test_a_cube_beside_the_mouth_is_not_seated() -> None:
