@@ -269,6 +269,23 @@ def test_a_cube_too_close_to_another_is_lifted_with_less_room(
     assert len(replay(plan, scene, task2.cell.unit, task2.cell.limits)) == sum(1 for _ in plan.moves)
 
 
+def test_a_recovery_that_the_errors_of_the_arm_refuse_is_planned_in_another_way(
+    task2: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = true_look(task2).with_states({"01-02/4": "empty"})
+    cube = _aside(seen, "cube 01-02/4", "01-02/4", 0.026)
+    rest, made = Rest(task2, seen, task2.cell.q_start, 0.5, displaced=(cube,)), list[Plan]()
+
+    def too_near(cell: object, plan: Plan, look: Observation) -> None:
+        made.append(plan)
+        if len(made) < 3:
+            raise ImpossibleError("too near for all errors")
+
+    monkeypatch.setattr("cell.task.planning.erring_clearances", too_near)
+    plan = plan_recovery(rest, cube, free_goals(rest))
+    assert [one.sha256 for one in made].index(plan.sha256) == 2
+
+
 def _aside(seen: Observation, name: str, near: str, away: float) -> DisplacedCube:
     """A cube that stands flat on a plate, `away` m from a hole, towards the middle of the board's other long side."""
     board, number = near.split("/")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -131,6 +132,24 @@ def test_a_cube_that_no_plan_moves_is_tried_again_after_the_others(monkeypatch: 
         f"{cube.name} waits beside 01-02/4 until the others are moved: another cube is too near",
     ]
     assert run.rows[0].faults == []
+
+
+def test_the_cubes_that_a_lift_may_touch_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    cube, told = DisplacedCube("cube 01-02/4", "03-04/2", transform()), list[str]()
+    run = TaskRun.__new__(TaskRun)
+    run.task, run.remarks, run.budget = read_task(data_file("scenes/task2.toml")), [], None
+    run.console = cast(Any, SimpleNamespace(step=told.append, doing=lambda _: nullcontext()))
+    run.recovery = cast(Any, SimpleNamespace(goals=lambda *_: ()))
+    lift = SimpleNamespace(clearance=0.001, allowed_collisions=("cube 03-04/1", "plate 03-04"))
+    plan = SimpleNamespace(
+        task={"cubes": [{"to": "03-04/2"}]}, moves=(lift,), duration_s=1.0, sha256="0123456789abcdef"
+    )
+    monkeypatch.setattr(TaskRun, "rest", lambda *_: Rest(run.task, Observation(), run.task.cell.q_start, 0.5))
+    monkeypatch.setattr(TaskRun, "q_now", lambda _: run.task.cell.q_start)
+    monkeypatch.setattr("cell.task.run.plan_recovery", lambda *_: plan)
+    monkeypatch.setattr("cell.task.run.spending", lambda _: nullcontext())
+    assert run._plan_recovery(cube, Observation()) is cast(Any, plan)
+    assert run.remarks == ["cube 01-02/4 is lifted along cube 03-04/1, which it may touch"]
 
 
 @pytest.mark.parametrize("blocks", [False, True])
