@@ -40,9 +40,9 @@ def test_a_cube_is_carried_by_friction_and_guided_by_its_funnel() -> None:
     assert T_hole_cube[2, 3] == pytest.approx(0.012, abs=0.1e-3)
 
 
-@pytest.mark.parametrize("way", [1, 3, 5])
+@pytest.mark.parametrize("way", [1, 3, 5, 7])
 def test_jaws_that_lean_and_grip_higher_hold_a_cube_and_seat_it(way: int) -> None:
-    """As where another cube leaves no room for straight ones: higher, and leaning by 10 and 20 degrees."""
+    """As where another cube leaves no room for straight ones: higher, and leaning by 10, 20 and 30 degrees."""
     driven = DrivenContact()
     cube = driven.cell.cubes(driven.counts)[1]
     T_base_hole = driven.T_base_hole(1, 2)
