@@ -24,9 +24,8 @@ from plan.scene import Station
 
 SHARES = (0.5, 1.0)  # of a cube's leaning that the tool leaves out
 LEANS = (0.0, 10.0, -10.0, 20.0, -20.0, 30.0, -30.0)  # deg, of a tool that grips higher
-HIGHER = (
-    8e-3  # m; the palm clears a leaning cube's top, and the fingers hold 9 mm of its faces, 3 to 15 at 30 deg
-)
+# m, of that tool: its palm clears the leaning cube's top, and its fingers hold 9 mm of a face, at 30 deg 3 to 15
+HIGHER = 8e-3
 TOWARDS = np.sin(np.radians(1.0))  # share of a lift that may go towards a cube: their normals are uncertain
 
 
