@@ -65,9 +65,7 @@ def tried(of: Right, q: np.ndarray, stated: str | None, tally: Tally) -> bool:
         accepted = False
     tally.counts[kind] += 1
     tally.counts[f"{kind} accepted"] += accepted
-    tally.counts["only the ray"] += wrong and (
-        judged.least >= required or judged.pair[1].startswith("beyond")
-    )
+    tally.counts["only the ray"] += wrong and judged.bodies >= required + UNDECIDED
     if wrong and accepted:
         tally.accepted.append(
             f"{of.wire}: linked {judged.linked}; {1e3 * judged.bodies:.2f} mm between {judged.pair}"
