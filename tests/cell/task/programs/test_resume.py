@@ -112,7 +112,7 @@ def test_stopped_on_the_wire_again_and_again_the_ring_comes_off_over_the_free_en
 ) -> None:
     at = lasting
     plan = at.stopped(at.first, "along wire B", 0.4)
-    plan = at.stopped(lambda: at.resumed(plan, "second"), "along wire B", 0.6)
+    plan = at.stopped(lambda: at.resumed(plan, "second"), "along wire B", 0.1)
     plan = at.stopped(lambda: at.resumed(plan, "third"), "back along wire B", 0.5)
     report = at.resumed(plan, "fourth")
     said = capsys.readouterr().out
