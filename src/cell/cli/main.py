@@ -138,7 +138,7 @@ def look(
 
 
 @app.command(
-    short_help="Report which holes, or stations of a program's paths, the arm can reach.",
+    short_help="Report which holes or stations of paths the arm can reach.",
     help="Report for every hole, or every station of a program's paths, whether the arm can reach it, "
     "on which inverse-kinematics branches or with how many solutions, and what limits it.",
     epilog=examples("a465 reach scenes/task2.toml --look look.json"),

@@ -126,15 +126,6 @@ def test_a_cube_is_set_down_on_the_table_or_falls(simulated: SimulatedCell, heig
         assert simulated._cubes[0].T_base_cube[2, 3] == pytest.approx(0.020)
 
 
-def test_turns_of_a_cube_that_look_alike_count_as_none() -> None:
-    rng = np.random.default_rng(7)
-    for _ in range(50):
-        quarter = rot_z(np.pi / 2 * rng.integers(4)) @ rot_x(np.pi / 2 * rng.integers(4))
-        small = rotation(0.1 * rng.normal(size=3))
-        wanted = float(np.arccos((np.trace(small) - 1) / 2))
-        assert angle_to_square(quarter @ small) == pytest.approx(wanted, abs=1e-9)
-
-
 def test_errors_of_the_arm_move_its_tool_and_not_its_encoders(simulated: SimulatedCell) -> None:
     """Joint errors of the world file act on true positions, by the unit's signs and at each arrival anew."""
     backlash = replace(simulated.world.arm, backlash=np.full(6, 2e-3))
@@ -161,18 +152,3 @@ def test_jaws_stop_at_the_true_size_of_a_cube(simulated: SimulatedCell) -> None:
     assert stops[0] != stops[1]
     seat = large._cubes[1].T_base_cube[:3, 3] - simulated._cubes[1].T_base_cube[:3, 3]
     assert np.linalg.norm(seat) > 1e-4  # a smaller cube sits deeper
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_jaws_centre_a_cube_and_align_it_with_their_faces(seed: int) -> None:
-    """The rest stays: the place along the fingers, and the rotation about the jaws' travel."""
-    rng = np.random.default_rng(seed)
-    about_y, (x, y, z) = rng.normal(0.0, 0.02), rng.normal(0.0, 1e-3, 3)
-    quarter = rot_z(np.pi / 2.0 * rng.integers(4))
-    aligned = transform(rotation((0.0, about_y, 0.0)) @ quarter, (x, 0.0, z))
-    assert between_jaws(aligned) == pytest.approx(aligned, abs=1e-12)
-    a, b = rng.normal(0.0, 0.02, 2)
-    held = between_jaws(transform(rotation((a, 0.0, b)) @ aligned[:3, :3], (x, y, z)))
-    assert held == pytest.approx(aligned, abs=1e-3)  # small rotations about other axes commute nearly
-    assert held[:3, 3] == pytest.approx((x, 0.0, z), abs=1e-12)
-    assert np.abs(held[1, :3]).max() == pytest.approx(1.0, abs=1e-12)
