@@ -36,6 +36,7 @@ from vision.camera.video.settings import VideoSettings
 NOT_OFFERED = (
     *("calibration", "background", "tool.urdf", "look.basler.features", "look.video.features", "camera"),
     *("intrinsics.covariance", "intrinsics.region_px", "views"),
+    *("tool.off_mm", "tool.turned_deg", "tool.ring_mm", "work.off_mm", "work.turned_deg"),  # of programs
 )
 KEY = re.compile(r"^(\w+) = ")
 
