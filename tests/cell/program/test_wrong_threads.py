@@ -50,6 +50,7 @@ def test_the_oracle_counts_how_often_a_line_passes_through_a_circle() -> None:
     assert linking(0.1 * CIRCLE, twice) == pytest.approx(2.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_right_motion_is_right_and_accepted_and_one_over_the_free_end_is_not() -> None:
     of, rng = _right(), np.random.default_rng(3)
     whole = np.concatenate([of.q, of.q[-2::-1]])

@@ -40,7 +40,7 @@ def _on_wire(share: float, step: int = 1) -> np.ndarray:
     return np.asarray(task.cell.unit.positions(path.at([share * path.duration_s]))[0])
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.93])
+@pytest.mark.parametrize("share", [0.5, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.1, 0.93))])
 @pytest.mark.parametrize("step", [1, 2])
 def test_the_rest_is_the_same_path_certified_and_threaded_from_where_the_arm_is(
     step: int, share: float
@@ -87,6 +87,7 @@ def test_a_plan_of_which_a_rest_is_left_is_no_plan_of_the_whole_program() -> Non
     assert again.task["threaded_before"] == 1
 
 
+@pytest.mark.slow
 def test_a_tool_that_has_a_speed_keeps_it_on_the_rest_of_its_path() -> None:
     task, _, setting = _planned()
     slow = replace(task, steps=tuple(replace(step, speed=0.06) for step in task.steps))

@@ -33,7 +33,8 @@ def _located(scene: LooseScene, within: float = WITHIN) -> LooseCube | NotLocate
 @pytest.mark.parametrize(
     ("kind", "world", "seed"),
     [
-        *((kind, "realistic", 1) for kind in KINDS),
+        ("aside", "realistic", 1),
+        *(pytest.param(k, "realistic", 1, marks=pytest.mark.slow) for k in KINDS if k != "aside"),
         *(pytest.param(k, w, s, marks=pytest.mark.slow) for k in KINDS for w in ("ideal",) for s in (2, 3)),
     ],
 )
@@ -47,11 +48,13 @@ def test_it_is_located_as_accurately_as_it_says(kind: str, world: str, seed: int
     assert (np.abs(error) < 4.0 * np.sqrt(np.diag(found.covariance))).all()
 
 
+@pytest.mark.slow
 def test_no_cube_and_a_cube_at_no_known_rest_are_not_located() -> None:
     for kind, seed in (("gone", 4), ("odd", 5)):
         assert isinstance(_located(loose_scene(seed, kind)), NotLocated)
 
 
+@pytest.mark.slow
 def test_a_known_cube_and_one_too_far_away_are_not_located() -> None:
     scene = loose_scene(1, "aside")
     known = locate_cube(
@@ -95,6 +98,7 @@ def test_a_leaning_cube_is_not_taken_for_a_wedged_one() -> None:
         assert np.degrees(np.linalg.norm(error[3:])) < 4.0
 
 
+@pytest.mark.slow
 def test_an_upright_cube_may_be_higher_or_lower_than_it_seems_by_what_fingers_forgive() -> None:
     """Its sides hold at any height, so 1.1 mm of standard deviation do not make it a cube that nobody can take."""
     s = loose_scene(600_023, "high", "realistic", False, 12e-6, with_empty=True)
@@ -121,7 +125,7 @@ def _two_sides_further_apart(by_px: float) -> Callable[..., Sides]:
     return measured
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_an_upright_cube_is_located_although_exact_places_of_its_sides_are_off(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,6 +140,7 @@ def test_an_upright_cube_is_located_although_exact_places_of_its_sides_are_off(
     assert (np.abs(error) < 3.0 * np.sqrt(np.diag(found.covariance))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [("half", 1), ("aside", 1), ("odd", 5), ("gone", 4)])
 def test_nothing_else_is_taken_for_an_upright_cube(
     kind: str, seed: int, monkeypatch: pytest.MonkeyPatch

@@ -39,6 +39,7 @@ def test_all_stations_of_a_path_that_is_planned_are_in_reach() -> None:
     np.testing.assert_allclose(last, np.array([0.460, 0.0, 0.033 + 0.0275]), atol=3e-4)
 
 
+@pytest.mark.slow
 def test_a_station_out_of_reach_or_too_near_is_named_with_its_cause() -> None:
     far = replace(_task(), T_on_work=transform(t=(0.72, 0.0, 0.033)))
     stations = path_reach(far, Observation(), 0.5)

@@ -64,7 +64,14 @@ def test_a_ring_led_along_its_wire_never_touches_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "keys", ["[work]\noff_mm = [0, 26, 0]\n", "[tool]\noff_mm = [0, 26, 0]\n", "[arm]\nsag_deg = [2, 2]\n"]
+    "keys",
+    [
+        "[work]\noff_mm = [0, 26, 0]\n",
+        *(
+            pytest.param(keys, marks=pytest.mark.slow)
+            for keys in ("[tool]\noff_mm = [0, 26, 0]\n", "[arm]\nsag_deg = [2, 2]\n")
+        ),
+    ],
 )
 def test_a_ring_that_is_not_where_it_should_be_touches_the_wire(tmp_path: Path, keys: str) -> None:
     found = _recorded(_world(tmp_path, keys))
