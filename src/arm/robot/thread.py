@@ -25,6 +25,11 @@ _RAY = 4.0  # m, length of the ray: further than an arm of this kind reaches
 _RADIUS = 1e-4  # m, of the ray as a body
 
 
+def ray_name(wire: str) -> str:
+    """Return the name of the body that prolongs a wire; no other body may have it."""
+    return f"beyond {wire}"
+
+
 @dataclass(frozen=True, eq=False)
 class Thread:
     """A wire, and the ring that is threaded on it.
@@ -59,7 +64,7 @@ class Thread:
         x = x / norm(x)
         R = np.stack([x, cross(z, x), z], axis=1)
         return Body(
-            f"beyond {self.name}", Capsule(_RADIUS, _RAY), transform(R, self.line[-1] + 0.5 * _RAY * z), "ray"
+            ray_name(self.name), Capsule(_RADIUS, _RAY), transform(R, self.line[-1] + 0.5 * _RAY * z), "ray"
         )
 
     def exempt(self, names: list[str]) -> frozenset[frozenset[str]]:

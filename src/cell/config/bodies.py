@@ -50,6 +50,8 @@ def read_body(node: Node, kind: str) -> Body:
     place = "origin" if "mesh" in parts else "centre"
     wanted = {"name", "shape", "rpy", place, *parts}
     values = read_values({name: one for name, one in BodyKeys.declared().items() if name in wanted}, node)
+    if not values["name"]:
+        raise node.error_at("name", "must not be empty")
     shape = make(node, *(values[part] for part in parts))
     return Body(values["name"], shape, pose_of(values[place], values["rpy"]), kind)
 

@@ -156,8 +156,19 @@ def read_world(path: Path, marker_size: float) -> World:
     Raises:
         InputError: a value is wrong; names file, key, value and rule.
     """
-    keys = WorldKeys.read(Node.of_toml(path))
+    root = Node.of_toml(path)
+    keys = WorldKeys.read(root)
+    if keys.ring is not None and keys.ring[0] >= keys.ring[1]:
+        raise root.error_at(
+            "tool.ring_mm", "must be inner diameter, outer diameter, which is larger, and thickness"
+        )
     boards = tuple(_true_board(board, marker_size) for board in keys.boards)
+    for index, true in enumerate(boards):
+        if max(true.cubes, default=-1) >= len(true.board.holes):
+            node = root["boards"].items()[index]
+            raise node.error_at(
+                "cubes", f"must be empty: {keys.boards[index].file.name} is a board without holes"
+            )
     return World(
         file=path,
         boards=boards,

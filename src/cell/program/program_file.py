@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from arm.board import Board
 from arm.errors import InputError
 from arm.io.keys import Keys, key
@@ -12,7 +14,8 @@ from arm.io.node import Node, Rule
 from arm.io.rules import integer, integers, line, number, numbers, path, text
 from arm.io.storage import canonical_json, read_bytes, sha256
 from arm.numerics.products import mul
-from arm.robot.shapes import Body, Torus
+from arm.robot.shapes import Body, Torus, body_to_json
+from arm.robot.thread import ray_name
 from arm.se3 import Array, frozen
 from cell.config.arm_file import ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
@@ -200,8 +203,8 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
                 f"has the body {body.name!r}, which the arm or the cell has too; names of bodies must differ"
             )
             raise root["bodies"].error(rule)
-    rings = {body.name for body in cell.robot().bodies if isinstance(body.shape, Torus)}
     known = taken | {body.name for body in keys.bodies}
+    _check_threads(keys, root, cell, known)
     for step in keys.steps:
         node = _table_of(root, step)
         match step:
@@ -210,14 +213,43 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
             case Action(jaws=float()) if not cell.has_jaws:
                 rule = f"cannot be done, the tool of {cell.file.name} has no jaws; leave it out"
                 raise node.error_at("jaws", rule)
-            case PathStep(threaded=ThreadedLine(ring=ring)) if ring not in rings:
-                shown = ", ".join(sorted(rings)) or "it has none"
-                raise node.error_at("threaded", f"must be a body of the tool whose shape is a torus: {shown}")
             case PathStep(touch=touch) | PoseStep(touch=touch):
                 for name in sorted(set().union(*touch) - known):
                     rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the work"
                     if not name.startswith(_SEEN):
                         raise node.error_at("touch", rule)
+
+
+def _check_threads(keys: ProgramKeys, root: Node, cell: Cell, known: set[str]) -> None:
+    """Check what the proof of a threaded ring needs: a ring, a wire that it is clear of, one line of each name."""
+    rings = {body.name for body in cell.robot().bodies if isinstance(body.shape, Torus)}
+    on_work = [body_to_json(body) for body in keys.bodies]
+    lines: dict[str, ThreadedLine] = {}
+    for step in keys.steps:
+        if not isinstance(step, PathStep) or step.threaded is None:
+            continue
+        node, thread = _table_of(root, step), step.threaded
+        if thread.ring not in rings:
+            shown = ", ".join(sorted(rings)) or "it has none"
+            raise node.error_at("threaded", f"must be a body of the tool whose shape is a torus: {shown}")
+        if not thread.bodies or any(body_to_json(body) not in on_work for body in thread.bodies):
+            rule = "must be a wire file with bodies that is also a file of [[bodies]]: the ring is proved clear of them"
+            raise node.error_at("line_of", rule)
+        for body in thread.bodies:
+            if frozenset((thread.ring, body.name)) in step.touch:
+                rule = f"lets {thread.ring!r} touch {body.name!r}, the wire on which it is threaded"
+                raise node.error_at("touch", rule)
+        if ray_name(thread.name) in known:
+            rule = (
+                f"cannot be proved with a body named {ray_name(thread.name)!r}, as what prolongs the line is"
+            )
+            raise node.error_at("threaded", rule)
+        first = lines.setdefault(thread.name, thread)
+        if first.ring != thread.ring or not np.array_equal(first.points, thread.points):
+            rule = (
+                f"is of another ring or line than in a step before, whose line is named {thread.name!r} too"
+            )
+            raise node.error_at("threaded", rule)
 
 
 def _table_of(root: Node, step: Step) -> Node:

@@ -35,6 +35,16 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
         ("cubes = [1, 2, 3, 4]", "cubes = [0, 1]", r"boards\[0\].cubes"),
         ("tilt_deg = 7", "tilt_deg = -7", r"boards\[0\].tilt_deg = -7"),
         ("noise_grey = 2.0", 'noise_grey = "low"', "noise_grey = 'low'"),
+        (
+            "noise_grey = 2.0",
+            "tool.ring_mm = [70, 60, 7]",
+            r"tool.ring_mm = \[70, 60, 7\]: must be inner diameter, outer",
+        ),
+        (
+            "boards/positions_plate_01-02.csv",
+            "hoop/boards/puzzle_01-02.toml",
+            r"boards\[0\].cubes.*without holes",
+        ),
     ],
 )
 def test_mistakes_in_a_world_are_told(scenes: Path, old: str, new: str, message: str) -> None:

@@ -63,6 +63,7 @@ def test_a_thread_is_the_whole_line_of_a_wire_file(tmp_path: Path) -> None:
     arc = "{ through_mm = [60, 0, 120], to_mm = [0, 0, 200] }"
     replace_in(file.with_name("wire.toml"), "[0, 0, 200]]", f"[0, 0, 40], {arc}]")
     replace_in(file, 'axis = "along"', 'axis = "along"\nthreaded = "ring"')
+    replace_in(file, 'touch = [["ring", "bar"]]\n', "")
     path = read_program(file).steps[2]
     assert isinstance(path, PathStep)
     assert path.threaded is not None

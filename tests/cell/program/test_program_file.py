@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm.errors import InputError
+from arm.io.storage import data_file
 from arm.se3 import transform
 from cell.config.arm_file import ArmFile
 from cell.config.inputs import changes
@@ -118,6 +120,35 @@ def test_wrong_programs_are_refused_with_place_and_rule(
     with pytest.raises(InputError, match=message) as caught:
         read_program(file)
     assert "program.toml" in str(caught.value)
+
+
+_WIRE = '[[bodies]]\nfile = "wires/b.toml"\n'
+_STEP = '\n[[steps]]\nname = "again"\nline_of = "FILE"\naxis = "along"\nthreaded = "RING"\n'
+_BODY = "centre_mm = [0, 300, 0]\nsize_mm = [9, 9, 9]\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (_WIRE, "", r"steps\[0\].line_of = 'wires/b.toml': must be a wire file with bodies that is also"),
+        ("back = true", 'back = true\ntouch = [["ring 1", "bar 2"]]', r"steps\[0\].touch.*lets 'ring 1' touch 'bar 2'"),
+        (_WIRE, f'{_WIRE}[[bodies]]\nname = "beyond b"\n{_BODY}', r"steps\[0\].threaded.*a body named 'beyond b'"),
+        (_WIRE, f'{_WIRE}[[bodies]]\nname = ""\n{_BODY}', r"bodies\[1\].name = '': must not be empty"),
+        ("", _STEP.replace("FILE", "wires/b.toml").replace("RING", "ring 2"), r"steps\[1\].threaded.*of another ring"),
+        ("", _STEP.replace("FILE", "other/b.toml").replace("RING", "ring 1"), r"steps\[1\].threaded.*another ring or"),
+    ],
+)  # fmt: skip
+def test_a_threaded_ring_of_which_nothing_would_be_proved_is_refused(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "hoop"
+    file, wire = folder / "b.toml", (folder / "wires/b.toml").read_text()
+    (folder / "other").mkdir()
+    (folder / "other/b.toml").write_text(wire.replace("[70, 0, 200]", "[70, 0, 190]"))
+    text = file.read_text()
+    file.write_text(text.replace(old, new) if old else text + new)
+    with pytest.raises(InputError, match=message):
+        read_program(file)
 
 
 def test_a_cell_of_cubes_has_no_program(tmp_path: Path) -> None:
