@@ -17,7 +17,7 @@ from typing import Any
 from arm.controller.segments import CountPath, Segment
 from arm.errors import FileInputError, InputError
 from arm.io.node import Node, Rule
-from arm.io.rules import flag, is_number, is_whole, number, rule_of, same, table, text
+from arm.io.rules import flag, integer, is_number, is_whole, number, rule_of, same, table, text
 from arm.io.storage import canonical_json, read_json, require_finite, sha256, write_atomic
 from arm.plan_steps import (
     GripperStep,
@@ -226,11 +226,12 @@ def _scene(root: Node) -> dict[str, Any]:
 
 
 def _task(root: Node) -> dict[str, Any]:
-    """Return the task as JSON types after a check of its cubes."""
+    """Return the task as JSON types after a check of its cubes and of its count of threaded moves."""
     task, values = root["task"], root.get("task", table())
     for cube in task["cubes"].items() if "cubes" in task else ():
         for key in ("cube", "from", "to"):
             cube.get(key, text())
+    task.get("threaded_before", integer(0, 2**31 - 1), 0)
     return values
 
 

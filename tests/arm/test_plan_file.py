@@ -94,6 +94,14 @@ def _damaged(change: Any) -> str:
         (lambda v: v.update(speed=1.5), "speed = 1.5: must be a number from"),
         (lambda v: v.pop("unit"), "unit: is missing"),
         (
+            lambda v: v["task"].update(threaded_before="x"),
+            "task.threaded_before = 'x': must be a whole number",
+        ),
+        (
+            lambda v: v["task"].update(threaded_before=-2),
+            "task.threaded_before = -2: must be a whole number from 0",
+        ),
+        (
             lambda v: v["steps"][0]["segments"][0].__setitem__(0, "x"),
             r"steps\[0\]\.segments\[0\] = 'x': duration",
         ),

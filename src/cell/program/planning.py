@@ -109,17 +109,37 @@ def plan_of_program(
     return replace(found, task={**stated, "reached": reached}).plan()
 
 
+def require_board(task: ProgramTask, plan: Plan) -> None:
+    """Require that a plan states the board of the program's work: the errors of the work are those of that board.
+
+    Raises:
+        ImpossibleError: it does not; data: stated, expected.
+    """
+    stated, expected = plan.task.get("board"), None if task.board is None else task.board.name
+    if stated != expected:
+        shown, asked = ("no board" if name is None else f"board {name}" for name in (stated, expected))
+        why = f"the plan is for a work on {shown}, but that of {task.file.name} is on {asked}; plan again"
+        raise ImpossibleError(why, stated=stated, expected=expected)
+
+
 def require_threads(task: ProgramTask, plan: Plan) -> None:
     """Require that a plan states `threaded` for as many moves, in order, as the paths of the program have.
 
-    A move that does not state it is not proved to stay on its wire.
+    A move that does not state it is not proved to stay on its wire. Only the rest of a stopped plan may have fewer, and
+    it does not begin at q_start.
 
     Raises:
         ImpossibleError: it does not; data: stated, expected.
     """
     goals = program_goals(task, np.eye(4))
     expected = [goal.threaded for goal in goals if goal.threaded is not None for _ in range(1 + goal.back)]
-    expected = expected[plan.task.get("threaded_before", 0) :]  # of a plan for the rest of another
+    before = plan.task.get("threaded_before", 0)  # of a plan for the rest of another
+    if before > len(expected) or (
+        before > 0 and np.array_equal(plan.start, task.cell.unit.counts(task.cell.q_start))
+    ):
+        why = f"the plan states {before} threaded moves before its first one, where the arm has done none; plan again"
+        raise ImpossibleError(why, stated=before, expected=expected)
+    expected = expected[before:]
     stated = [move.threaded for move in plan.moves if move.threaded is not None]
     if stated != expected:
         shown, asked = (", ".join(names) or "none" for names in (stated, expected))

@@ -23,7 +23,7 @@ from cell.config.cell import Cell
 from cell.config.inputs import changes, shortened
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
-from cell.program.planning import program_options, program_scene, require_threads
+from cell.program.planning import program_options, program_scene, require_board, require_threads
 from cell.program.program_file import ProgramTask
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
@@ -357,6 +357,7 @@ def replayed(task: Task, plan: Plan, errors: ArmErrors | None = None) -> tuple[R
     cell, options = task.cell, _options_of(task, plan)
     offset: float | None = cell.offset
     if isinstance(task, ProgramTask):
+        require_board(task, plan)
         require_threads(task, plan)
         offset = None
     required = RequiredClearance(options.clearance, options.line_clearance, offset)

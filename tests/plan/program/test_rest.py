@@ -10,7 +10,7 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import Plan
+from arm.plan_file import Move, Plan
 from cell.program.planning import plan_of_program, program_options, program_scene
 from cell.program.program_file import ProgramTask, read_program
 from cell.task.plan_matches import replayed
@@ -85,6 +85,22 @@ def test_a_plan_of_which_a_rest_is_left_is_no_plan_of_the_whole_program() -> Non
         replayed(task, replace(rest, task={**rest.task, "threaded_before": 0}))
     again = rest_of_plan(rest, setting, place_on(rest, task.cell.unit, q, 0), q)
     assert again.task["threaded_before"] == 1
+
+
+def test_a_plan_from_the_start_has_no_threaded_moves_behind_it() -> None:
+    """Else a plan could say so of all of them, and nothing would be proved of the ring."""
+    task, plan, _ = _planned()
+    bare = tuple(replace(s, threaded=None) if isinstance(s, Move) else s for s in plan.steps)
+    for steps, before in ((bare, 2), (plan.steps, 3)):
+        stated = replace(plan, steps=steps, task={**plan.task, "threaded_before": before})
+        with pytest.raises(ImpossibleError, match=f"states {before} threaded moves before its first one"):
+            replayed(task, stated)
+
+
+def test_a_plan_states_the_board_of_its_programs_work() -> None:
+    task, plan, _ = _planned()
+    with pytest.raises(ImpossibleError, match=r"a work on board 01-02, but that of b.toml is on no board"):
+        replayed(task, replace(plan, task={**plan.task, "board": "01-02"}))
 
 
 @pytest.mark.slow
