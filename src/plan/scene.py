@@ -137,7 +137,10 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
         why = "scene: bodies, cubes and allowed must be lists, allowed of pairs of names; plan again"
         raise InputError(why)
     bodies, cubes = (tuple(map(body_from_json, some)) for some in (bodies, cubes))
-    threads = tuple(map(thread_from_json, value.get("threads", ())))
+    threads = value.get("threads", [])
+    if not isinstance(threads, list):
+        raise InputError("scene: threads must be a list; plan again")
+    threads = tuple(map(thread_from_json, threads))
     return Scene(robot_open, robot_holding, bodies, cubes, frozenset(map(frozenset, pairs)), threads)
 
 

@@ -55,5 +55,8 @@ def test_cube_by_name(case: Task2) -> None:
 
 def test_scene_of_another_arm_is_refused(case: Task2) -> None:
     other = load_a465(0.134112, 0.05)
+    whole = {**case.scene.to_json(), "threads": 5}
+    with pytest.raises(InputError, match="threads must be a list"):
+        scene_from_json(whole, case.scene.robot_open, case.scene.robot_holding)
     with pytest.raises(InputError, match="robot_open has digest"):
         scene_from_json(case.scene.to_json(), other, case.scene.robot_holding)

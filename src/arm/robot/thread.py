@@ -119,4 +119,4 @@ def thread_from_json(value: Any) -> Thread:
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("name", "ring")):
         raise InputError(f"thread {str(value)[:60]}: must have name, ring and line; plan again")
-    return Thread(value["name"], value["ring"], np.asarray(value.get("line", ()), dtype=float))
+    return Thread(value["name"], value["ring"], value.get("line", ()))

@@ -19,6 +19,7 @@ from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
+from cell.program.path_step import PathStep
 from cell.program.planning import plan_of_program
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import Action
@@ -177,10 +178,13 @@ def reach_program_step(program_file: Path, look: Path | None, console: Console) 
     """``a465 reach`` of a program: which stations of its paths the arm can reach, and why not.
 
     Raises:
-        InputError: a file is wrong, or the look is missing.
+        InputError: a file is wrong, the look is missing, or the program has no path.
         ImpossibleError: the arm cannot be at a station of a path; names it.
     """
     task, seen = _task_and_look(program_file, look)
+    if not any(isinstance(step, PathStep) for step in task.steps):
+        why = f"{program_file}: has no path, and reach is that of paths; a465 plan tells whether its poses are in reach"
+        raise InputError(why)
     stations = path_reach(task, seen, planning_speed(task.cell, None))
     console.table(
         ("path", "mm", "x mm", "y mm", "z mm", "solutions", "what limits it"),

@@ -213,11 +213,19 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
             case Action(jaws=float()) if not cell.has_jaws:
                 rule = f"cannot be done, the tool of {cell.file.name} has no jaws; leave it out"
                 raise node.error_at("jaws", rule)
-            case PathStep(touch=touch) | PoseStep(touch=touch):
-                for name in sorted(set().union(*touch) - known):
-                    rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the work"
-                    if not name.startswith(_SEEN):
-                        raise node.error_at("touch", rule)
+            case PathStep(touch=touch, clearance_of=names):
+                _require_known(node, "touch", frozenset[str]().union(*touch), known)
+                _require_known(node, "clearance_of", names, known)
+            case PoseStep(touch=touch):
+                _require_known(node, "touch", frozenset[str]().union(*touch), known)
+
+
+def _require_known(node: Node, key: str, names: frozenset[str], known: set[str]) -> None:
+    """Require that a key names bodies that there are, or that a look may find."""
+    for name in sorted(names - known):
+        if not name.startswith(_SEEN):
+            rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the work"
+            raise node.error_at(key, rule)
 
 
 def _check_threads(keys: ProgramKeys, root: Node, cell: Cell, known: set[str]) -> None:

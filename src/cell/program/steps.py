@@ -17,6 +17,7 @@ from cell.files.pose_list import JAWS_RULE, WAYS
 from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, paths_of
 
 MOST_PLACES = 1000  # of a grid
+RESERVED = ("start", "end")  # names of where every plan of a program begins and ends
 _LENGTH = number("mm", 0.0, 1000.0)
 _KINDS = (*SOURCES, "at_mm", "joints_deg")  # the key of each kind of step that moves
 
@@ -151,6 +152,10 @@ def _steps(node: Node) -> tuple[Step, ...]:
         raise node.error("must have at least one step")
     taken: dict[str, str] = {}
     for step in steps:
+        if step.name in RESERVED:
+            raise Node(node.file, f"{step.key}.name", step.name).error(
+                "is the name of a place that every program has; choose another"
+            )
         before = taken.setdefault(step.name, step.key)
         if before != step.key:
             raise Node(node.file, f"{step.key}.name", step.name).error(

@@ -100,6 +100,9 @@ def test_json_and_what_is_refused(hoop: Robot, unit: Unit) -> None:
     for wrong in ({}, {"name": "wire", "ring": 3}, {"name": "wire", "ring": "ring", "line": [[0, 0, 0]]}, []):
         with pytest.raises(InputError):
             thread_from_json(wrong)
+    for line in ("x", [[0, 0, 0], [1]], [[0, 0, 0], [1, 1, "a"]]):
+        with pytest.raises(InputError, match="must be points"):
+            thread_from_json({**THREAD.to_json(), "line": line})
     with pytest.raises(InputError, match="whose shape is a torus"):
         Thread("wire", "palm", THREAD.line).linking_number(hoop, np.zeros(6))
     with pytest.raises(InputError, match="the last two different"):

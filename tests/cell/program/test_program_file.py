@@ -102,6 +102,8 @@ def test_a_work_on_a_board_needs_that_board_in_the_cell(tmp_path: Path) -> None:
         ('free = "rz"\ntilt', 'free = "rx"\ntilt', r"steps\[1\].free = 'rx': must be rz, or nothing, on a path"),
         ('touch = [["ring", "bar"]]', 'touch = [["ring"]]', r"steps\[1\].touch\[0\].*must be the names of two"),
         ('touch = [["ring", "bar"]]', 'touch = [["ring", "bat"]]', r"steps\[1\].touch.*'bat'.*is no body"),
+        ('axis = "along"', 'axis = "along"\nclearance_of = ["rong"]', r"steps\[1\].clearance_of.*'rong'.*is no body"),
+        ('name = "wire"', 'name = "end"', r"steps\[1\].name = 'end': is the name of a place that every program has"),
         ("joints_deg = [0, 0, -45, 0, -45, 0]", "joints_deg = [0, 0, -45]", r"steps\[2\].joints_deg = .*6 numbers"),
         ("joints_deg = [0, 0, -45, 0, -45, 0]", "joints_deg = [0, 0, 0, 0, 0, 200]", r"steps\[2\].joints_deg.*J6"),
         ("joints_deg = [0, 0, -45, 0, -45, 0]", 'name = "above"', r"steps\[2\].*: must have one of"),

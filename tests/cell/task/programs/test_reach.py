@@ -61,5 +61,7 @@ def test_the_command_takes_programs_as_it_takes_tasks(tmp_path: Path) -> None:
     stations = json.loads(said)["stations"]
     assert {s["path"] for s in stations} == {"wire"}
     assert stations[0]["place_mm"] == 0.0
+    _, told = a465("reach", data_file("scenes/pallet.toml"), code=2)
+    assert "pallet.toml: has no path, and reach is that of paths" in told
     _, told = a465("reach", file.with_name("task2.toml"), code=2)
     assert "no jaws" in told or "--look is missing" in told
