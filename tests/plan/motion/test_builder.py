@@ -199,7 +199,7 @@ def test_transits_are_one_move_only_in_one_world_and_near_their_target(
 
 @pytest.mark.parametrize("clearance", [0.01, 0.0100000999, 0.0123456789, 0.0])
 def test_stated_clearances_are_never_rounded_up(clearance: float) -> None:
-    stated = builder._rounded_down(clearance)
+    stated = builder.rounded_down(clearance)
     assert clearance - 1.01e-7 < stated <= clearance
 
 
