@@ -22,11 +22,12 @@ from cell.config.cell import Cell
 from cell.scene.displaced import DisplacedCube
 from plan.scene import Station
 
-SHARES = (0.5, 1.0)  # of a cube's leaning that the tool leaves out
+SHARES = (0.5, 1.0)  # parts of a cube's tilt by which the tool tilts less than the cube
 LEANS = (0.0, 10.0, -10.0, 20.0, -20.0, 30.0, -30.0)  # deg, of a tool that grips higher
-# m, of that tool: its palm clears the leaning cube's top, and its fingers hold 9 mm of a face, at 30 deg 3 to 15
+# m, how much higher it grips: its palm clears the cube's top; its fingers hold 9 mm of a face, at 30 deg 3 to 15
 HIGHER = 8e-3
-TOWARDS = np.sin(np.radians(1.0))  # share of a lift that may go towards a cube: their normals are uncertain
+# part of a lift that may lead towards a cube: the normals of faces are uncertain
+TOWARDS = np.sin(np.radians(1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Grip:
     goals: tuple[Station, ...]
 
     def lifting_from(self, cube: Body, others: Sequence[Body]) -> Grip | None:
-        """The same grip, on whose lift the cube may touch others; None if it would always be taken nearer to one."""
+        """The same grip, on whose lift the cube may touch others; None if every lift may take it nearer to one."""
         poses = tuple(
             T for T in self.pick.T_base_tool if all(is_taken_from(cube, other, -T[:3, 2]) for other in others)
         )
@@ -88,7 +89,8 @@ def _moved(stations: Sequence[Station], T_tool_leaning: Array) -> tuple[Station,
 def is_taken_from(cube: Body, other: Body, lift: Array) -> bool:
     """Whether a straight lift along a unit vector (3,) keeps a box apart from another, however near it is.
 
-    It does if planes with the normal of a face of one of them separate them, and the lift does not go against it.
+    It does if a plane parallel to a face of one of them separates them, and the lift does not lead towards that plane,
+    but for `TOWARDS`.
     """
     faces = np.concatenate([body.T_base_body[:3, :3].T for body in (cube, other)])
     between = cube.T_base_body[:3, 3] - other.T_base_body[:3, 3]

@@ -189,10 +189,10 @@ def ambiguous(board: Board, angle: float, log_odds: float, ratio: float) -> Iter
 
 def uncertain(pose: BoardPose, limits: BoardLimits) -> Iterator[ImpossibleError]:
     """Doubt that the pose is certain enough to grasp, by its covariance."""
-    spread = Spread.of(pose)
+    spread, where = Spread.of(pose), "a hole" if len(pose.board.holes) else "its middle"
     values = (
-        ("a hole sideways", 1e3 * spread.sideways, 1e3 * limits.sideways_m, "mm"),
-        ("a hole's height", 1e3 * spread.height, 1e3 * limits.height_m, "mm"),
+        (f"{where} sideways", 1e3 * spread.sideways, 1e3 * limits.sideways_m, "mm"),
+        (f"{where}'s height", 1e3 * spread.height, 1e3 * limits.height_m, "mm"),
         ("its rotation", np.degrees(spread.turn), np.degrees(limits.turn_rad), "deg"),
     )
     over = [

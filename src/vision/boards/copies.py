@@ -2,8 +2,8 @@
 
 A marker behind a wire, or cut by the image's edge, is not detected. What remains of it still looks like its code. So
 the image is mapped to the plane of the board that was found, and both codes are compared with it at all places and
-turns (normalised cross-correlation). In photographs of a real cell, remains of markers correlate by 0.70 and more with
-their codes, everything else by 0.51 at most (bench/results/real-cell-2026-11-26.md).
+rotations (normalised cross-correlation). In photographs of a real cell, remains of markers correlate by 0.70 and more
+with their codes, everything else by 0.51 at most (bench/results/real-cell-2026-11-26.md).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from vision.markers.edge_profiles import Grey
 Floats = npt.NDArray[np.float32]
 
 ALIKE = 0.62  # least correlation of what remains of a marker with its code
-AROUND = 0.5  # how far from the board copies are looked for, along its x and y, m
-PIXELS = 20  # of the map across a marker
-TURN_DEG = 10  # step of the turns
+AROUND = 0.5  # how far from the middle of the board copies are looked for, along its x and y, m
+PIXELS = 20  # of the map, across a marker
+TURN_DEG = 10  # step of the rotations
 INSIDE = 0.6  # part of a marker and its white border that must be inside the image
 OWN = 0.8  # marker sizes from the centre of a board's own markers within which nothing is a copy
 

@@ -1,10 +1,10 @@
 """Estimate the pose of a board from what shows of its markers and from its outline, or refuse it.
 
-One marker alone hardly tells a board's tilt, and flips it. The outline of a light plate on darker ground is several
-markers wide, and its far sides tell both. Corners of the markers and lines of the sides are fitted together
-(generalised least squares) under all that may be wrong with either: noise, print, light, the outline's tolerance. The
-pose is used only if at least two sides that meet show, if everything fits, if the mirrored pose does not, and if no
-other board with the same markers is in view.
+One marker alone hardly determines a board's tilt, and confuses the pose with its mirror image. The outline of a light
+plate on darker ground is several markers wide, and its far sides determine both. Corners of the markers and lines of
+the sides are fitted together (generalised least squares) under all that may be wrong with either: noise, print, light,
+the outline's tolerance. The pose is used only if at least two adjacent sides show, if everything fits, if the mirrored
+pose does not, and if no other board with the same markers is in view.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def _gather(board: Board, frames: Sequence[Sequence[Marker]]) -> _Seen | Impossi
         if 2 * len(whole) <= len(frames):
             return ImpossibleError(
                 f"board {board.name}: all four borders of marker {marker_id} show in {len(whole)} of {len(frames)} "
-                "images; with the outline a marker must be whole and sharp: uncover it",
+                "images; to be used with the outline, a marker must be whole and sharp in more than half: uncover it",
                 board=board.name,
                 marker=marker_id,
             )
@@ -296,14 +296,14 @@ def _side_errors(board: Board, sides: Sequence[Side], T: Array, camera: Camera) 
 
 
 def _unconfirmed(seen: _Seen, tried: Sequence[_Joint | list[Side]]) -> ImpossibleError:
-    """Say what of the outline shows, near the solution for which more of it does."""
+    """Say what of the outline shows, for the solution near which most of it does."""
     each = [t for t in tried if not isinstance(t, _Joint)]
     most = max(each, key=lambda sides: sum(side.seen for side in sides), default=[])
     shares = {SIDES[side.index]: side.seen for side in most}
     words = ", ".join(f"{name} {100 * shares.get(name, 0.0):.0f} %" for name in SIDES)
     return ImpossibleError(
         f"board {seen.board.name}: its outline does not confirm the pose from {seen.words}: of its sides show {words} "
-        f"(in marker {seen.board.marker_ids[0]}'s picture), and two that meet must show by {100 * LEAST_SEEN:g} %; "
+        f"(with marker {seen.board.marker_ids[0]} upright), and of two adjacent ones {100 * LEAST_SEEN:g} % must show; "
         "uncover the markers or more of the sides",
         board=seen.board.name,
         seen=shares,

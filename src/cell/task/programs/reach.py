@@ -28,10 +28,10 @@ class StationReach:
         path: name of the path.
         place: from its start, m.
         position: of the tool, (3,) m.
-        solutions: number of solutions within the joint limits, over all samples of what is free there.
+        solutions: number of solutions within the joint limits, over all samples of the free directions.
         best: largest distance of such a solution less the required clearance, m: the first positive one, or the best of
             those that were tried; None without solutions.
-        pair: what is nearest then.
+        pair: the bodies that are nearest then.
     """
 
     path: str

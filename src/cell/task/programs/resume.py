@@ -23,7 +23,7 @@ _BY_HAND = "take the tool clear of the work by hand, and run the program again"
 
 
 def stopped_in(report_file: Path, plan: Plan) -> int | None:
-    """Return the index of the step in which a plan was stopped, as the report beside it says; None if it does not."""
+    """Return the index of the step in which a plan was stopped, by the report beside it; None if that does not say."""
     try:
         report: Any = json.loads(report_file.read_text())
         error = report["error"]
@@ -36,7 +36,7 @@ def stopped_in(report_file: Path, plan: Plan) -> int | None:
 def resume_program(run: ProgramRun, plan: Plan, index: int | None) -> None:
     """Finish a stopped plan of a program.
 
-    An arm that is not on the plan's path goes to q_start first, and begins anew.
+    An arm that is not on the plan's path (`NEAR`) goes to q_start first, and begins anew.
 
     Args:
         run: on an open cell.
