@@ -7,6 +7,7 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose
+from outlined.puzzle import PUZZLE
 from pictures.board_errors import CAMERA, TILTS
 from pictures.boards import lab_board, random_pose, seen_corners, twist_between
 from vision.boards.checks import BoardLimits, Spread
@@ -64,6 +65,17 @@ def test_each_limit_counts(limits: BoardLimits, words: str) -> None:
     assert assess_board(lab_board(), frames, CAMERA).accepted
     with pytest.raises(ImpossibleError, match=words):
         estimate_board_pose(lab_board(), frames, CAMERA, limits)
+
+
+def test_a_board_without_holes_is_uncertain_in_its_middle() -> None:
+    rng = np.random.default_rng(0)
+    frames = seen_corners(PUZZLE, random_pose(rng, 7.0), CAMERA, rng, noise_px=0.05)
+    for limits, words in (
+        (BoardLimits(sideways_m=1e-6), r"its middle sideways to \d\.\d+ mm \(allowed 0\.001\)"),
+        (BoardLimits(height_m=1e-6), r"its middle's height to \d\.\d+ mm"),
+    ):
+        with pytest.raises(ImpossibleError, match=words):
+            estimate_board_pose(PUZZLE, frames, CAMERA, limits)
 
 
 def test_large_errors_are_flagged() -> None:
