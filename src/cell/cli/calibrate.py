@@ -27,7 +27,10 @@ _TARGET = "Target file; default: ChArUco 7 x 5, 30/22 mm, DICT_5X5_100."
 _Report = Annotated[Path | None, Option(help="HTML report to write; default: beside the file of -o.")]
 _OUTPUT = "File to write if the result is accepted: TOML, or JSON for a NAO."
 _Output = Annotated[Path | None, Option("-o", "--output", help=_OUTPUT)]
-_LIMIT = "Largest accepted prediction error of held-out images; default 1, for a NAO 2."
+_LIMIT = (
+    "Largest accepted prediction error of held-out images; default 1, for a NAO 2. For hand-eye also of the tool, in "
+    "place of the limits of the cell file."
+)
 _LimitMm = Annotated[float | None, Option(help=_LIMIT)]
 _ENCODER = "Encoder resolution; default: estimated from the readings."
 _EncoderStep = Annotated[float | None, Option(help=_ENCODER)]
