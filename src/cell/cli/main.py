@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import sys
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
 
-from arm.errors import A465Error, ExecutionStopped, InputError
+from arm.errors import A465Error, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
+from cell.cli.ending import fail, finish
 from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given, refuse_swapped
 from cell.cli.tools import tools
-from cell.console import Console, OutputLost, say_on_stderr
+from cell.console import Console
 from driver.line.signals import interruptible
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ def run(
     contact = cell == shared.CellKind.MUJOCO
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
     with _watched(console, live, live_port) as watcher:
-        _finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
+        finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
 
 
 @app.command(
@@ -360,7 +359,7 @@ def execute(
             result = resume_plan(plan, task, console, where, None, confirm, watcher, allowed)
         else:
             result = execute_plan(plan, task, console, where, None, confirm, watcher)
-        _finish(console, result)
+        finish(console, result)
 
 
 def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[RunObserver | None]:
@@ -372,15 +371,6 @@ def _watched(console: Console, live: bool, port: int | None) -> AbstractContextM
     return live_view(console, port or 0)
 
 
-def _finish(console: Console, report: dict[str, Any]) -> None:
-    """Print the report of a run; exit with a code other than 0 if a cube was not placed."""
-    console.result(report)
-    left = [cube["from"] for cube in report["cubes"] if not cube["placed"]]
-    if left:
-        why = f"not finished: cubes not placed: {', '.join(left)}; the arm is at q_start"
-        refuse(why, ExecutionStopped.exit_code)
-
-
 app.registered_commands += tools.registered_commands
 
 
@@ -390,15 +380,4 @@ def main() -> None:
         try:
             app()
         except A465Error as error:
-            _fail(error)
-
-
-def _fail(error: A465Error) -> None:
-    """Print the error in one line, with ``--json`` also as an object, and exit with the code of its kind."""
-    if "--json" in sys.argv and not isinstance(error, OutputLost):
-        kind, code = type(error).__name__, error.exit_code
-        body = {"error": {"kind": kind, "message": str(error), "exit_code": code, **error.data}}
-        with suppress(OutputLost):  # standard error and the exit code report it too
-            Console().say(json.dumps(body, indent=2, default=str))
-    say_on_stderr(f"a465: {error.word}: {error}")
-    sys.exit(error.exit_code)
+            fail(error)

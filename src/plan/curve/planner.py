@@ -24,6 +24,7 @@ from plan.collision.world import World
 from plan.curve.graph import Chain, CurveGraph
 from plan.curve.smoothing import Demand, Followed, Smoothing
 from plan.curve.tool_curve import ToolCurve
+from plan.failure import nearness
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 
 TOLERANCE = 5e-5  # m, by which the tool may be beyond what is free, and
@@ -150,8 +151,7 @@ class CurvePlanner:
         check = certify_curve(self.world, curve_of_path(path.spline), self.clearance + LINE_MARGIN)
         if not check.proved:
             raise ImpossibleError(
-                f"path {self.name!r}: {check.pair[0]} comes within {1e3 * check.seen:.2f} mm of {check.pair[1]} "
-                f"(required: {1e3 * self.clearance:g} mm)",
+                f"path {self.name!r}: {nearness(check.pair, check.seen, self.clearance)}",
                 target=self.name,
                 pair=list(check.pair),
                 distance_m=check.seen,

@@ -19,6 +19,7 @@ from arm.errors import ImpossibleError
 from arm.plan_file import Move, Plan
 from arm.se3 import Array
 from plan.collision.certificate import certify_move
+from plan.failure import nearness
 from plan.motion.builder import rounded_down
 from plan.program.setting import Setting
 from plan.trajectory.integer_segments import to_marked_segments, to_segments
@@ -146,8 +147,7 @@ def _certified(setting: Setting, of: MoveScene, path: CountPath) -> Move:
     check = certify_move(of.world(), path, setting.unit, required)
     if not check.proved:
         raise ImpossibleError(
-            f"the rest of {move.name!r}: {check.pair[0]} comes within {1e3 * check.seen:.2f} mm of {check.pair[1]} "
-            f"(required: {1e3 * required:g} mm)",
+            f"the rest of {move.name!r}: {nearness(check.pair, check.seen, required)}",
             step=move.name,
             pair=list(check.pair),
             distance_m=check.seen,

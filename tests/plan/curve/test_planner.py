@@ -137,7 +137,7 @@ def test_a_failed_certificate_is_tried_again_with_more_room(
     failed = ClearanceCertificate(0.001, 0.0042, ("palm", "table"), 0.0, False, 1)
     monkeypatch.setattr(planner_module, "certify_curve", lambda *given: failed)
     planner = planner_of(robot, crs97, *CASES["arc"])
-    says = r"path 'cut': palm comes within 4.20 mm of table \(required: 5 mm\)"
+    says = r"path 'cut': palm comes within 4.2 mm of table \(required: 5 mm\)"
     with pytest.raises(ImpossibleError, match=says) as error:
         planner.followed(planner.chains(1)[0])
     assert error.value.data["pair"] == ["palm", "table"]
