@@ -35,6 +35,7 @@ def station(name: str, x: float, y: float) -> Station:
     )
 
 
+@pytest.mark.slow
 def test_a_seven_joint_arm_moves_two_boxes(tmp_path: Path) -> None:
     robot = arm(tmp_path, SEVEN, [("l0", "l2"), ("l2", "l4"), ("l4", "l6")])
     limits = urdf_limits(robot, 4.0)

@@ -27,6 +27,7 @@ def test_wrong_images_are_left_out_of_an_arm_that_scatters_and_no_others() -> No
     assert np.sqrt(np.mean(found.chain.scattering.sizes.scatter**2)) == pytest.approx(true, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_print_of_another_size_is_estimated_and_no_link_stands_in_for_it() -> None:
     rng = np.random.default_rng(62)
     truth = draw_truth(rng)

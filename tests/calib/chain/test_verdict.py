@@ -115,6 +115,7 @@ def test_a_size_that_links_make_up_for_widens_what_is_said_and_is_asked_about():
     assert asked >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in (1, 2))])
 def test_an_arm_that_scatters_is_told_and_widens_what_is_said(seed):
     """0.004 deg of scatter in every joint: of all squares hardly a fifth more, and twice the arm's own."""

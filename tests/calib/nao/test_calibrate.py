@@ -31,6 +31,7 @@ def test_a_plain_robot_gets_the_papers_model():
     assert c.fit.chi2_dof == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_offsets_of_the_head_are_noticed():
     head = NaoUnknowns(head=True)
     recording, x = nao_recording(2, head)

@@ -71,6 +71,7 @@ def test_errors_along_the_cameras_axes_are_told_and_the_covariance_is_honest(in_
         assert np.median(sizes) == pytest.approx(size, rel=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("in_gripper", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_errors_of_a_targets_image_are_told_and_weighed_by_it(in_gripper):
     all_pairs = [photographed(seed, in_gripper=in_gripper) for seed in range(3)]

@@ -87,6 +87,7 @@ def test_no_error_of_the_links_within_the_sigmas_moves_a_point_further_than_the_
     assert found.shift < 10.0 * max(moved)
 
 
+@pytest.mark.slow
 def test_check_states_the_clearance_of_the_arm_as_it_may_be_beside_that_of_an_exact_one(
     task: Task, plan: Plan
 ) -> None:

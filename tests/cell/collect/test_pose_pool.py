@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from arm.io.storage import data_file
 from arm.se3 import Array, rot_x, transform
@@ -13,6 +14,7 @@ from cell.config.cell_file import read_cell
 from tasks.collecting import require_shown_whole
 
 
+@pytest.mark.slow
 def test_in_every_pose_of_the_pool_the_target_is_seen_whole(shown: HandView) -> None:
     pool = hand_pool(shown, 8, 3)
     assert len(pool) == 8

@@ -201,6 +201,7 @@ def test_what_is_refused_writes_nothing(tmp_path: Path, arguments: list[str], to
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_a_refusal_is_the_same_optimised(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full/x").write_text("")

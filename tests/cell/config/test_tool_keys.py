@@ -58,6 +58,7 @@ def test_the_shipped_cell_describes_the_shipped_gripper(scenes: Path) -> None:
     assert read_cell(scenes / "cell.toml").robot().digest == cell.robot().digest
 
 
+@pytest.mark.slow
 def test_a_task_is_planned_checked_and_described_with_another_gripper(scenes: Path) -> None:
     leave_cubes(scenes, 1, 3)
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")

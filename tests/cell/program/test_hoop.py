@@ -209,6 +209,7 @@ def test_the_ring_is_led_along_a_wire_whose_board_is_seen_by_its_markers(tmp_pat
     assert json.loads(said)["plan_sha256"] == read_plan(plan).sha256
 
 
+@pytest.mark.slow
 def test_a_board_of_which_a_lamp_hides_a_marker_is_found_by_its_outline(tmp_path: Path) -> None:
     for folder in ("hoop", "cameras"):
         shutil.copytree(data_file(f"scenes/{folder}"), tmp_path / folder)

@@ -59,6 +59,7 @@ def whole1(task1: Task) -> tuple[Plan, dict[str, str]]:
     return planned(task1)
 
 
+@pytest.mark.slow
 def test_places_on_the_table_are_chosen_for_time_unless_they_are_given(
     task1: Task, whole1: tuple[Plan, dict[str, str]]
 ) -> None:
@@ -237,6 +238,7 @@ def test_three_of_four_cubes_move_if_there_are_three_places(task2: Task, assignm
     assert line.endswith("only 3 places are free and in reach")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("away", "least", "most", "touches"),
     [

@@ -101,6 +101,7 @@ def test_a_table_under_the_tool_is_named_and_the_board_is_moved_not_the_table(se
     assert {a.to_json()["what"] for a in found} == {"board 03-04"}
 
 
+@pytest.mark.slow
 def test_advice_is_the_same_each_time_and_keeps_to_its_budget() -> None:
     asked = request(far(rng(0), (0.15, 0.2)))
     error, _ = refused(asked)

@@ -189,6 +189,7 @@ def test_a_tilt_leads_past_what_an_exact_pose_would_hit(robot: Robot, crs97: Uni
     assert np.arccos(at[:3, 2] @ reached[:3, 2]) > np.radians(2.0)
 
 
+@pytest.mark.slow
 def test_a_box_of_positions_and_a_line_to_it(robot: Robot, crs97: Unit) -> None:
     post = Body("post", Cylinder(0.02, 0.3), transform(t=(0.45, 0.0, 0.1)), "post")
     box = {"x": (-0.1, 0.1), "y": (-0.1, 0.1)}

@@ -170,6 +170,7 @@ def test_the_making_of_the_plate_is_in_every_hole() -> None:
         )
 
 
+@pytest.mark.slow
 def test_repeatability_is_the_scatter_of_single_photographs_of_a_board_at_rest() -> None:
     """The camera sways by up to 0.25 mm, so that pixels lie elsewhere on the borders in each photograph."""
     rng, squares = np.random.default_rng(5), []

@@ -72,6 +72,7 @@ def test_photographs_in_lens_and_report_out(photographs: Path, tmp_path: Path) -
     assert "nan" not in page
 
 
+@pytest.mark.slow
 def test_the_same_photographs_give_the_same_bytes(photographs: Path, tmp_path: Path) -> None:
     for name in ("a", "b"):
         a465("calibrate", "camera", photographs, "-o", tmp_path / f"{name}.toml", own_process=name == "b")

@@ -16,6 +16,7 @@ from typed.command_line import ended
 from wire.erring_axes import ABSOLUTE_MOVES, erring_log
 
 
+@pytest.mark.slow
 def test_errors_of_known_size_are_estimated_and_bounded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -99,6 +99,7 @@ def test_a_ring_that_goes_along_its_bar_is_proved_clear() -> None:
     assert not certify_curve(world, curve, ASIDE + 1e-4).proved
 
 
+@pytest.mark.slow
 def test_no_sample_of_random_motions_is_nearer_than_proved() -> None:
     rng, proved, touching = np.random.default_rng(4), 0, 0
     world = threaded(bar((0.002, -0.003)))

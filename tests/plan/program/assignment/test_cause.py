@@ -71,6 +71,7 @@ def test_a_start_beside_a_crate_is_named(seed: int) -> None:
     assert [a.to_json()["change"] for a in found] == ["move", "take away"]
 
 
+@pytest.mark.slow
 def test_walls_all_round_are_no_way_across() -> None:
     asked = under_a_lid()
     error, failure = refused(asked)

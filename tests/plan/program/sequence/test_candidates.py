@@ -26,6 +26,7 @@ from plans.waypoints import refusal_of
 from tasks.pose_lists import TABLE, down
 
 
+@pytest.mark.slow
 def test_refusals_say_what_and_how_much(robot: Robot, crs97: Unit) -> None:
     far = refusal_of(robot, crs97, [TABLE], Target("far", down(1.2, 0.0, 0.3)))
     assert "target 'far' at (1200, 0, 300) mm is out of reach" in str(far)

@@ -25,6 +25,7 @@ from plans.waypoints import Q_START, planned, refusal_of
 from tasks.pose_lists import FAST, TABLE, down
 
 
+@pytest.mark.slow
 def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs97: Unit) -> None:
     cage = [Body("wall", Box((0.9, 0.02, 1.0)), transform(t=(0.58, 0.0, 0.45)), "wall")]
     cage.append(Body("back", Box((0.9, 0.02, 1.0)), transform(t=(-0.58, 0.0, 0.45)), "wall"))
@@ -81,6 +82,7 @@ def test_what_is_out_of_reach_says_by_how_much(robot: Robot, crs97: Unit) -> Non
     assert far.ways[0].outside_mm > 100.0
 
 
+@pytest.mark.slow
 def test_what_stands_in_the_way_is_named(robot: Robot, crs97: Unit) -> None:
     post = Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "wall")
     line = failure_of(
