@@ -38,6 +38,7 @@ def free(case: Task2) -> tuple[Plan, float]:
     return plan, meter.effort_s
 
 
+@pytest.mark.slow
 def test_a_budget_stops_at_the_best_complete_sequence(case: Task2, free: tuple[Plan, float]) -> None:
     best, effort = free
     assert "search" not in best.notes

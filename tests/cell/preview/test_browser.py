@@ -172,6 +172,7 @@ def test_the_camera_is_shown_when_asked_for(browser, page_file) -> None:
             page.click("#views button:has-text('camera')")
 
 
+@pytest.mark.slow
 def test_the_closest_pair_at_the_cursor(browser, page_file, preview_case) -> None:
     """Named with its clearance, and joined by a line as long as that; none while the arm stands."""
     case = preview_case

@@ -123,6 +123,7 @@ def test_repeats_and_grids_visit_all_places_in_order(tmp_path: Path) -> None:
     np.testing.assert_allclose(at, places, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_commands_take_program_files_as_they_take_tasks(tmp_path: Path) -> None:
     file, plan = program(tmp_path, OPEN), tmp_path / "plan.json"
     said, _ = a465("plan", file, "-o", plan, "--speed", "1", "--json")

@@ -91,6 +91,7 @@ def test_a_board_out_of_reach_gets_its_distance_and_a_reachable_position(seed: i
     assert relative[0] == pytest.approx(relative[1], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_table_under_the_tool_is_named_and_the_board_is_moved_not_the_table(seed: int) -> None:
     asked = request(on_its_edge(rng(seed)))

@@ -138,6 +138,7 @@ def elbow_at(robot: Robot, q: np.ndarray) -> np.ndarray:
     return np.array(data.oMi[4].translation)
 
 
+@pytest.mark.slow
 def test_an_elbow_gives_way_where_no_turn_is_free(tmp_path: Path) -> None:
     robot = arm(tmp_path, SEVEN, [("l0", "l2"), ("l2", "l4"), ("l4", "l6")])
     limits = urdf_limits(robot, 4.0)

@@ -83,6 +83,7 @@ def test_clearances_are_those_asked_for_and_proved(plan: Plan, walled_plan: Plan
         assert move.clearance >= least, move.name
 
 
+@pytest.mark.slow
 def test_what_the_plan_states_holds_when_it_is_replayed(
     case: Task2, plan: Plan, walled: Task2, walled_plan: Plan
 ) -> None:

@@ -95,6 +95,7 @@ def test_the_held_body_of_a_bare_arm_can_collide(tmp_path: Path) -> None:
     assert len(World(tooled, [BLOCK]).pairs) == 1
 
 
+@pytest.mark.slow
 def test_an_arm_of_one_joint_goes_through_all_doors(tmp_path: Path) -> None:
     robot = one(tmp_path)
     limits = urdf_limits(robot, 4.0)

@@ -118,6 +118,7 @@ def rough_paths() -> tuple[tuple[TransitOptimiser, Array], ...]:
     return tuple(found)
 
 
+@pytest.mark.slow
 def test_steps_go_on_where_they_ended() -> None:
     for optimiser, path in rough_paths()[:3]:
         at_once, in_parts = Shortening(optimiser, path), Shortening(optimiser, path)

@@ -208,6 +208,7 @@ def test_repeatability_of_many_photographs_comes_from_their_scatter() -> None:
     assert np.trace(many.covariance[:3, :3]) > 10.0 * np.trace(many.repeatability[:3, :3])
 
 
+@pytest.mark.slow
 def test_repeatability_is_a_part_of_the_covariance_of_one_noisy_photograph() -> None:
     """Few residuals may be small by chance; the noise of the edges is not."""
     exact, parts = replace(BOARD, tolerance=0.0), []

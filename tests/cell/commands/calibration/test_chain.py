@@ -125,6 +125,7 @@ def test_a_wrong_recording_is_told_in_one_line(tmp_path: Path) -> None:
     assert not (tmp_path / "c.toml").exists()
 
 
+@pytest.mark.slow
 def test_the_nao_gets_its_numbers_by_the_names_of_the_data(tmp_path: Path) -> None:
     r, x = nao_recording(3, NaoUnknowns(head=True), stances=10)
     (tmp_path / "nao.json").write_text(json.dumps(as_json(r)))
