@@ -25,6 +25,11 @@ POCKET_DEPTH = 0.010  # m
 QUIET_ZONE = 1.0 / 6.0  # width of a marker's white border in marker sizes
 TOLERANCE_SDS = 2.0  # standard deviations in a tolerance
 CUBE_SEAT_DEPTH = 0.008  # depth of a seated 40 mm cube below the top surface, m
+CAPTURE_TILT = np.radians(2.0)
+"""A released cube that leans further may not slide into its pocket, rad.
+
+In contact physics 100 of 100 slide in at 2 degrees, 91 at 3 and 76 at 4 (bench/results/contact-2026-11-26.md).
+"""
 
 
 @dataclass(frozen=True)

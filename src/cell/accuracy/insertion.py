@@ -14,12 +14,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ndtri
 
+from arm.board import CAPTURE_TILT
 from arm.numerics.products import mul
 from arm.se3 import Array, Bools, frozen
 
 SAMPLES = 2**15  # leaves errors of some 3e-4 in the middle, less near 0 and 1
-LARGEST_TILT = np.radians(4.0)
-"""A cube that leans further does not slide into its pocket (assumed; `cell.sim` uses the same limit)."""
 _X, _Y, _TURN_X, _TURN_Y, _YAW = 0, 1, 3, 4, 5  # of a twist in the hole's frame
 _CERTAIN = 5.0  # standard deviations: if the cube enters with all errors at once as large, 4 in 10^6 do not
 SURE = 0.9999  # what is more probable is stated as more than this
@@ -64,7 +63,7 @@ def _fits(errors: Array, fit: PocketFit, wider: Array | float) -> Bools:
     half = fit.cube / 2.0 * (np.abs(np.cos(yaw)) + np.abs(np.sin(yaw)))
     room = fit.mouth / 2.0 - half + fit.sigma / 2.0 * wider
     inside = np.maximum(np.abs(x), np.abs(y)) <= room
-    return np.asarray(inside & (np.hypot(turn_x, turn_y) <= LARGEST_TILT))
+    return np.asarray(inside & (np.hypot(turn_x, turn_y) <= CAPTURE_TILT))
 
 
 def percent(probability: float) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.numerics.products import mul
-from arm.plan_file import Plan
+from arm.plan_file import Plan, touching_pairs
 from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen
 from cell.program.path_step import PathStep
@@ -125,28 +125,34 @@ def require_board(task: ProgramTask, plan: Plan) -> None:
 def require_threads(task: ProgramTask, plan: Plan) -> None:
     """Require that a plan states `threaded` for as many moves, in order, as the paths of the program have.
 
-    A move that does not state it is not proved to stay on its wire. Only the rest of a stopped plan may have fewer, and
-    it does not begin at q_start.
+    A move that does not state it is not proved to stay on its wire, nor one in which ring and wire may touch. Only the
+    rest of a stopped plan may have fewer, and it does not begin at q_start.
 
     Raises:
         ImpossibleError: it does not; data: stated, expected.
     """
-    goals = program_goals(task, np.eye(4))
-    expected = [goal.threaded for goal in goals if goal.threaded is not None for _ in range(1 + goal.back)]
+    goals = [goal for goal in program_goals(task, np.eye(4)) if goal.threaded is not None]
+    goals = [goal for goal in goals for _ in range(1 + goal.back)]
     before = plan.task.get("threaded_before", 0)  # of a plan for the rest of another
-    if before > len(expected) or (
+    if before > len(goals) or (
         before > 0 and np.array_equal(plan.start, task.cell.unit.counts(task.cell.q_start))
     ):
         why = f"the plan states {before} threaded moves before its first one, where the arm has done none; plan again"
-        raise ImpossibleError(why, stated=before, expected=expected)
-    expected = expected[before:]
-    stated = [move.threaded for move in plan.moves if move.threaded is not None]
+        raise ImpossibleError(why, stated=before, expected=[goal.threaded for goal in goals])
+    goals = goals[before:]
+    moves = [move for move in plan.moves if move.threaded is not None]
+    stated, expected = [move.threaded for move in moves], [goal.threaded for goal in goals]
     if stated != expected:
-        shown, asked = (", ".join(names) or "none" for names in (stated, expected))
+        shown, asked = (", ".join(filter(None, names)) or "none" for names in (stated, expected))
         why = (
             f"the plan states a threaded ring for moves on {shown}; the program asks for {asked}; plan again"
         )
         raise ImpossibleError(why, stated=stated, expected=expected)
+    for move, goal in zip(moves, goals, strict=True):
+        more = sorted(" and ".join(sorted(pair)) for pair in touching_pairs(move) - goal.pairs)
+        if more:
+            why = f"{move.name!r} lets touch {', '.join(more)}, which the program does not allow there; plan again"
+            raise ImpossibleError(why, step=move.name, touching=more)
 
 
 def program_goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import integer, integers, line, number, numbers, path, text
 from arm.io.storage import canonical_json, read_bytes, sha256
-from arm.numerics.products import mul
-from arm.robot.shapes import Body, Torus, body_to_json
+from arm.numerics.products import mul, norm
+from arm.robot.shapes import Body, Sphere, Torus, body_to_json
 from arm.robot.thread import ray_name
-from arm.se3 import Array, frozen
+from arm.se3 import Array, frozen, transform
 from cell.config.arm_file import ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
@@ -26,10 +27,13 @@ from cell.files.task import Task, board_of, place_or_arm, read_place, task_or_ce
 from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
 from cell.program.points import WORK, read_wire
 from cell.program.steps import STEPS, Action, JointStep, PoseStep, Step
+from plan.collision.world import distance_of
 from plan.options import AIMS
 
 PROGRAM = "program"  # key that only a program file has, and the kind of its task
 MOST_REPEATS = 1000
+LINE_STEP = 2e-3  # m between the places of a line that must lie in its bodies: no ring is as thin
+LINE_SLACK = 1e-4  # m, by which such a place may be outside
 _SEEN = ("plate ", "stand ", "cube ")  # how names of bodies begin that only a look knows
 
 
@@ -243,6 +247,11 @@ def _check_threads(keys: ProgramKeys, root: Node, cell: Cell, known: set[str]) -
         if not thread.bodies or any(body_to_json(body) not in on_work for body in thread.bodies):
             rule = "must be a wire file with bodies that is also a file of [[bodies]]: the ring is proved clear of them"
             raise node.error_at("line_of", rule)
+        bare = _first_outside(thread)
+        if bare is not None:
+            at = ", ".join(f"{1e3 * value:.1f}" for value in bare)
+            rule = f"has bodies that do not contain its line_mm, at ({at}) mm: a ring clear of them may leave the line"
+            raise node.error_at("line_of", rule)
         for body in thread.bodies:
             if frozenset((thread.ring, body.name)) in step.touch:
                 rule = f"lets {thread.ring!r} touch {body.name!r}, the wire on which it is threaded"
@@ -258,6 +267,16 @@ def _check_threads(keys: ProgramKeys, root: Node, cell: Cell, known: set[str]) -
                 f"is of another ring or line than in a step before, whose line is named {thread.name!r} too"
             )
             raise node.error_at("threaded", rule)
+
+
+def _first_outside(thread: ThreadedLine) -> Array | None:
+    """Return the first place of a line (3,) that is in none of its bodies; None if there is none."""
+    for a, b in pairwise(thread.points):
+        for part in np.linspace(0.0, 1.0, 2 + int(norm(b - a) / LINE_STEP)):
+            place = Body("place", Sphere(LINE_SLACK), transform(t=a + part * (b - a)), "wire")
+            if all(distance_of(place, body).value > 0.0 for body in thread.bodies):
+                return frozen(a + part * (b - a))
+    return None
 
 
 def _table_of(root: Node, step: Step) -> Node:

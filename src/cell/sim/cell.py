@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, seat_depth
+from arm.board import CAPTURE_TILT, PLATE_CENTRE, PLATE_SIZE, seat_depth
 from arm.former import former_names
 from arm.numerics.products import mul, norm
 from arm.robot.dh import A465
@@ -39,8 +39,8 @@ from render.target import TargetSolid
 GRIP_OFFSET = 3e-3  # largest offset between jaws and cube in a grip, m
 GRIP_ANGLE = np.radians(3.0)  # largest angle between the jaws' travel and a cube's face in a grip
 LEAST_GRIP = 5e-3  # least depth of the finger tips below the cube's top in a grip, m
-CAPTURE_TILT = np.radians(4.0)  # a released cube with more tilt does not slide into a pocket
 DROP = 0.010  # largest height, m, from which a released cube lands upright
+UPRIGHT = np.radians(4.0)  # a cube that is set down on a flat place with more tilt falls over
 
 
 @dataclass(frozen=True)
@@ -329,7 +329,7 @@ class SimulatedCell:
         if beside is not None:
             return beside
         bottom = float(apply(T_base_cube, (0.0, 0.0, -half))[2]) - self.cell.table_z
-        upright = T_base_cube[2, 2] > np.cos(CAPTURE_TILT)
+        upright = T_base_cube[2, 2] > np.cos(UPRIGHT)
         if upright and -1e-3 <= bottom <= DROP and not self._over_plate(T_base_cube):
             yaw = float(np.arctan2(T_base_cube[1, 0], T_base_cube[0, 0]))
             x, y = T_base_cube[:2, 3]
@@ -349,7 +349,7 @@ class SimulatedCell:
         for b in self.world.boards:
             T = mul(inverse(b.T_base_board), T_base_cube)
             over = (np.abs(T[:2, 3] - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0).all()
-            if over and T[2, 2] > np.cos(CAPTURE_TILT) and abs(T[2, 3] - half) <= DROP:
+            if over and T[2, 2] > np.cos(UPRIGHT) and abs(T[2, 3] - half) <= DROP:
                 yaw = float(np.arctan2(T[1, 0], T[0, 0]))
                 flat = mul(b.T_base_board, transform(rot_z(yaw), (*T[:2, 3], half)))
                 self._record(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from arm.board import CAPTURE_TILT
 from arm.se3 import Array
-from cell.accuracy.insertion import LARGEST_TILT, PocketFit, insertion_probability
+from cell.accuracy.insertion import PocketFit, insertion_probability
 
 FIT = PocketFit(0.040, 0.044, 0.0)
 FEW = 5e-4
@@ -46,8 +47,8 @@ def test_a_rotated_cube_is_wider() -> None:
 
 def test_a_cube_that_leans_too_far_does_not_enter() -> None:
     """Lean is the length of two normal components: a Rayleigh distribution."""
-    exact = 1.0 - np.exp(-0.5 * (LARGEST_TILT / 0.04) ** 2)
-    assert insertion_probability(_covariance(rx=0.04, ry=0.04), FIT) == pytest.approx(exact, abs=FEW)
+    exact = 1.0 - np.exp(-0.5 * (CAPTURE_TILT / 0.02) ** 2)
+    assert insertion_probability(_covariance(rx=0.02, ry=0.02), FIT) == pytest.approx(exact, abs=FEW)
 
 
 def test_sizes_count_too() -> None:

@@ -21,7 +21,7 @@ from cell.config.cell_file import read_cell
 from cell.files.world import read_world
 from cell.program.outline import Arc, Outline
 from cell.program.path_step import PathStep
-from cell.program.planning import plan_of_program
+from cell.program.planning import plan_of_program, require_threads
 from cell.program.points import read_wire
 from cell.program.program_file import read_program
 from cell.program.steps import Step
@@ -180,6 +180,13 @@ def test_the_program_of_a_wire_is_planned_and_its_plan_proves_that_the_ring_stay
     assert all(move.threaded is None for move in plan.moves if move not in along)
     moves = replayed(task, plan)
     assert min(move.check.clearance for move in moves) >= 0.005 - 1e-6
+    require_threads(task, plan)
+    touches = replace(along[0], allowed_pairs=(("bar 1", "ring 1"),))
+    edited = replace(plan, steps=tuple(touches if step is along[0] else step for step in plan.steps))
+    with pytest.raises(
+        ImpossibleError, match="lets touch bar 1 and ring 1, which the program does not allow"
+    ):
+        require_threads(task, edited)
     unthreaded = replace(task, steps=tuple(_without_thread(step) for step in task.steps))
     with pytest.raises(
         ImpossibleError, match=f"the plan's scene is not that of the present cell: the line of {wire}"

@@ -138,6 +138,7 @@ _BODY = "centre_mm = [0, 300, 0]\nsize_mm = [9, 9, 9]\n"
         (_WIRE, f'{_WIRE}[[bodies]]\nname = ""\n{_BODY}', r"bodies\[1\].name = '': must not be empty"),
         ("", _STEP.replace("FILE", "wires/b.toml").replace("RING", "ring 2"), r"steps\[1\].threaded.*of another ring"),
         ("", _STEP.replace("FILE", "other/b.toml").replace("RING", "ring 1"), r"steps\[1\].threaded.*another ring or"),
+        ("wires/b", "longer/b", r"steps\[0\].line_of.*do not contain its line_mm, at .70.0, 0.0, 20[01].\d. mm"),
     ],
 )  # fmt: skip
 def test_a_threaded_ring_of_which_nothing_would_be_proved_is_refused(
@@ -145,8 +146,9 @@ def test_a_threaded_ring_of_which_nothing_would_be_proved_is_refused(
 ) -> None:
     folder = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "hoop"
     file, wire = folder / "b.toml", (folder / "wires/b.toml").read_text()
-    (folder / "other").mkdir()
-    (folder / "other/b.toml").write_text(wire.replace("[70, 0, 200]", "[70, 0, 190]"))
+    for name, end in (("other", 190), ("longer", 210)):
+        (folder / name).mkdir()
+        (folder / name / "b.toml").write_text(wire.replace("[70, 0, 200]", f"[70, 0, {end}]"))
     text = file.read_text()
     file.write_text(text.replace(old, new) if old else text + new)
     with pytest.raises(InputError, match=message):
