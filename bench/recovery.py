@@ -14,6 +14,8 @@ cube has three attempts after the first. What no look promises to tell is not dr
   white border in the camera's view: a board with a hidden marker is not found;
 - a cube that stands less than 4 mm too high (docs/occupancy.md, "Is it placed?"): it is always 4 mm.
 
+Boards for which a cube can be left nowhere so are drawn again too.
+
 A cube is told as placed if the report says so, and seated if it truly is in the pocket that the report names.
 """
 
@@ -54,6 +56,7 @@ from vision.camera.model import Camera
 FAULTS = ("half", "rim", "high", "aside")
 AROUND_MM, AROUND_DEG = 5.0, 5.0
 MOST_REFUSED = 20
+MOST_PLACES = 1000  # drawn for one cube
 ON_SEAT = 1e-3  # m from where a seated cube's centre is
 APART = 0.047  # m between the middle of a cube that lies aside and any other hole
 TOUCHES = 1e-3  # m between two cubes that count as touching
@@ -94,12 +97,15 @@ def run_of(seed: int, faultless: bool) -> Outcome:
     rng = np.random.default_rng(seed)
     for refused in range(MOST_REFUSED):
         begin = time.process_time()
-        with tempfile.TemporaryDirectory() as folder:
-            run = _run(Path(folder), seed, rng, faultless)
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                run = _run(Path(folder), seed, rng, faultless)
+        except NowhereError:
+            continue
         moved = run.simulated is not None and bool(run.simulated.events)
         if moved or not isinstance(run.error, ImpossibleError):
             return _outcome(run, seed, refused, time.process_time() - begin)
-    raise ValueError(f"seed {seed}: {run.error}")
+    raise ValueError(f"seed {seed}: no boards for which the task is possible")
 
 
 def _run(folder: Path, seed: int, rng: np.random.Generator, faultless: bool) -> WholeRun:
@@ -135,6 +141,10 @@ def _with_faults(text: str, rng: np.random.Generator) -> str:
     return f"grasps = {json.dumps(grasps)}\nreleases = {json.dumps(releases)}\n{text}"
 
 
+class NowhereError(Exception):
+    """A cube can be left nowhere as it should be."""
+
+
 class _Left:
     """Where a cube is left, drawn anew: in place of `SimulatedCell.T_base_left`."""
 
@@ -142,7 +152,7 @@ class _Left:
         self._rng = rng
 
     def __call__(self, cell: SimulatedCell, fault: str, b: TrueBoard, hole: int, size: float) -> Array:
-        while True:
+        for _ in range(MOST_PLACES):
             T_board_cube = mul(
                 b.board.T_board_hole(hole), self._in_hole(fault, size, seat_depth(size, b.board.pocket))
             )
@@ -155,6 +165,7 @@ class _Left:
                 )
             ):
                 return T_base_cube
+        raise NowhereError
 
     def _in_hole(self, fault: str, size: float, depth: float) -> Array:
         T, rng, quarter = T_hole_released(fault, size, depth), self._rng, np.pi / 2.0
@@ -212,7 +223,7 @@ def _has_room(board: Board, T_board_cube: Array, hole: int, size: float) -> bool
 def _outcome(run: WholeRun, seed: int, refused: int, cpu_s: float) -> Outcome:
     cell = run.simulated
     if cell is None:
-        raise ValueError(f"seed {seed}: {run.error}")
+        raise ValueError(f"seed {seed}: no boards for which the task is possible")
     report: dict[str, Any] = run.report or (run.error.data if run.error is not None else {})
     rows = [row for row in report.get("cubes", []) if isinstance(row, dict)]
     held = {place: name for name, place in _in_pockets(cell)}
