@@ -139,6 +139,40 @@ def export(
 
 
 @tools.command(
+    short_help="Prove or refute a trajectory that another program made.",
+    help="Prove or refute a joint trajectory that another program made: limits of the joints, and the clearance of all "
+    "bodies, also between its points. It is a ROS JointTrajectory as JSON; joints move on straight lines between "
+    "points, or on cubics if points have velocities. The exit code is 3 if it is refuted, which names the pair and "
+    "the moment.",
+    epilog=examples(
+        "a465 certify plan.trajectory.json scenes/cell.toml",
+        "a465 certify moveit.json scenes/task2.toml --look look.json --clearance-mm 3 -o plan.json",
+    ),
+)
+def certify(
+    trajectory: Annotated[
+        Path, Argument(help="trajectory_msgs/JointTrajectory as JSON.", metavar="TRAJECTORY")
+    ],
+    place: Annotated[Path, Argument(help="Scene, cell, task, program or arm file.", metavar="FILE")],
+    look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,
+    clearance_mm: Annotated[
+        float | None,
+        Option(help="Clearance to prove; default: that of the file, 0 of a scene.", metavar="MM"),
+    ] = None,
+    speed: shared.Speed = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="Plan file to write, for a465 preview, check and execute.")
+    ] = None,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("certifying", as_json) as console:
+        from cell.foreign.certify import certify_step
+
+        clearance = None if clearance_mm is None else clearance_mm / 1e3
+        console.result(certify_step(trajectory, place, look, clearance, speed, output, console))
+
+
+@tools.command(
     name="new-cell",
     short_help="Create a commented cell of your own to start from.",
     help="Create a cell of your own, with a task of each kind, in a new or empty folder. Comments explain every "

@@ -50,18 +50,19 @@ def segment_extremes(path: CountPath, unit: Unit) -> SegmentExtremes:
     a = path.cubics()
     duration = np.array([s.duration_ms for s in path.segments], dtype=float)[:, None] / 1e3
     ends = (path.knots()[:-1] + cubic_position_range(a) - unit.counts_at_zero) / unit.counts_per_rad
-    return SegmentExtremes(ends.min(axis=0), ends.max(axis=0), *cubic_peaks(a, duration, unit))
+    return SegmentExtremes(
+        ends.min(axis=0), ends.max(axis=0), *cubic_peaks(a, duration, np.abs(unit.counts_per_rad))
+    )
 
 
-def cubic_peaks(a: Array, duration: Array, unit: Unit) -> tuple[Array, Array, Array]:
+def cubic_peaks(a: Array, duration: Array, scale: Array | float = 1.0) -> tuple[Array, Array, Array]:
     """Return `SegmentExtremes.velocity`, `acceleration` and `jumps` of cubics.
 
     Args:
-        a: coefficients a1, a2, a3, (3, k, n) counts.
+        a: coefficients a1, a2, a3, (3, k, n).
         duration: (k, 1) s.
-        unit: whose counts.
+        scale: of the coefficients, in counts per rad (m), (n,); 1 if they are in rad (m).
     """
-    scale = np.abs(unit.counts_per_rad)
     last = a[0] + 2 * a[1] + 3 * a[2]  # a1 + 2 a2 u + 3 a3 u^2 at u = 1
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = -a[1] / (3 * a[2])

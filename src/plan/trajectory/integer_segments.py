@@ -305,7 +305,7 @@ class _Fitter:
         steps = a.sum(axis=0)
         starts = unit.counts(ends.q[0]) + np.cumsum(steps, axis=0) - steps
 
-        velocity, acceleration, jump = cubic_peaks(a.astype(float), duration, unit)
+        velocity, acceleration, jump = cubic_peaks(a.astype(float), duration, np.abs(unit.counts_per_rad))
         u = _SAMPLES[:, None, None]
         executed = starts + u * (a[0] + u * (a[1] + u * a[2]))
         times = knots[:-1] / 1e3 + _SAMPLES[:, None] * duration[:, 0]

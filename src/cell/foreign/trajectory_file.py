@@ -1,0 +1,159 @@
+"""Joint trajectories of other programs: the ROS message trajectory_msgs/JointTrajectory as JSON.
+
+Between two points joints move on straight lines, or, if the points have velocities, on the cubics with the positions
+and velocities of both (as ros2_controllers' joint_trajectory_controller does).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.io.node import Node, Rule
+from arm.io.rules import is_number, numbers, rule_of
+from arm.se3 import Array, frozen
+from plan.collision.bezier import Curve
+
+WRAPPERS = (
+    "joint_trajectory",
+    "trajectory",
+)  # of RobotTrajectory, DisplayTrajectory's parts, FollowJointTrajectory
+MOST_POINTS = 100_000
+LONGEST_S = 1e5
+_SECONDS = ("sec", "secs"), ("nanosec", "nsecs")  # of ROS 2 and ROS 1
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """A motion of all joints of an arm, in the arm's order.
+
+    Attributes:
+        times: of the points, (m,) s, increasing; m is at least 2.
+        q: positions, (m, n) rad (m where a joint slides).
+        velocity: (m, n) rad/s (m/s), or None: the joints move on straight lines.
+    """
+
+    times: Array
+    q: Array
+    velocity: Array | None
+
+    @property
+    def duration(self) -> float:
+        """Time from the first point to the last, s."""
+        return float(self.times[-1] - self.times[0])
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Rows a1, a2, a3 of the cubics q_i + a1 u + a2 u^2 + a3 u^3, 0 <= u <= 1, between points: (3, m - 1, n)."""
+        step = np.diff(self.q, axis=0)
+        if self.velocity is None:
+            return frozen(np.stack([step, np.zeros_like(step), np.zeros_like(step)]))
+        lasts = np.diff(self.times)[:, None]
+        begin, end = lasts * self.velocity[:-1], lasts * self.velocity[1:]
+        return frozen(np.stack([begin, 3.0 * step - 2.0 * begin - end, begin + end - 2.0 * step]))
+
+    @property
+    def curve(self) -> Curve:
+        """The motion as it is certified; time from the first point."""
+        a1, a2, _ = self.coefficients
+        start = self.q[:-1]
+        control = np.stack([start, start + a1 / 3.0, start + (2.0 * a1 + a2) / 3.0, self.q[1:]], axis=1)
+        return Curve(control, self.times[1:] - self.times[0])
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return positions and velocities (k, n) at times (k,) s from the first point."""
+        t = np.clip(np.asarray(times) + self.times[0], self.times[0], self.times[-1])
+        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        lasts = np.diff(self.times)[i][:, None]
+        u = (t - self.times[i])[:, None] / lasts
+        a1, a2, a3 = self.coefficients[:, i]
+        return self.q[i] + u * (a1 + u * (a2 + u * a3)), (a1 + u * (2.0 * a2 + u * 3.0 * a3)) / lasts
+
+
+def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
+    """Read a JointTrajectory; also one inside a RobotTrajectory or the goal of a FollowJointTrajectory.
+
+    Args:
+        path: JSON file.
+        joints: names of the arm's joints, in its order.
+
+    Raises:
+        FileInputError: the file is no such message; joints are missing, or are not the arm's; a number is wrong; times
+            do not increase; only some points have velocities; points have accelerations, between which a controller
+            follows other curves.
+    """
+    root = _message(Node.of_json(path))
+    names: list[str] = root.get("joint_names", _NAMES)
+    order = _order(root, names, joints)
+    points = root["points"].items()
+    if not 2 <= len(points) <= MOST_POINTS:
+        raise root.error_at("points", f"has {len(points)} points; must have 2 to {MOST_POINTS}")
+    times = np.array([_time(point["time_from_start"]) for point in points])
+    late = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(late):
+        before, after = times[late[0]], times[late[0] + 1]
+        rule = f"is {after:.9g} s, not after {before:.9g} s of the point before; times must increase"
+        raise points[int(late[0]) + 1].error_at("time_from_start", rule)
+    row = numbers(len(names), "rad (m where a joint slides)", -1e4, 1e4)
+    rate = numbers(len(names), "rad/s (m/s)", -1e4, 1e4)
+    q = np.stack([point.get("positions", row) for point in points])[:, order]
+    with_rates = [point for point in points if point.value.get("velocities")]
+    for point in points:
+        if point.value.get("accelerations") and np.any(point.get("accelerations", rate)):
+            rule = "are not certified: between points with accelerations a controller follows quintics; leave them out"
+            raise point.error_at("accelerations", rule)
+        if with_rates and not point.value.get("velocities"):
+            raise point.error_at("velocities", "is missing; all points must have velocities, or none")
+    velocity = np.stack([point.get("velocities", rate) for point in points])[:, order] if with_rates else None
+    return JointTrajectory(frozen(times), frozen(q), None if velocity is None else frozen(velocity))
+
+
+def _message(node: Node) -> Node:
+    """Return the JointTrajectory in a file."""
+    for _ in WRAPPERS:
+        for name in WRAPPERS:
+            if "points" not in node and name in node:
+                node = node[name]
+    if "points" not in node:
+        raise node.error("must be a trajectory_msgs/JointTrajectory with joint_names and points")
+    return node
+
+
+def _order(root: Node, names: list[str], joints: Sequence[str]) -> list[int]:
+    """Return where each of the arm's joints is in the file."""
+    for name in names:
+        if name not in joints or names.count(name) > 1:
+            why = "names it twice" if names.count(name) > 1 else "is no joint of the arm"
+            raise root.error_at("joint_names", f"{name!r} {why}; must be {', '.join(joints)}, in any order")
+    missing = [name for name in joints if name not in names]
+    if missing:
+        raise root.error_at("joint_names", f"lacks {', '.join(missing)}; must have all joints of the arm")
+    return [names.index(name) for name in joints]
+
+
+def _time(node: Node) -> float:
+    """Return a duration, s."""
+    value = node.value
+    if isinstance(value, dict):
+        parts = [next((value[name] for name in some if name in value), 0) for some in _SECONDS]
+        value = (
+            parts[0] + 1e-9 * parts[1]
+            if all(map(is_number, parts)) and set(value) & set(_SECONDS[0])
+            else None
+        )
+    if not is_number(value) or not 0.0 <= value <= LONGEST_S:
+        rule = f"must be a time from 0 to {LONGEST_S:g} s: a number, or sec and nanosec"
+        raise node.error(rule)
+    return float(value)
+
+
+def _is_names(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
+
+
+_NAMES: Rule[list[str]] = rule_of("names of joints", _is_names, list)

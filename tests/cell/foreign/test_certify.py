@@ -1,0 +1,144 @@
+"""Trajectories of other programs are proved or refuted, with the pair and the moment; limits are judged exactly."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError, InputError
+from arm.io.storage import data_file
+from arm.plan_file import read_plan
+from arm.se3 import frozen
+from cell.console import Console
+from cell.files.task import read_place
+from cell.foreign.certify import certified, certify_step, peaks_of
+from cell.foreign.trajectory_file import JointTrajectory
+from cell.scene.build import build_scene
+from plan.collision.world import World
+from typed.command_line import a465
+from vision.observation import Observation
+
+CELL = data_file("scenes/cell.toml")
+JOINTS = [f"J{k}" for k in range(1, 7)]
+START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
+OVER = np.radians([0.0, -10.0, -90.0, 0.0, -70.0, 0.0])
+
+
+def trajectory(points: Any, times: Any, cubics: bool = True) -> JointTrajectory:
+    """A trajectory through configurations, at rest at both ends."""
+    q, t = np.asarray(points, dtype=float), np.asarray(times, dtype=float)
+    rate = np.gradient(q, t, axis=0)
+    rate[[0, -1]] = 0.0
+    return JointTrajectory(frozen(t), frozen(q), frozen(rate) if cubics else None)
+
+
+def written(folder: Path, of: JointTrajectory) -> Path:
+    """The trajectory as a file."""
+    rates = np.zeros((len(of.q), 0)) if of.velocity is None else of.velocity
+    points = [
+        {"positions": q.tolist(), "velocities": rate.tolist(), "time_from_start": float(t)}
+        for t, q, rate in zip(of.times, of.q, rates, strict=True)
+    ]
+    file = folder / "other.json"
+    file.write_text(json.dumps({"joint_names": JOINTS, "points": points}))
+    return file
+
+
+def world() -> World:
+    scene = build_scene(read_place(CELL).cell, Observation())
+    return World(scene.robot_open, scene.bodies)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("cubics", [True, False])
+def test_what_is_proved_no_sample_contradicts_and_what_is_refuted_has_a_witness(
+    seed: int, cubics: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    points = OVER + np.cumsum(rng.normal(0.0, 0.12, (5, 6)), axis=0)
+    of, cell = trajectory(points, np.arange(5.0), cubics), world()
+    least = min(cell.distance(q).value for q in of.at(np.linspace(0.0, 4.0, 400))[0])
+    for required in (max(least - 5e-4, 0.0), least + 5e-4):
+        check = certified(cell, of.curve, required)
+        assert check.proved == (least > required)
+        if check.proved:
+            assert check.clearance <= least + 1e-6
+        else:
+            witness = cell.distance(of.at(np.array([check.time]))[0][0])
+            assert witness.value == pytest.approx(check.seen, abs=1e-6)
+            assert check.seen < required
+            assert set(witness.pair) == set(check.pair)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_shares_of_limits_are_those_of_dense_samples(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    of = trajectory(rng.normal(0.0, 1.0, (6, 3)), np.cumsum(rng.uniform(0.2, 1.0, 6)))
+    limits = Limits(*(np.full(3, v) for v in (-1.0, 1.0, 0.7, 2.0)))
+    spline = CubicHermiteSpline(of.times, of.q, of.velocity)
+    at = np.linspace(of.times[0], of.times[-1], 200_001)
+    peaks = peaks_of(of, limits)
+    q = spline(at)
+    beyond = np.maximum(q.max(axis=0) - 1.0, -1.0 - q.min(axis=0))
+    np.testing.assert_allclose(peaks.beyond, beyond, atol=1e-6)
+    np.testing.assert_allclose(peaks.velocity, np.abs(spline(at, 1)).max(axis=0) / 0.7, rtol=1e-4)
+    # accelerations jump at points: samples see the ends of pieces to within their distance
+    np.testing.assert_allclose(peaks.acceleration, np.abs(spline(at, 2)).max(axis=0) / 2.0, rtol=1e-3)
+    assert np.isnan(peaks_of(JointTrajectory(of.times, of.q, None), limits).acceleration).all()
+
+
+def _certified(folder: Path, of: JointTrajectory, **options: Any) -> dict[str, Any]:
+    given = {"look": None, "clearance": None, "speed": None, "output": None, "place": CELL} | options
+    place = given.pop("place")
+    return certify_step(written(folder, of), place, **given, console=Console(True))
+
+
+def test_a_refusal_names_what_is_wrong_by_the_files_own_limits(tmp_path: Path) -> None:
+    with pytest.raises(
+        ImpossibleError, match=r"J\d needs \d+ % of its velocity limit at speed 0.5; make .* as slow"
+    ):
+        _certified(tmp_path, trajectory([START, OVER], [0.0, 0.5]))
+    clear = _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0]))
+    assert (clear["verdict"], clear["required_mm"], clear["between_points"]) == ("clear", 10.0, "cubics")
+    assert clear["proved_mm"] >= 10.0
+    with pytest.raises(ImpossibleError, match=r"refuted: .* s after the start .* comes within") as caught:
+        _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0]), clearance=0.5)
+    assert caught.value.data["verdict"] == "refuted"
+    assert caught.value.data["distance_m"] < 0.5
+    far = OVER + np.array([4.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(ImpossibleError, match="J1 is beyond its position limits by"):
+        _certified(tmp_path, trajectory([START, far], [0.0, 60.0]))
+    lines = _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0], cubics=False))
+    assert lines["acceleration_share"] is None
+    for option in ({"clearance": -0.001}, {"speed": 2.0}):
+        with pytest.raises(InputError):
+            _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0]), **option)
+
+
+def test_what_is_certified_becomes_a_plan_that_check_verifies(tmp_path: Path) -> None:
+    file, plan = (
+        written(tmp_path, trajectory([START, OVER, START], [0.0, 20.0, 40.0])),
+        tmp_path / "plan.json",
+    )
+    said, _ = a465("certify", file, CELL, "-o", plan, "--json")
+    assert json.loads(said)["plan_sha256"] == read_plan(plan).sha256
+    said, _ = a465("check", plan, CELL, "--json")
+    assert json.loads(said)["moves"][0]["proved_mm"] >= 10.0
+
+
+def test_a_trajectory_in_a_scene_of_another_clearance(tmp_path: Path) -> None:
+    scene = data_file("scenes/fixtures/mesh.toml")
+    found = _certified(tmp_path, trajectory([START, START + 0.05], [0.0, 2.0]), place=scene, clearance=1e-3)
+    assert found["required_mm"] == 1.0
+    for option, rule in (
+        ({"speed": 0.5}, "has no speed"),
+        ({"output": tmp_path / "p.json"}, "which .* lacks"),
+    ):
+        with pytest.raises(InputError, match=rule):
+            _certified(tmp_path, trajectory([START, START + 0.05], [0.0, 2.0]), place=scene, **option)

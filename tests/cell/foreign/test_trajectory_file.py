@@ -1,0 +1,115 @@
+"""Joint trajectories of other programs are read as their controllers follow them, and wrong ones are refused."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from arm.errors import InputError
+from cell.foreign.trajectory_file import read_trajectory
+
+JOINTS = ("a", "b", "c")
+_REST, _HALF = [0.0, 0.0, 0.0], 500_000_000
+_GOOD: dict[str, Any] = {
+    "joint_names": ["c", "a", "b"],
+    "points": [
+        {"positions": [3.0, 1.0, 2.0], "velocities": _REST, "time_from_start": {"sec": 0, "nanosec": 0}},
+        {"positions": [3.5, 1.1, 2.2], "velocities": [0.3, 0.1, 0.2], "time_from_start": {"sec": 1, "nanosec": _HALF}},
+        {"positions": [3.2, 1.0, 2.0], "velocities": _REST, "time_from_start": {"sec": 4, "nanosec": 0}},
+    ],
+}  # fmt: skip
+
+
+def _written(folder: Path, value: Any) -> Path:
+    file = folder / "trajectory.json"
+    file.write_text(json.dumps(value))
+    return file
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_between_points_with_velocities_joints_follow_cubics(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.05, 1.0, 7))
+    q, rate = rng.normal(0.0, 1.0, (2, 7, 3))
+    points = [
+        {"positions": q[k].tolist(), "velocities": rate[k].tolist(), "time_from_start": times[k]}
+        for k in range(7)
+    ]
+    read = read_trajectory(_written(tmp_path, {"joint_names": list(JOINTS), "points": points}), JOINTS)
+    truth = CubicHermiteSpline(times, q, rate)
+    at = rng.uniform(times[0], times[-1], 200)
+    found, speed = read.at(at - times[0])
+    np.testing.assert_allclose(found, truth(at), atol=1e-12)
+    np.testing.assert_allclose(speed, truth(at, 1), atol=1e-10)
+    control = read.curve.control
+    np.testing.assert_allclose(control[:, [0, 3]], np.stack([q[:-1], q[1:]], axis=1), atol=1e-12)
+    middle = (control * np.array([1.0, 3.0, 3.0, 1.0])[:, None] / 8.0).sum(axis=1)
+    np.testing.assert_allclose(middle, truth((times[:-1] + times[1:]) / 2.0), atol=1e-12)
+    np.testing.assert_allclose(read.curve.ends, times[1:] - times[0])
+
+
+def test_joints_are_put_into_the_order_of_the_arm_and_without_velocities_move_on_lines(
+    tmp_path: Path,
+) -> None:
+    value = copy.deepcopy(_GOOD)
+    read = read_trajectory(_written(tmp_path, value), JOINTS)
+    np.testing.assert_allclose(read.q[0], [1.0, 2.0, 3.0])
+    assert read.velocity is not None
+    np.testing.assert_allclose(read.velocity[1], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(read.times, [0.0, 1.5, 4.0])
+    for point in value["points"]:
+        del point["velocities"]
+    lines = read_trajectory(_written(tmp_path, {"trajectory": {"joint_trajectory": value}}), JOINTS)
+    assert lines.velocity is None
+    np.testing.assert_allclose(lines.at(np.array([0.75]))[0], [[1.05, 2.1, 3.25]])
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        (("joint_names",), ["c", "a"], r"joint_names.*lacks b"),
+        (("joint_names",), ["c", "a", "d"], r"joint_names.*'d' is no joint of the arm"),
+        (("joint_names",), ["c", "a", "a"], r"joint_names.*'a' names it twice"),
+        (("joint_names",), [], r"joint_names"),
+        (("points",), [], r"points.*has 0 points; must have 2"),
+        (("points", 1, "positions"), [1.0, 2.0], r"points\[1\].positions.*3 numbers"),
+        (("points", 1, "positions"), [1.0, 2.0, None], r"points\[1\].positions"),
+        (
+            ("points", 1, "velocities"),
+            [],
+            r"points\[1\].velocities.*all points must have velocities, or none",
+        ),
+        (("points", 1, "accelerations"), [1.0, 0.0, 0.0], r"points\[1\].accelerations.*quintics"),
+        (("points", 1, "time_from_start"), 4.5, r"points\[2\].time_from_start.*is 4 s, not after 4.5 s"),
+        (
+            ("points", 1, "time_from_start"),
+            {"sec": 0, "nanosec": 0},
+            r"points\[1\].time_from_start.*must increase",
+        ),
+        (("points", 1, "time_from_start"), {"seconds": 1}, r"points\[1\].time_from_start.*must be a time"),
+        (("points", 1, "time_from_start"), "1 s", r"points\[1\].time_from_start.*must be a time"),
+        (("points", 1, "time_from_start"), -1.0, r"points\[1\].time_from_start.*must be a time"),
+    ],
+)
+def test_a_wrong_trajectory_is_refused_with_place_and_rule(
+    tmp_path: Path, place: tuple[str | int, ...], value: Any, message: str
+) -> None:
+    changed = copy.deepcopy(_GOOD)
+    at: Any = changed
+    for name in place[:-1]:
+        at = at[name]
+    at[place[-1]] = value
+    with pytest.raises(InputError, match=message) as caught:
+        read_trajectory(_written(tmp_path, changed), JOINTS)
+    assert "trajectory.json" in str(caught.value)
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="must be a trajectory_msgs/JointTrajectory"):
+        read_trajectory(_written(tmp_path, {"steps": []}), JOINTS)
