@@ -20,6 +20,7 @@ from cell.files.task import read_place
 from cell.foreign.certify import certified, certify_step, peaks_of
 from cell.foreign.trajectory_file import JointTrajectory
 from cell.scene.build import build_scene
+from plan.collision.certificate import certify_curve
 from plan.collision.world import World
 from typed.command_line import a465
 from vision.observation import Observation
@@ -74,6 +75,26 @@ def test_what_is_proved_no_sample_contradicts_and_what_is_refuted_has_a_witness(
             assert witness.value == pytest.approx(check.seen, abs=1e-6)
             assert check.seen < required
             assert set(witness.pair) == set(check.pair)
+
+
+def test_what_the_whole_leaves_open_is_decided_in_parts_or_said_to_be_undecided(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, cell = trajectory([START, OVER, START], [0.0, 20.0, 40.0]), world()
+    least = min(cell.distance(q).value for q in of.at(np.linspace(0.0, 40.0, 2000))[0])
+    monkeypatch.setattr("plan.collision.certificate.BUDGET", 16)
+    assert not certify_curve(cell, of.curve, least - 1e-4, tight=True).proved
+    assert certified(cell, of.curve, least - 1e-4).proved
+    assert not certified(cell, of.curve, least + 5e-4).proved
+    monkeypatch.setattr("plan.collision.certificate.BUDGET", 1)
+    open_ = certified(cell, of.curve, least - 1e-5)
+    assert not open_.proved
+    assert open_.seen >= least - 1e-5
+    with pytest.raises(
+        ImpossibleError, match=r"undecided: .* mm are proved, .* required, and nothing nearer"
+    ) as caught:
+        _certified(tmp_path, of, clearance=least - 1e-5)
+    assert caught.value.data["verdict"] == "undecided"
 
 
 @pytest.mark.parametrize("seed", range(5))
