@@ -51,7 +51,7 @@ def erring_clearances(
     return tuple(
         bound
         if bound >= least
-        else _proved(of, cell.unit, errors, least, "arm and boards" if off else "the arm")
+        else _proved(of, bound, cell.unit, errors, least, "arm and boards" if off else "the arm")
         for of, bound in zip(scenes, bounds, strict=True)
     )
 
@@ -83,18 +83,21 @@ def _bounds(
     return bounds
 
 
-def _proved(of: MoveScene, unit: Unit, errors: ArmErrors, least: float, who: str) -> float:
+def _proved(of: MoveScene, bound: float, unit: Unit, errors: ArmErrors, least: float, who: str) -> float:
+    """Certify a move with errors, which requires `least`; `bound` is what is proved of it already, m."""
     move = of.move
     certificate = certify_move(of.world(), move.path, unit, least, errors=errors)
     if not certificate.proved:
-        kept, lost = 1e3 * certificate.clearance, 1e3 * (move.clearance - certificate.clearance)
+        # the certificate ends where it is refuted, and then proves nothing of the rest
+        kept = 1e3 * max(bound, certificate.clearance)
         raise ImpossibleError(
-            f"{move.name!r} keeps {kept:.1f} mm between {' and '.join(certificate.pair)} for all errors of {who} "
-            f"within {errors.sigmas:g} standard deviations, but accuracy.least_clearance_mm is {1e3 * least:g}: "
-            f"the errors take off {lost:.1f} mm; raise motion.clearance_mm by as much, or calibrate the arm again",
+            f"{move.name!r} keeps {1e3 * move.clearance:.1f} mm, but for all errors of {who} within "
+            f"{errors.sigmas:g} standard deviations only {kept:.1f} mm between {' and '.join(certificate.pair)}, and "
+            f"accuracy.least_clearance_mm is {1e3 * least:g}; raise motion.clearance_mm by "
+            f"{1e3 * least - kept:.1f}, or calibrate the arm again",
             step=move.name,
             pair=list(certificate.pair),
             clearance_mm=kept,
             required_mm=1e3 * least,
         )
-    return certificate.clearance
+    return max(bound, certificate.clearance)

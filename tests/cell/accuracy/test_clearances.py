@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -73,6 +74,7 @@ def test_a_plan_is_not_executed_by_an_arm_that_errs_too_much(tmp_path: Path) -> 
     code, said = ended("execute", tmp_path / "plan.json", task.file, cwd=tmp_path)
     assert code == 3
     assert "for all errors of the arm within 3 standard deviations" in said
+    assert re.search(r"raise motion.clearance_mm by \d+\.\d, or", said), said
     assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("wire.jsonl"))
 
 
