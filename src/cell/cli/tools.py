@@ -173,6 +173,27 @@ def certify(
 
 
 @tools.command(
+    short_help="What changed between two cells, tasks, calibrations or plans.",
+    help="List what changed from one cell, task, program, camera, calibration or plan file to another: keys with both "
+    "values, how far camera and joint offsets moved, with standard deviations, and motions with their times and "
+    "clearances. Files that both name are compared too.",
+    epilog=examples(
+        "a465 compare scenes/realistic/calibration.toml new/calibration.toml",
+        "a465 compare scenes/cell.toml my-cell/cell.toml",
+    ),
+)
+def compare(
+    first: Annotated[Path, Argument(help="Cell, task, program, calibration or plan file.", metavar="FIRST")],
+    second: Annotated[Path, Argument(help="Another one of its kind.", metavar="SECOND")],
+    as_json: shared.Json = False,
+) -> None:
+    from cell.compare.compare import compare_step
+
+    console = Console(as_json)
+    console.result(compare_step(first, second, console))
+
+
+@tools.command(
     name="new-cell",
     short_help="Create a commented cell of your own to start from.",
     help="Create a cell of your own, with a task of each kind, in a new or empty folder. Comments explain every "
