@@ -34,7 +34,7 @@ from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Capsule, Cylinder, Sphere
 from arm.se3 import Array, rot_x, rot_z, transform
 from arms.made_up import PANDA, RAIL, SEVEN, UR5, UR_LIKE, MujocoArm, arm
-from cell.foreign.certify import certified
+from cell.foreign.judge import certified
 from cell.foreign.trajectory_file import JointTrajectory, read_trajectory
 from plan.collision.world import World
 

@@ -163,13 +163,16 @@ def certify(
     output: Annotated[
         Path | None, Option("-o", "--output", help="Plan file to write, for a465 preview, check and execute.")
     ] = None,
+    page: Annotated[
+        Path | None, Option(help="Preview to write, also of a refused trajectory: it shows where and why.")
+    ] = None,
     as_json: shared.Json = False,
 ) -> None:
     with answering("certifying", as_json) as console:
         from cell.foreign.certify import certify_step
 
         clearance = None if clearance_mm is None else clearance_mm / 1e3
-        console.result(certify_step(trajectory, place, look, clearance, speed, output, console))
+        console.result(certify_step(trajectory, place, look, clearance, speed, output, page, console))
 
 
 @tools.command(

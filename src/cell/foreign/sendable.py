@@ -14,7 +14,7 @@ from arm.io.storage import read_bytes, sha256
 from arm.plan_file import Move, Plan
 from cell.foreign.trajectory_file import JointTrajectory
 from cell.task.pose_list_planning import ListPlace
-from plan.collision.certificate import certify_move
+from plan.collision.certificate import ClearanceCertificate, certify_move
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.motion.builder import rounded_down
@@ -81,6 +81,43 @@ def plan_of_trajectory(file: Path, trajectory: JointTrajectory, place: ListPlace
     return Planned(
         setting, first, last, (move,), (reached,), 0.0, nothing, provenance=stated, task=task
     ).plan()
+
+
+def shown_plan(
+    file: Path, trajectory: JointTrajectory, place: ListPlace, check: ClearanceCertificate
+) -> Plan:
+    """Return a plan of a trajectory for a page, whether or not it is proved or could be sent.
+
+    Its points are at whole ms and its motion is rounded to counts, so it differs from the trajectory by no more than
+    one sees. Its move is certified if the trajectory is.
+    """
+    setting = Setting(place.scene, place.unit, place.limits, place.options)
+    unit = place.unit
+    knots = np.rint(1e3 * (trajectory.times - trajectory.times[0])).astype(np.int64)
+    kept = np.append(True, np.diff(knots) > 0)
+    ends = unit.counts(trajectory.q)[kept].astype(np.int64)
+    lasts = np.diff(knots[kept])
+    step = np.diff(ends, axis=0)
+    rows: list[tuple[tuple[int, ...], ...]]
+    if trajectory.velocity is None:
+        rows = [(tuple(row),) for row in step.tolist()]
+    else:
+        rate = trajectory.velocity[kept] * unit.counts_per_rad
+        begin, end = (
+            np.rint(rate[part] * lasts[:, None] / 1e3).astype(np.int64)
+            for part in (slice(-1), slice(1, None))
+        )
+        cubics = np.stack([begin, 3 * step - 2 * begin - end, begin + end - 2 * step], axis=1)
+        rows = [tuple(map(tuple, one)) for one in cubics.tolist()]
+    segments = tuple(Segment(ms, row) for ms, row in zip(lasts.tolist(), rows, strict=True))
+    path = CountPath(tuple(ends[0].tolist()), segments)
+    name, opening = f"trajectory {file.stem}", 0.0 if place.gripper is None else place.gripper.width(0.0)
+    clearance = max(rounded_down(check.seen if not check.proved else check.clearance), 0.0)
+    move = Move(name, "transit", None, path, None, opening, clearance, check.pair, check.proved)
+    nothing, task = AttachmentState(None, None, ()), {"name": file.stem}
+    first, last = trajectory.q[0], trajectory.q[-1]
+    planned = Planned(setting, first, last, (move,), (), 0.0, nothing, provenance=place.provenance, task=task)
+    return planned.plan()
 
 
 def _sent(file: Path, trajectory: JointTrajectory, setting: Setting) -> CountPath:

@@ -7,6 +7,7 @@ not a resampled one.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from arm.se3 import Array, inverse, rotation_vector
 from cell.preview.overlays import (
     ClearanceSample,
     ExecutedMove,
+    Refused,
     boards_to_json,
     camera_to_json,
     clearance_to_json,
@@ -44,6 +46,7 @@ def page_content(
     clearance: Mapping[int, Sequence[ClearanceSample]] | None = None,
     executed: Sequence[ExecutedMove] = (),
     erring: Sequence[float] = (),
+    refused: Refused | None = None,
 ) -> dict[str, Any]:
     """Return everything that the page draws.
 
@@ -57,6 +60,7 @@ def page_content(
         clearance: samples of a move by index of its step.
         executed: drawn over the plan.
         erring: clearance of each move for an arm with its errors, m; empty if they are not known.
+        refused: of a motion that is no plan to execute; the page then has no code.
 
     Raises:
         InputError: the plan is for another unit, or the arms do not match each other or its scene.
@@ -75,13 +79,15 @@ def page_content(
         for k in range(1, len(motion.moves))
         if _planned(motion.moves[k])
     }
+    of_refusal = {} if refused is None else {"refused": asdict(refused) | {"pair": list(refused.pair)}}
     return {
+        **of_refusal,
         "task": plan.task,
         "unit": plan.unit,
         "speed": plan.speed,
         "sha256": plan.sha256,
         # the page of a log shows the past and cannot approve a plan; one of no unit is never sent
-        "code": None if executed or plan.arm else plan.code,
+        "code": None if executed or plan.arm or refused is not None else plan.code,
         "provenance": plan.provenance,
         "notes": plan.notes,
         "less_clearance": clearance_words(plan.provenance.get("options", {})),

@@ -49,6 +49,21 @@ class ExecutedMove:
     counts: Array
 
 
+@dataclass(frozen=True)
+class Refused:
+    """Why a motion is refused; the page opens there, with the two bodies in red.
+
+    Attributes:
+        what: in words.
+        time_s: from the plan's start.
+        pair: names of the two bodies; none if no two bodies are the cause.
+    """
+
+    what: str
+    time_s: float
+    pair: tuple[str, ...] = ()
+
+
 def pose_numbers(T: Array) -> list[float]:
     """Return the upper three rows of a 4x4 transform, row by row, rounded to 0.1 um."""
     return [float(v) + 0.0 for v in np.round(T[:3], _DIGITS).ravel()]

@@ -14,7 +14,7 @@ from arm.robot.model import Robot
 from cell.accuracy.picture import BudgetPicture
 from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
-from cell.preview.overlays import ExecutedMove
+from cell.preview.overlays import ExecutedMove, Refused
 from cell.report.html import Table, render
 from vision.camera.model import Camera
 
@@ -35,6 +35,7 @@ class Drawn(TypedDict, total=False):
     camera: Camera | None
     executed: Sequence[ExecutedMove]
     erring: Sequence[float]
+    refused: Refused | None
 
 
 class Accuracy(NamedTuple):

@@ -17,7 +17,8 @@ from arm.plan_file import read_plan
 from arm.se3 import frozen
 from cell.console import Console
 from cell.files.task import read_place
-from cell.foreign.certify import certified, certify_step, peaks_of
+from cell.foreign.certify import certify_step
+from cell.foreign.judge import certified, peaks_of
 from cell.foreign.trajectory_file import JointTrajectory
 from cell.scene.build import build_scene
 from plan.collision.certificate import certify_curve
@@ -115,7 +116,14 @@ def test_shares_of_limits_are_those_of_dense_samples(seed: int) -> None:
 
 
 def _certified(folder: Path, of: JointTrajectory, **options: Any) -> dict[str, Any]:
-    given = {"look": None, "clearance": None, "speed": None, "output": None, "place": CELL} | options
+    given = {
+        "look": None,
+        "clearance": None,
+        "speed": None,
+        "output": None,
+        "page": None,
+        "place": CELL,
+    } | options
     place = given.pop("place")
     return certify_step(written(folder, of), place, **given, console=Console(True))
 
@@ -163,3 +171,30 @@ def test_a_trajectory_in_a_scene_of_another_clearance(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=rule):
             _certified(tmp_path, trajectory([START, START + 0.05], [0.0, 2.0]), place=scene, **option)
+
+
+def test_a_page_shows_a_clear_trajectory_or_where_and_why_it_is_refused(tmp_path: Path) -> None:
+    of, page = trajectory([START, OVER], [0.0, 20.0]), tmp_path / "page.html"
+    found = _certified(tmp_path, of, page=page)
+    assert found["page"] == str(page)
+    content = _content(page)
+    assert "refused" not in content
+    assert content["steps"][0]["clearance"] == pytest.approx(found["proved_mm"] / 1e3, abs=1e-6)
+    for cubics in (True, False):
+        of = trajectory([START, OVER], [0.0, 20.0], cubics)
+        with pytest.raises(ImpossibleError) as caught:
+            _certified(tmp_path, of, page=page, clearance=0.5)
+        content = _content(page)
+        assert content["code"] is None
+        assert content["refused"]["pair"] == caught.value.data["pair"]
+        assert content["refused"]["time_s"] == caught.value.data["time_s"]
+        assert content["refused"]["what"] in str(caught.value)
+        assert content["duration_s"] == pytest.approx(20.0)
+    with pytest.raises(ImpossibleError):
+        _certified(tmp_path, trajectory([START, OVER], [0.0, 0.5]), page=page)
+    assert _content(page)["refused"]["pair"] == []
+
+
+def _content(page: Path) -> dict[str, Any]:
+    text = page.read_text().partition('<script id="content" type="application/json">')[2]
+    return dict(json.loads(text.partition("</script>")[0]))

@@ -17,7 +17,7 @@ from arm.robot.shapes import Torus, body_from_json
 from cell.console import Console
 from cell.preview.clearance import sample_clearance
 from cell.preview.of_log import preview_log
-from cell.preview.overlays import ExecutedMove, shape_numbers
+from cell.preview.overlays import ExecutedMove, Refused, shape_numbers
 from cell.preview.page import write_preview
 from cell.preview.timeline import cube_tracks, timed_steps
 from pages.browsers import keep_screenshot, picture_of
@@ -328,3 +328,20 @@ def test_an_arm_with_a_sliding_joint_moves_and_is_shown_in_mm(browser, tmp_path:
         assert [text.replace("\u2212", "-") for text in ranges[1:3]] == ["-143 … 143", "-100 … 120"]
         assert page.inner_text("#summary").startswith("4 joints, no unit · ")
         assert page.is_hidden("#code")
+
+
+@pytest.mark.slow
+def test_a_refused_motion_opens_where_it_is_refused_with_both_bodies_in_red(
+    browser, preview_case, tmp_path: Path
+) -> None:
+    refused = Refused("gripper comes within 1 mm of table", 3.25, ("gripper", "table"))
+    write_case(preview_case, tmp_path / "plan.html", refused=refused)
+    with opened(browser, tmp_path / "plan.html") as page:
+        assert page.locator("#refused").inner_text() == f"refused {refused.what} show"
+        assert page.evaluate("a465.state.time") == refused.time_s
+        colours = "[...a465.cell.named].map(([name, part]) => [name, part.material?.color.getHexString()])"
+        red = page.evaluate("new THREE.Color(styleColour('warn')).getHexString()")
+        assert {name for name, colour in page.evaluate(colours) if colour == red} == set(refused.pair)
+        page.evaluate("a465.seek(0)")
+        page.locator("#refused button").click()
+        assert page.evaluate("a465.state.time") == refused.time_s

@@ -16,7 +16,7 @@ from arm.plan_file import Plan
 from arm.robot.model import Robot
 from arm.se3 import Array
 from cell.preview.clearance import CLEARANCE_EVERY_S
-from cell.preview.overlays import ExecutedMove
+from cell.preview.overlays import ExecutedMove, Refused
 from cell.preview.page import write_preview
 from pages.browsers import DEADLINE_MS, complaints_of, until
 from vision.camera.model import Camera
@@ -57,6 +57,7 @@ def write_case(
     path: Path,
     clearance_every_s: float = CLEARANCE_EVERY_S,
     executed: Sequence[ExecutedMove] = (),
+    refused: Refused | None = None,
 ) -> None:
     boards = [place.board for place in case.boards]
     write_preview(
@@ -69,6 +70,7 @@ def write_case(
         camera=CAMERA,
         clearance_every_s=clearance_every_s,
         executed=executed,
+        refused=refused,
     )
 
 

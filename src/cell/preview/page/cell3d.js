@@ -14,6 +14,7 @@ const LOOKED_AT = 60; // samples of the plan, to fit the view
 
 class Cell3D {
   constructor(content, motion, scene) {
+    this.named = new Map();
     this.content = content;
     this.motion = motion;
     this.scene = scene;
@@ -23,6 +24,7 @@ class Cell3D {
       const [x] = cube.shape.box || [0.04];
       const body = mesh(bodyGeometry(cube.shape, 0.07 * x), standardMaterial(CUBE_COLOURS[i % CUBE_COLOURS.length], 0.5));
       scene.add(body);
+      this.named.set(cube.name, body);
       return { mesh: body, track: cube.track.map((p) => ({ start: p.start, held: p.held, T: matrix(p.T) })) };
     });
     if (content.camera) scene.add((this.view = cameraView(content.camera)));
@@ -44,11 +46,13 @@ class Cell3D {
       }
       this.scene.add(made);
       this.bodies.push(made);
+      this.named.set(body.name, made);
       if (look.dark) this.themed.push({ material, look });
       if (body.kind === "table" && body.shape.box) this.scene.add(tableGrid(body));
     }
     this.boards = content.boards.map(boardGroup);
     if (this.boards.length) this.scene.add(...this.boards);
+    content.boards.forEach((board, i) => this.named.set(board.body, this.boards[i]));
   }
 
   addArm(arm) {
@@ -70,6 +74,7 @@ class Cell3D {
       const open = matrix(body.open);
       const made = mesh(bodyGeometry(body.shape, moves ? 0.002 : 0.02), material, open);
       this.frames[body.joint].add(made);
+      this.named.set(body.name, made);
       if (moves) this.jaws.push({ name: body.name, mesh: made, open, holding: matrix(body.holding) });
     }
   }
@@ -96,6 +101,12 @@ class Cell3D {
     });
     const still = bodies.filter((body) => body.kind !== "zone").map((body) => shell(body, matrix(body.T), this.scene));
     return [...moving, ...still, ...cubes.map((cube, i) => shell(cube, undefined, this.cubes[i].mesh))];
+  }
+
+  // Bodies in red: those that are too close.
+  mark(names) {
+    const red = standardMaterial(styleColour("warn"), 0.5);
+    for (const name of names) this.named.get(name)?.traverse((part) => part.isMesh && (part.material = red));
   }
 
   theme(dark) {

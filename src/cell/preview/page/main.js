@@ -36,6 +36,8 @@
 
   // ---- the page
   fillHeading(content, motion);
+  fillRefused(content, (t) => seek(t));
+  if (content.refused) cell?.mark(content.refused.pair);
   fillProvenance(content);
   const rows = fillSteps(content, (index) => seek(motion.steps[index].start));
   const parts = fillBar(content);
@@ -177,7 +179,7 @@
 
   // #t=12.5 opens at a time, #step=3 at a step.
   const [, key, value] = location.hash.match(/^#(t|step)=([\d.]+)$/) || [];
-  const first = key === "step" ? motion.steps[Math.min(Number(value), motion.steps.length - 1)].start : Number(value || 0);
+  const first = key === "step" ? motion.steps[Math.min(Number(value), motion.steps.length - 1)].start : Number(value ?? content.refused?.time_s ?? 0);
   seek(first);
 
   // ---- a running execution

@@ -42,6 +42,15 @@ function fillHeading(content, motion) {
   });
 }
 
+// Why the motion is refused; a click goes back to that moment.
+function fillRefused(content, seek) {
+  const { refused } = content;
+  const line = document.getElementById("refused");
+  line.hidden = !refused;
+  if (!refused) return;
+  line.append(element("b", "", "refused"), ` ${refused.what} `, button("show", () => seek(refused.time_s)));
+}
+
 // The arm's shape for which clearances hold: assumed bodies with padded links, or without padding.
 function armShape(arm) {
   const most = Math.max(0, ...arm.bodies.map((body) => body.padding));

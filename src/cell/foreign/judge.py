@@ -1,0 +1,151 @@
+"""Judge a trajectory of another program: shares of limits, the clearance that is proved, and why it is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from arm.controller.segments import cubic_position_range
+from arm.controller.unit import Limits
+from arm.errors import ImpossibleError
+from arm.se3 import Array
+from cell.foreign.trajectory_file import JointTrajectory
+from plan.collision.bezier import Curve
+from plan.collision.certificate import ClearanceCertificate, certify_curve
+from plan.collision.world import World
+from plan.failure import nearness
+from plan.trajectory.extremes import cubic_peaks
+
+CLEAR, REFUTED, UNDECIDED, BEYOND = VERDICTS = ("clear", "refuted", "undecided", "beyond limits")
+PARTS = 8  # into which what is not decided at once is cut
+SLACK = 1e-9  # of limits, relative
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a trajectory has to keep.
+
+    Attributes:
+        clearance: m.
+        speed: allowed fraction of the limits.
+    """
+
+    clearance: float
+    speed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """Largest shares of the limits that a trajectory needs, each (n,); 1 is the limit.
+
+    Attributes:
+        velocity, acceleration: of each joint; acceleration NaN where joints move on straight lines with corners.
+        beyond: by how much positions are beyond their limits, rad (m); at most 0 if they are not.
+    """
+
+    velocity: Array
+    acceleration: Array
+    beyond: Array
+
+
+def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
+    """Return the shares of limits that a trajectory needs, exactly, between its points too."""
+    a, lasts = trajectory.coefficients, np.diff(trajectory.times)[:, None]
+    low, high = trajectory.q[:-1] + cubic_position_range(a)
+    velocity, acceleration, _ = cubic_peaks(a, lasts)
+    beyond = np.maximum(limits.lower - low.min(axis=0), high.max(axis=0) - limits.upper)
+    push = acceleration.max(axis=0) / limits.acceleration
+    if trajectory.velocity is None:
+        push = np.full_like(push, np.nan)
+    return Peaks(velocity.max(axis=0) / limits.velocity, push, beyond)
+
+
+def certified(world: World, curve: Curve, clearance: float) -> ClearanceCertificate:
+    """Prove or refute the clearance of a chain of cubics, each apart where it is not decided as a whole.
+
+    A certificate that is not proved and has seen no distance below the clearance is undecided.
+    """
+    whole = certify_curve(world, curve, clearance, tight=True)
+    if whole.proved or whole.seen < clearance:
+        return whole
+    begins = np.concatenate([[0.0], curve.ends[:-1]])
+    open_ = np.flatnonzero(np.array(whole.bounds) < clearance)
+    found = whole
+    bounds = np.array(whole.bounds)
+    for k in open_:
+        part = _cut(curve.control[k], begins[k], curve.ends[k])
+        check = certify_curve(world, part, clearance, tight=False)
+        bounds[k] = check.clearance
+        if check.seen < found.seen:
+            found = replace(found, seen=check.seen, pair=check.pair, time=begins[k] + check.time)
+        if found.seen < clearance:
+            break
+    least = min(float(bounds.min()), found.seen)
+    return replace(found, clearance=least, proved=least >= clearance, bounds=tuple(bounds.tolist()))
+
+
+def _cut(control: Array, begin: float, end: float) -> Curve:
+    """Return a cubic (4, n) as `PARTS` cubics; time from its begin."""
+    cuts = np.linspace(0.0, 1.0, PARTS + 1)
+    p0, p1, p2, p3 = control
+    a1, a2, a3 = 3.0 * (p1 - p0), 3.0 * (p0 - 2.0 * p1 + p2), p3 - 3.0 * p2 + 3.0 * p1 - p0
+    parts = []
+    for u, v in pairwise(cuts):
+        h = v - u
+        start = p0 + u * (a1 + u * (a2 + u * a3))
+        b1, b2, b3 = h * (a1 + u * (2.0 * a2 + 3.0 * u * a3)), h**2 * (a2 + 3.0 * u * a3), h**3 * a3
+        parts.append([start, start + b1 / 3.0, start + (2.0 * b1 + b2) / 3.0, start + b1 + b2 + b3])
+    return Curve(np.array(parts), cuts[1:] * (end - begin))
+
+
+def refusal_of(
+    file: Path, joints: Sequence[str], asked: Asked, peaks: Peaks, check: ClearanceCertificate
+) -> ImpossibleError | None:
+    """Return why limits or clearance are not kept, or are not decided; None if they are kept.
+
+    Args:
+        file: of the trajectory, for the message.
+        joints: their names.
+        asked: what is required.
+        peaks, check: what was found.
+    """
+    if (peaks.beyond > SLACK).any():
+        joint = int(peaks.beyond.argmax())
+        why = f"{file}: {joints[joint]} is beyond its position limits by {peaks.beyond[joint]:.3g} rad (m)"
+        return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=float(peaks.beyond[joint]))
+    for what, share in (("velocity", peaks.velocity), ("acceleration", peaks.acceleration)):
+        joint = int(np.nan_to_num(share).argmax())
+        if share[joint] > 1.0 + SLACK:
+            slower = share[joint] if what == "velocity" else np.sqrt(share[joint])
+            needs = f"{100.0 * share[joint]:.0f} % of its {what} limit at speed {asked.speed:g}"
+            why = (
+                f"{file}: {joints[joint]} needs {needs}; make the trajectory {slower:.2f} times as slow"
+                f"{'' if asked.speed == 1.0 else ', or give --speed'}"
+            )
+            return ImpossibleError(
+                why, verdict=BEYOND, joint=joints[joint], limit=what, share=float(share[joint])
+            )
+    if check.proved:
+        return None
+    if check.seen < asked.clearance:
+        near = nearness(check.pair, check.seen, asked.clearance)
+        why = f"{file}: refuted: {check.time:.3f} s after the start {near}"
+        verdict = REFUTED
+    else:
+        verdict = UNDECIDED
+        why = (
+            f"{file}: undecided: {1e3 * check.clearance:.2f} mm are proved, {1e3 * asked.clearance:g} mm are required, "
+            f"and nothing nearer than {1e3 * check.seen:.2f} mm was seen; give a lower --clearance-mm"
+        )
+    return ImpossibleError(
+        why,
+        verdict=verdict,
+        pair=list(check.pair),
+        distance_m=check.seen,
+        proved_m=check.clearance,
+        time_s=check.time,
+    )
