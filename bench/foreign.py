@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from run_conditions import run_conditions
 
 from arm.robot.model import Robot
-from arm.robot.shapes import Body, Box, Capsule, Cylinder, Sphere
+from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere
 from arm.se3 import Array, rot_x, rot_z, transform
 from arms.made_up import PANDA, RAIL, SEVEN, UR5, UR_LIKE, MujocoArm, arm
 from cell.foreign.judge import certified
@@ -53,7 +53,7 @@ MOST_DRAWN = 50
 
 def obstacles(rng: np.random.Generator) -> list[Body]:
     """Bodies at random poses around an arm."""
-    shapes = [
+    shapes: list[Shape] = [
         Box(tuple(rng.uniform(0.05, 0.3, 3))),
         Cylinder(rng.uniform(0.03, 0.1), rng.uniform(0.1, 0.4)),
         Capsule(rng.uniform(0.03, 0.08), rng.uniform(0.1, 0.4)),
