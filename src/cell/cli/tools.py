@@ -139,6 +139,32 @@ def export(
 
 
 @tools.command(
+    short_help="Write an HTML page that shows a cell or an arm in 3D, with no plan.",
+    help="Write an HTML page that shows the arm and what stands around it in 3D: of a cell, task, program or arm file, "
+    "with boards and cubes if a look is given. Two bodies inside each other are red.",
+    epilog=examples(
+        "a465 view scenes/hoop/d.toml", "a465 view scenes/cell.toml --q 0,10,-80,0,-60,0 -o there.html"
+    ),
+)
+def view(
+    place: Annotated[Path, Argument(help="Cell, task, program or arm file.", metavar="FILE")],
+    look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,
+    q: Annotated[
+        str | None,
+        Option("--q", help="Where the arm is, J1 to J6 in deg; default: q_start.", metavar="ANGLES"),
+    ] = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="Page to write; default: named as FILE, in this folder.")
+    ] = None,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("drawing", as_json) as console:
+        from cell.preview.of_place import view_step
+
+        console.result(view_step(place, look, q, output, console))
+
+
+@tools.command(
     short_help="Prove or refute a trajectory that another program made.",
     help="Prove or refute a joint trajectory that another program made: limits of the joints, and the clearance of all "
     "bodies, also between its points. It is a ROS JointTrajectory as JSON; joints move on straight lines between "

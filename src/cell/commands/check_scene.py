@@ -10,7 +10,15 @@ import numpy.typing as npt
 
 from arm.errors import InputError
 from cell.console import Console
-from cell.files.scene import MOTION_VERDICTS, QUERY_VERDICTS, Expected, Pair, Query, SceneFile
+from cell.files.scene import (
+    MOTION_VERDICTS,
+    QUERY_VERDICTS,
+    Expected,
+    Pair,
+    Query,
+    SceneFile,
+    option_numbers,
+)
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
@@ -202,13 +210,7 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
     Raises:
         InputError: the text is not six angles, or a joint limit is exceeded.
     """
-    try:
-        degrees = [float(v) for v in configuration.split(",")]
-    except ValueError:
-        degrees = []
-    if len(degrees) != 6 or not np.isfinite(degrees).all():
-        why = f"q = {configuration!r}: must be six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0"
-        raise InputError(why, q=configuration)
+    degrees = option_numbers(configuration, 6, "six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0")
     rule = scene.unit.beyond_limits(np.radians(degrees))
     if rule:
         raise InputError(f"q = {configuration!r}: {rule}", q=configuration)
@@ -218,7 +220,7 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
     console.say(f"{scene.file}: {verdict}")
     return {
         "scene": str(scene.file),
-        "q_deg": degrees,
+        "q_deg": degrees.tolist(),
         "verdict": verdict,
         "closest": [{"pair": list(d.pair), "distance_mm": 1e3 * d.value} for d in found],
     }

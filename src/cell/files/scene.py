@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from arm.controller.unit import UNITS, Unit, load_unit
 from arm.errors import InputError
 from arm.io.keys import Keys, key
@@ -150,6 +152,21 @@ class _SceneKeys(Keys):
     motions: tuple[tuple[Node, _MotionKeys], ...] = key(
         "motions", tables(lambda node: (node, _MotionKeys.read(node))), []
     )
+
+
+def option_numbers(text: str, count: int, rule: str) -> Array:
+    """Return the numbers (count,) of an option such as ``--q 0,10,-80,0,-60,0``.
+
+    Raises:
+        InputError: they are not as many finite numbers; the message states `rule`.
+    """
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(f"q = {text!r}: must be {rule}", q=text)
+    return frozen(values)
 
 
 def read_scene_file(path: Path) -> SceneFile:

@@ -47,6 +47,7 @@ def page_content(
     executed: Sequence[ExecutedMove] = (),
     erring: Sequence[float] = (),
     refused: Refused | None = None,
+    resting: bool = False,
 ) -> dict[str, Any]:
     """Return everything that the page draws.
 
@@ -61,6 +62,7 @@ def page_content(
         executed: drawn over the plan.
         erring: clearance of each move for an arm with its errors, m; empty if they are not known.
         refused: of a motion that is no plan to execute; the page then has no code.
+        resting: whether the plan only shows where everything stands; the page then has no code either.
 
     Raises:
         InputError: the plan is for another unit, or the arms do not match each other or its scene.
@@ -82,12 +84,13 @@ def page_content(
     of_refusal = {} if refused is None else {"refused": asdict(refused) | {"pair": list(refused.pair)}}
     return {
         **of_refusal,
+        **({"resting": True} if resting else {}),
         "task": plan.task,
         "unit": plan.unit,
         "speed": plan.speed,
         "sha256": plan.sha256,
         # the page of a log shows the past and cannot approve a plan; one of no unit is never sent
-        "code": None if executed or plan.arm or refused is not None else plan.code,
+        "code": None if executed or plan.arm or refused is not None or resting else plan.code,
         "provenance": plan.provenance,
         "notes": plan.notes,
         "less_clearance": clearance_words(plan.provenance.get("options", {})),

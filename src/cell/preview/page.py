@@ -36,6 +36,7 @@ class Drawn(TypedDict, total=False):
     executed: Sequence[ExecutedMove]
     erring: Sequence[float]
     refused: Refused | None
+    resting: bool
 
 
 class Accuracy(NamedTuple):

@@ -26,7 +26,7 @@ function fillHeading(content, motion) {
   document.getElementById("summary").textContent = [
     content.unit === "none" ? `${motion.chain.length} joints, no unit` : content.unit,
     cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
-    `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
+    content.resting ? content.steps[0].name : `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))} (${armShape(content.arm)})` : "",
     erring.length ? `${millimetres(1e3 * Math.min(...erring))} with the arm's errors` : "",
     content.less_clearance,

@@ -1,0 +1,107 @@
+"""``a465 view``: a cell, task, program or arm file as a page, with no plan: the arm at rest among the bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.controller.segments import CountPath, Segment
+from arm.errors import InputError
+from arm.io.storage import keep_apart
+from arm.plan_file import Move
+from arm.se3 import Array
+from cell.config.arm_file import ArmFile
+from cell.console import Console
+from cell.files.observation import read_observation
+from cell.files.scene import option_numbers
+from cell.preview.overlays import Refused
+from cell.preview.page import Drawn, write_preview
+from cell.program.planning import program_scene
+from cell.program.program_file import ProgramTask, place_of_file
+from cell.scene.build import build_scene
+from cell.task.pose_list_planning import place_of_arm
+from plan.collision.world import World
+from plan.failure import nearness
+from plan.options import PlanOptions
+from plan.program.goals.attachments import AttachmentState
+from plan.program.planned import Planned
+from plan.program.setting import Setting
+from plan.trajectory.virtual_unit import is_virtual
+from vision.observation import Observation
+
+REST_MS = 1000  # that the page shows
+
+
+def view_step(
+    file: Path, look: Path | None, angles: str | None, output: Path | None, console: Console
+) -> dict[str, Any]:
+    """Write the page of a place, by default beside its file, and return a summary as JSON types.
+
+    Args:
+        file: cell, task, program or arm file.
+        look: detected boards and cubes to add.
+        angles: where the arm is: numbers with commas, deg; of an arm without a unit rad, m where a joint slides.
+            Default: q_start.
+        output: page to write.
+        console: for what is said.
+
+    Raises:
+        InputError: a file or value is wrong.
+        ImpossibleError: the work of a program is on a board, and there is no look with it.
+    """
+    output = output or Path(f"{file.stem}.html")
+    keep_apart(output, file, look)
+    setting, drawn, q_start = _place(file, look)
+    q = q_start if angles is None else _configuration(setting, angles)
+    world = World(setting.robot, (*setting.scene.bodies, *setting.scene.cubes))
+    closest = world.distance(q)
+    if closest.value <= 0.0:
+        drawn["refused"] = Refused(nearness(closest.pair, closest.value, 0.0), 0.0, closest.pair)
+    counts = tuple(setting.unit.counts(q).tolist())
+    rest = CountPath(counts, (Segment(REST_MS, ((0,) * len(counts),) * 3),))
+    name = "at q_start" if angles is None else "at the given angles"
+    move = Move(name, "transit", None, rest, None, 0.0, max(closest.value, 0.0), closest.pair)
+    nothing = AttachmentState(None, None, ())
+    planned = Planned(setting, q, q, (move,), (), 0.0, nothing, task={"name": file.stem})
+    robots = setting.scene.robot_open, setting.scene.robot_holding
+    write_preview(planned.plan(), *robots, setting.unit, output, **drawn)
+    seen = " - ".join(closest.pair)
+    console.say(
+        f"closest at {'q_start' if angles is None else 'these angles'}: {seen}, {1e3 * closest.value:.1f} mm"
+    )
+    console.say(f"open {output} in a browser")
+    return {"page": str(output), "closest": list(closest.pair), "distance_mm": 1e3 * closest.value}
+
+
+def _place(file: Path, look: Path | None) -> tuple[Setting, Drawn, Array]:
+    """Return the arm among its bodies, what else is drawn, and q_start."""
+    place = place_of_file(file)
+    if isinstance(place, ArmFile):
+        if look is not None:
+            raise InputError(f"--look does not go with an arm file ({file})", option="--look")
+        arm = place_of_arm(place, place.speed)
+        return Setting(arm.scene, arm.unit, arm.limits, arm.options), Drawn(resting=True), arm.q_start
+    cell = place.cell
+    seen = Observation() if look is None else read_observation(look, cell.boards)
+    scene = program_scene(place, seen) if isinstance(place, ProgramTask) else build_scene(cell, seen)
+    drawn = Drawn(boards=cell.boards, dictionary=cell.dictionary, camera=cell.camera, resting=True)
+    return Setting(scene, cell.unit, cell.limits, PlanOptions(speed=cell.speed)), drawn, cell.q_start
+
+
+def _configuration(setting: Setting, text: str) -> Array:
+    """Return a configuration within the limits, rad (m where a joint slides).
+
+    Raises:
+        InputError: another number of joints, or a limit is exceeded.
+    """
+    names, own = setting.robot.joint_names, is_virtual(setting.unit)
+    rule = f"{len(names)} numbers, {', '.join(names)}, in {'rad, m where a joint slides' if own else 'deg'}"
+    given = option_numbers(text, len(names), rule)
+    q = given if own else np.radians(given)
+    outside = np.flatnonzero((q < setting.limits.lower) | (q > setting.limits.upper))
+    if len(outside):
+        why = f"q = {text!r}: {names[outside[0]]} is beyond its limits"
+        raise InputError(why, option="--q", joint=names[outside[0]])
+    return q
