@@ -139,7 +139,7 @@ def export(
 
 
 @tools.command(
-    short_help="Write an HTML page that shows a cell or an arm in 3D, with no plan.",
+    short_help="Show a cell or an arm in 3D on an HTML page, with no plan.",
     help="Write an HTML page that shows the arm and what stands around it in 3D: of a cell, task, program or arm file, "
     "with boards and cubes if a look is given. Two bodies inside each other are red.",
     epilog=examples(

@@ -8,36 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicHermiteSpline
 
-from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
 from arm.plan_file import read_plan
-from arm.se3 import frozen
+from arms.trajectories import CELL, OVER, START, trajectory, world
 from cell.console import Console
-from cell.files.task import read_place
 from cell.foreign.certify import certify_step
-from cell.foreign.judge import certified, peaks_of
+from cell.foreign.judge import certified
 from cell.foreign.trajectory_file import JointTrajectory
-from cell.scene.build import build_scene
 from plan.collision.certificate import certify_curve
-from plan.collision.world import World
 from typed.command_line import a465
-from vision.observation import Observation
 
-CELL = data_file("scenes/cell.toml")
 JOINTS = [f"J{k}" for k in range(1, 7)]
-START = np.radians([-60.0, -40.0, -80.0, 0.0, -60.0, 0.0])
-OVER = np.radians([0.0, -10.0, -90.0, 0.0, -70.0, 0.0])
-
-
-def trajectory(points: Any, times: Any, cubics: bool = True) -> JointTrajectory:
-    """A trajectory through configurations, at rest at both ends."""
-    q, t = np.asarray(points, dtype=float), np.asarray(times, dtype=float)
-    rate = np.gradient(q, t, axis=0)
-    rate[[0, -1]] = 0.0
-    return JointTrajectory(frozen(t), frozen(q), frozen(rate) if cubics else None)
 
 
 def written(folder: Path, of: JointTrajectory) -> Path:
@@ -50,32 +33,6 @@ def written(folder: Path, of: JointTrajectory) -> Path:
     file = folder / "other.json"
     file.write_text(json.dumps({"joint_names": JOINTS, "points": points}))
     return file
-
-
-def world() -> World:
-    scene = build_scene(read_place(CELL).cell, Observation())
-    return World(scene.robot_open, scene.bodies)
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("cubics", [True, False])
-def test_what_is_proved_no_sample_contradicts_and_what_is_refuted_has_a_witness(
-    seed: int, cubics: bool
-) -> None:
-    rng = np.random.default_rng(seed)
-    points = OVER + np.cumsum(rng.normal(0.0, 0.12, (5, 6)), axis=0)
-    of, cell = trajectory(points, np.arange(5.0), cubics), world()
-    least = min(cell.distance(q).value for q in of.at(np.linspace(0.0, 4.0, 400))[0])
-    for required in (max(least - 5e-4, 0.0), least + 5e-4):
-        check = certified(cell, of.curve, required)
-        assert check.proved == (least > required)
-        if check.proved:
-            assert check.clearance <= least + 1e-6
-        else:
-            witness = cell.distance(of.at(np.array([check.time]))[0][0])
-            assert witness.value == pytest.approx(check.seen, abs=1e-6)
-            assert check.seen < required
-            assert set(witness.pair) == set(check.pair)
 
 
 def test_what_the_whole_leaves_open_is_decided_in_parts_or_said_to_be_undecided(
@@ -96,23 +53,6 @@ def test_what_the_whole_leaves_open_is_decided_in_parts_or_said_to_be_undecided(
     ) as caught:
         _certified(tmp_path, of, clearance=least - 1e-5)
     assert caught.value.data["verdict"] == "undecided"
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_shares_of_limits_are_those_of_dense_samples(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    of = trajectory(rng.normal(0.0, 1.0, (6, 3)), np.cumsum(rng.uniform(0.2, 1.0, 6)))
-    limits = Limits(*(np.full(3, v) for v in (-1.0, 1.0, 0.7, 2.0)))
-    spline = CubicHermiteSpline(of.times, of.q, of.velocity)
-    at = np.linspace(of.times[0], of.times[-1], 200_001)
-    peaks = peaks_of(of, limits)
-    q = spline(at)
-    beyond = np.maximum(q.max(axis=0) - 1.0, -1.0 - q.min(axis=0))
-    np.testing.assert_allclose(peaks.beyond, beyond, atol=1e-6)
-    np.testing.assert_allclose(peaks.velocity, np.abs(spline(at, 1)).max(axis=0) / 0.7, rtol=1e-4)
-    # accelerations jump at points: samples see the ends of pieces to within their distance
-    np.testing.assert_allclose(peaks.acceleration, np.abs(spline(at, 2)).max(axis=0) / 2.0, rtol=1e-3)
-    assert np.isnan(peaks_of(JointTrajectory(of.times, of.q, None), limits).acceleration).all()
 
 
 def _certified(folder: Path, of: JointTrajectory, **options: Any) -> dict[str, Any]:
