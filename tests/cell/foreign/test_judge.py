@@ -1,4 +1,4 @@
-"""What is proved no sample contradicts, what is refuted has a witness, and shares of limits are those of dense samples."""
+"""What is proved no sample contradicts, what is refuted has a witness; shares of limits are those of samples."""
 
 from __future__ import annotations
 
