@@ -226,12 +226,13 @@ def _scene(root: Node) -> dict[str, Any]:
 
 
 def _task(root: Node) -> dict[str, Any]:
-    """Return the task as JSON types after a check of its cubes and of its count of threaded moves."""
+    """Return the task as JSON types after a check of its cubes and of what was done before."""
     task, values = root["task"], root.get("task", table())
     for cube in task["cubes"].items() if "cubes" in task else ():
         for key in ("cube", "from", "to"):
             cube.get(key, text())
-    task.get("threaded_before", integer(0, 2**31 - 1), 0)
+    for key in ("threaded_before", "parts_before"):
+        task.get(key, integer(0, 2**31 - 1), 0)
     return values
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -33,6 +33,8 @@ class Scene:
         allowed: pairs of names that touch at rest (a cube and the plate with its pocket, a cube and the table).
             Transits still check these pairs; lines to and from a station exempt only `Station.touches`.
         threads: wires on which a ring of the arm may be threaded.
+        supplies: names of cubes that come one after the other: the next of a supply is not there before the one in
+            front of it has been put down. Each stands at its pose of `cubes` then.
     """
 
     robot_open: Robot
@@ -41,6 +43,7 @@ class Scene:
     cubes: tuple[Body, ...]
     allowed: frozenset[Pair] = field(default_factory=frozenset)
     threads: tuple[Thread, ...] = ()
+    supplies: tuple[tuple[str, ...], ...] = ()
 
     def __post_init__(self) -> None:
         names = [b.name for b in self.robot_open.bodies] + [b.name for b in (*self.bodies, *self.cubes)]
@@ -55,6 +58,22 @@ class Scene:
                 f"there are {', '.join(sorted(names))}",
                 names=unknown,
             )
+        supplied, cubes = [name for supply in self.supplies for name in supply], {c.name for c in self.cubes}
+        wrong = sorted({name for name in supplied if name not in cubes or supplied.count(name) > 1})
+        if wrong:
+            why = f"scene: supplies name {wrong[0]!r}, which must be a cube of the scene, and in one supply once"
+            raise InputError(why, names=wrong)
+
+    def absent(self, put_down: Collection[str]) -> frozenset[str]:
+        """Return the names of the supplied cubes that are not there yet, if these have been put down."""
+        ahead = ([name for name in supply if name not in put_down] for supply in self.supplies)
+        return frozenset(name for left in ahead for name in left[1:])
+
+    @property
+    def present(self) -> tuple[Body, ...]:
+        """Bodies and cubes that are there before anything moves."""
+        absent = self.absent(())
+        return (*self.bodies, *(cube for cube in self.cubes if cube.name not in absent))
 
     def allowing(self, allowed: frozenset[Pair]) -> Scene:
         """Return the scene with these allowed contacts."""
@@ -97,14 +116,18 @@ class Scene:
         Poses are rounded to 1e-12: the last bit of a matrix product differs between processors and must not change the
         file.
         """
-        threads = {"threads": [thread.to_json() for thread in self.threads]} if self.threads else {}
+        more: dict[str, Any] = {}
+        if self.threads:
+            more["threads"] = [thread.to_json() for thread in self.threads]
+        if self.supplies:
+            more["supplies"] = [list(supply) for supply in self.supplies]
         return {
             "bodies": [_rounded(b) for b in self.bodies],
             "cubes": [_rounded(c) for c in self.cubes],
             "allowed": sorted(sorted(pair) for pair in self.allowed),
             "robot_open": self.robot_open.digest,
             "robot_holding": self.robot_holding.digest,
-            **threads,
+            **more,
         }
 
     @cached_property
@@ -141,11 +164,21 @@ def scene_from_json(value: dict[str, Any], robot_open: Robot, robot_holding: Rob
     if not isinstance(threads, list):
         raise InputError("scene: threads must be a list; plan again")
     threads = tuple(map(thread_from_json, threads))
-    return Scene(robot_open, robot_holding, bodies, cubes, frozenset(map(frozenset, pairs)), threads)
+    supplies = value.get("supplies", [])
+    if not isinstance(supplies, list) or not all(map(_names, supplies)):
+        raise InputError("scene: supplies must be lists of names; plan again")
+    allowed = frozenset(map(frozenset, pairs))
+    return Scene(
+        robot_open, robot_holding, bodies, cubes, allowed, threads, tuple(tuple(names) for names in supplies)
+    )
+
+
+def _names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
 
 
 def _pair(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(isinstance(name, str) for name in value)
+    return _names(value) and len(value) == 2
 
 
 @dataclass(frozen=True)

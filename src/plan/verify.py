@@ -16,7 +16,7 @@ from arm.controller.segments import CountPath, chain
 from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
-from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, touching_pairs
+from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, Step, touching_pairs
 from arm.robot.jaws import after_closing
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
@@ -58,17 +58,15 @@ class ReplayedMove:
 
 
 @dataclass(frozen=True, eq=False)
-class MoveScene:
-    """A move and what it moves through.
+class Standing:
+    """What there is before a step of a plan.
 
     Attributes:
-        move: the move.
         scene: with the arm's jaws as the steps before have left them.
-        resting: the cubes that are not held, where the steps before have put them.
+        resting: the cubes that are there and not held, where the steps before have put them.
         held: the cube in the jaws and its pose in the tool frame, or None.
     """
 
-    move: Move
     scene: Scene
     resting: tuple[Body, ...]
     held: tuple[Body, Array] | None
@@ -77,6 +75,13 @@ class MoveScene:
     def robot(self) -> Robot:
         """The arm, with its jaws open or around a cube."""
         return self.scene.robot_open if self.held is None else self.scene.robot_holding
+
+
+@dataclass(frozen=True, eq=False)
+class MoveScene(Standing):
+    """A move and what it moves through."""
+
+    move: Move
 
     def world(self) -> World:
         """Return the world of the move.
@@ -108,45 +113,68 @@ def move_scenes(plan: Plan, scene: Scene, unit: Unit) -> Iterator[tuple[Move, Wo
 def scenes_of_moves(
     plan: Plan, scene: Scene, unit: Unit, begins_with: str | None = None
 ) -> Iterator[MoveScene]:
-    """Yield every move with its scene.
+    """Yield every move with its scene; as `before_steps`, and raises as it does."""
+    for step, before in before_steps(plan, scene, unit, begins_with):
+        if isinstance(step, Move):
+            yield MoveScene(before.scene, before.resting, before.held, step)
 
-    If the jaws close on no cube of the task, their opening is unknown from then on (`after_closing`).
+
+def before_steps(
+    plan: Plan, scene: Scene, unit: Unit, begins_with: str | None = None
+) -> Iterator[tuple[Step, Standing]]:
+    """Yield every step with what there is before it.
+
+    If the jaws close on no cube of the task, their opening is unknown from then on (`after_closing`), and so it is
+    around a supplied cube. The next cube of a supply comes when the one in front of it is put down.
 
     Args:
         plan, scene, unit: the plan, its scene, and the unit of its counts.
         begins_with: name of a cube of the scene that is in the jaws before the first step.
 
     Raises:
-        ImpossibleError: the jaws close where no cube is, or a move states another held cube than the steps give.
+        ImpossibleError: the jaws close where no cube is, a step attaches a cube that is not there yet, or a move states
+            another held cube than the steps give.
     """
+    any_jaws = after_closing(scene.robot_open)
+    queues = [list(supply) for supply in scene.supplies]
+    supplied = {name for queue in queues for name in queue}
     cubes = {cube.name: cube for cube in scene.cubes}
+    coming = {name: cubes.pop(name) for queue in queues for name in queue[1:]}
     q, held, T_tool_held = unit.positions(plan.start), begins_with, np.eye(4)
     if begins_with is not None:
         T_tool_held = frozen(mul(inverse(scene.robot_open.T_base_tool(q)), cubes[begins_with].T_base_body))
     for step in plan.steps:
+        if isinstance(step, Move) and step.held != held:
+            why = (
+                f"{step.name!r} says that it holds {step.held or 'nothing'}, but the steps before it leave "
+                f"{held or 'nothing'} in the jaws; plan again"
+            )
+            raise ImpossibleError(why, step=step.name, held=held)
+        resting = tuple(cube for name, cube in cubes.items() if name != held)
+        yield step, Standing(scene, resting, None if held is None else (cubes[held], T_tool_held))
         match step:
             case GripperStep(action="close", cube=None):
-                scene = replace(scene, robot_open=after_closing(scene.robot_open))
+                scene = replace(scene, robot_open=any_jaws)
             case GripperStep(action="close"):
                 T_base_tool = scene.robot_open.T_base_tool(q)
                 held, T_tool_held = _gripped(cubes, T_base_tool, step.name)
+            case Pause(attached=str() as name) if name in coming:
+                why = f"{step.name!r} takes {name}, which is not there before the one in front of it is put down"
+                raise ImpossibleError(f"{why}; plan again", step=step.name, held=name)
             case Pause(attached=str() as name) if name in cubes:
                 held, T_base_tool = name, scene.robot_open.T_base_tool(q)
                 T_tool_held = frozen(mul(inverse(T_base_tool), cubes[name].T_base_body))
+                if name in supplied:
+                    scene = replace(scene, robot_holding=scene.robot_open)
             case GripperStep(action="open") | Pause(detached=str()):
                 if held is not None:
                     cubes[held] = cubes[held].at(mul(scene.robot_open.T_base_tool(q), T_tool_held))
+                for queue in queues:
+                    if held is not None and held in queue[:1]:
+                        cubes.update({name: coming.pop(name) for name in queue[1:2]})
+                        del queue[0]
                 held = None
             case Move():
-                if step.held != held:
-                    why = (
-                        f"{step.name!r} says that it holds {step.held or 'nothing'}, but the steps before it leave "
-                        f"{held or 'nothing'} in the jaws; plan again"
-                    )
-                    raise ImpossibleError(why, step=step.name, held=held)
-                resting = tuple(cube for name, cube in cubes.items() if name != held)
-                hold = None if held is None else (cubes[held], T_tool_held)
-                yield MoveScene(step, scene, resting, hold)
                 q = unit.positions(step.path.end)
 
 

@@ -60,3 +60,28 @@ def test_scene_of_another_arm_is_refused(case: Task2) -> None:
         scene_from_json(whole, case.scene.robot_open, case.scene.robot_holding)
     with pytest.raises(InputError, match="robot_open has digest"):
         scene_from_json(case.scene.to_json(), other, case.scene.robot_holding)
+
+
+def test_the_next_of_a_supply_is_absent_until_the_one_in_front_is_put_down(case: Task2) -> None:
+    a, b, c, *_ = (cube.name for cube in case.scene.cubes)
+    scene = replace(case.scene, supplies=((a, b, c),))
+    assert scene.absent(()) == {b, c}
+    assert scene.absent({a}) == {c}
+    assert scene.absent({a, b}) == scene.absent({a, b, c}) == set()
+    assert replace(scene, supplies=((a, c), (b,))).absent(()) == {c}
+    value = scene.to_json()
+    assert value["supplies"] == [[a, b, c]]
+    assert scene_from_json(value, scene.robot_open, scene.robot_holding).supplies == scene.supplies
+    assert "supplies" not in case.scene.to_json()
+    for wrong in ([a], "ab", [[1]]):
+        with pytest.raises(InputError, match="supplies must be lists of names"):
+            scene_from_json({**value, "supplies": wrong}, scene.robot_open, scene.robot_holding)
+
+
+def test_a_supply_is_of_cubes_each_once(case: Task2) -> None:
+    a = case.scene.cubes[0].name
+    for supplies in ((("table",),), ((a, a),), ((a,), (a,))):
+        with pytest.raises(
+            InputError, match=r"supplies name .*, which must be a cube of the scene, and in one supply once"
+        ):
+            replace(case.scene, supplies=supplies)

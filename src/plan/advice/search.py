@@ -143,7 +143,7 @@ class _Trial:
         if self.fits is not None and not self.fits(changed):
             return False
         if kind == START_BLOCKED:
-            world = World(changed.scene.robot_open, (*changed.scene.bodies, *changed.scene.cubes))
+            world = World(changed.scene.robot_open, changed.scene.present)
             if world.in_collision(changed.q_start, changed.options.clearance):
                 return False
         table = changed.reach(changed.stations())

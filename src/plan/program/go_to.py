@@ -43,7 +43,7 @@ def plan_joint_motion(
     start, goal = setting.at_counts("q_from", q_from), setting.at_counts("q_to", q_to)
     if np.array_equal(start, goal):
         return None
-    world = World(scene.robot_open, (*scene.bodies, *scene.cubes))
+    world = World(scene.robot_open, scene.present)
     for end, q in (("from", start), ("to", goal)):
         closest = world.distance(q)
         if closest.value < (0.0 if options.near_ends else options.clearance):

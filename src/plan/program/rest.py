@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
+from itertools import islice, takewhile
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -16,8 +16,9 @@ from scipy.interpolate import CubicSpline
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
-from arm.plan_file import Move, Plan
-from arm.se3 import Array
+from arm.numerics.products import mul
+from arm.plan_file import GripperStep, Move, Pause, Plan, Step
+from arm.se3 import Array, frozen
 from plan.collision.certificate import certify_move
 from plan.failure import nearness
 from plan.motion.builder import rounded_down
@@ -25,7 +26,7 @@ from plan.program.setting import Setting
 from plan.trajectory.integer_segments import to_marked_segments, to_segments
 from plan.trajectory.rounding import vertex_jump
 from plan.trajectory.timing import time_curve
-from plan.verify import ON_LINES, MoveScene, scenes_of_moves
+from plan.verify import ON_LINES, MoveScene, before_steps, scenes_of_moves
 
 NEAR = np.radians(0.5)  # of any joint; an arm this close to a move of the plan stopped there
 SAME = 1e-3  # rad: places at distances that differ by less are equally near, and the first one counts
@@ -65,8 +66,8 @@ def place_on(plan: Plan, unit: Unit, q: Array, stopped_in: int | None = None) ->
         if index in among and isinstance(step, Move)
     ]
     if stopped_in is not None and not isinstance(plan.steps[stopped_in], Move):
-        at = next(step for step in reversed(plan.steps[:stopped_in]) if isinstance(step, Move))
-        off = float(np.abs(unit.positions(at.path.end) - q).max())
+        at = [step.path.end for step in plan.steps[:stopped_in] if isinstance(step, Move)]
+        off = float(np.abs(unit.positions(at[-1] if at else plan.start) - q).max())
         found.insert(0, Place(stopped_in, 0.0, off))
     near = [place for place in found if place.off <= NEAR]
     least = min(place.off for place in near or found)
@@ -88,6 +89,11 @@ def rest_of_plan(plan: Plan, setting: Setting, place: Place, q: Array) -> Plan:
     """
     scenes = {id(of.move): of for of in scenes_of_moves(plan, setting.scene, setting.unit)}
     index, left = place.step, plan.steps[place.step :]
+    if isinstance(left[0], Pause) and index > 0 and isinstance(plan.steps[index - 1], GripperStep):
+        index, left = (
+            index - 1,
+            plan.steps[index - 1 :],
+        )  # what is taken or put down there begins with the jaws
     moves = [step for step in takewhile(lambda step: isinstance(step, Move), left) if isinstance(step, Move)]
     begin = place.time_s
     while moves and moves[0].path.duration_s - begin < _LEAST_S:  # too short for a move
@@ -98,7 +104,44 @@ def rest_of_plan(plan: Plan, setting: Setting, place: Place, q: Array) -> Plan:
         raise ImpossibleError("nothing of the plan is left to do", step=place.step)
     done = sum(isinstance(step, Move) and step.threaded is not None for step in plan.steps[:index])
     task = {**plan.task, "threaded_before": plan.task.get("threaded_before", 0) + done}
-    return replace(plan, steps=steps, task=task)
+    rest = replace(plan, steps=steps, task=task)
+    return _with_supplied(plan, rest, index, setting) if setting.scene.supplies else rest
+
+
+def handled_before(plan: Plan, index: int) -> int:
+    """Return how many supplied cubes were taken or put down before a step, those before the plan included."""
+    before = int(plan.task.get("parts_before", 0))
+    steps = (step for step in plan.steps[:index] if isinstance(step, Pause))
+    handled = sum(step.attached is not None or step.detached is not None for step in steps)
+    again = before % 2 == 1 and handled > 0  # the rest of a plan attaches first what was taken before
+    return before + handled - again
+
+
+def _with_supplied(plan: Plan, rest: Plan, index: int, setting: Setting) -> Plan:
+    """Return the rest of a plan from a step on, in a scene with the supplied cubes as they are then.
+
+    It begins with the jaws as they are, unless they move first, and with the cube in them.
+    """
+    scene, unit = setting.scene, setting.unit
+    before = next(islice(before_steps(plan, scene, unit), index, None))[1]
+    moved, begin = {cube.name: cube.T_base_body for cube in before.resting}, list[Step]()
+    jaws = [step for step in plan.steps[:index] if isinstance(step, GripperStep)][-1:]
+    if not isinstance(plan.steps[index], GripperStep):
+        begin += jaws
+    if before.held is not None:
+        cube, T_tool_held = before.held
+        moved[cube.name] = frozen(mul(scene.robot_open.T_base_tool(unit.positions(rest.start)), T_tool_held))
+        begin.append(Pause(f"{cube.name} in the jaws", 0.0, cube.name))
+    put = {step.detached for step in plan.steps[:index] if isinstance(step, Pause)}
+    left = (tuple(name for name in supply if name not in put) for supply in scene.supplies)
+    scene = replace(scene.with_moved(moved), supplies=tuple(supply for supply in left if supply))
+    return replace(
+        rest,
+        steps=(*begin, *rest.steps),
+        task={**rest.task, "parts_before": handled_before(plan, index)},
+        scene=scene.to_json(),
+        provenance={**rest.provenance, "scene": scene.digest},
+    )
 
 
 def _timed_again(setting: Setting, scenes: Sequence[MoveScene], begin_s: float, q: Array) -> tuple[Move, ...]:

@@ -154,6 +154,7 @@ def _actions(target: Target, state: AttachmentState) -> Iterator[Step]:
         verb = "close" if target.jaws > 0.0 else "open"
         at = f"{verb} at {target.name}"
         text = "close on it" if target.attach is not None else "let go" if target.detach else at
+        text = text if target.prefix else at
         yield GripperStep(f"{target.prefix}{text}", verb, target.cube, target.jaws, target.settle_s)
     # the jaws of a step that moves a cube state what is held; other steps need a pause for it
     has_jaws = target.jaws is not None and target.cube is not None

@@ -14,6 +14,7 @@ from arm.robot.jaws import after_closing
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Sphere
 from arm.se3 import Array, frozen, inverse
+from plan.collision.covers import hull
 from plan.collision.world import Distance, World, distance_of
 from plan.program.goals.target import Target
 from plan.scene import Scene
@@ -21,6 +22,7 @@ from plan.scene import Scene
 Pairs = frozenset[frozenset[str]]
 
 _POINT = 1e-6  # m, radius of the sphere that represents a point
+_ALIKE = 2e-4  # m; rounding of the joints to counts causes some 0.03 mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,7 @@ class AttachmentState:
         moved: name and pose T_base_body of each moved body.
         closed: whether a goal that moves no cube has closed the jaws, so that their opening is unknown.
         key: equal for states that agree to 1 nm.
+        put_down: names of the bodies that were moved.
     """
 
     held: str | None
@@ -49,6 +52,10 @@ class AttachmentState:
             self.closed,
         )
 
+    @property
+    def put_down(self) -> frozenset[str]:
+        return frozenset(name for name, _ in self.moved)
+
 
 def _rounded(T: Array) -> tuple[float, ...]:
     return tuple((np.round(T[:3], 9) + 0.0).ravel().tolist())
@@ -64,8 +71,8 @@ class AttachmentWorlds:
         padding: subtracted from every distance, m.
 
     Raises:
-        InputError: `start` holds an unknown body; a target names an unknown body, attaches while a body is attached, or
-            detaches while none is.
+        InputError: `start` holds an unknown body; a target names an unknown body, attaches one that is not there, or
+            while a body is attached, or detaches while none is.
     """
 
     def __init__(
@@ -80,7 +87,8 @@ class AttachmentWorlds:
         self.start = start or AttachmentState(None, None, ())
         self.bodies = {b.name: b for b in (*scene.bodies, *scene.cubes)}
         names = {b.name for b in self.robot.bodies} | set(self.bodies)
-        held = self.start.held
+        held, put_down = self.start.held, self.start.put_down
+        supplied = {name for supply in scene.supplies for name in supply}
         bodies = ", ".join(sorted(self.bodies)) or "no body"
         if held is not None and held not in self.bodies:
             raise InputError(f"state: held = {held!r}: must be one of {bodies}", name=held)
@@ -96,12 +104,20 @@ class AttachmentWorlds:
                 raise target.error("attach", target.attach, f"must be one of {bodies}")
             if target.attach is not None and held is not None:
                 raise target.error("attach", target.attach, f"{held} is attached already; detach it first")
+            if target.attach in scene.absent(put_down):
+                rule = "is not there before the one in front of it is put down"
+                raise target.error("attach", target.attach, rule)
+            if target.attach in put_down & supplied:
+                raise target.error("attach", target.attach, "was put down, and comes from its supply once")
             if target.detach and held is None:
                 raise target.error("detach", True, "no body is attached there")
+            put_down |= {held} if target.detach and held is not None else set()
             held = target.attach or (None if target.detach else held)
         self.movable = {name for name in (self.start.held, *(t.attach for t in targets)) if name is not None}
         self._worlds: dict[tuple[object, ...], World] = {}
         self.scene = scene
+        self._supplied = supplied
+        self._nominal = [self.start]
 
     def on_lines(self, state: AttachmentState, target: Target) -> World:
         """Return the world of a state on the lines of a target: with its allowed collisions, and its thread if any."""
@@ -120,9 +136,12 @@ class AttachmentWorlds:
         if key not in self._worlds:
             moved = dict(state.moved)
             bodies = [b.at(moved.get(b.name, b.T_base_body)) for b in self.bodies.values()]
-            still = [b for b in bodies if b.name != state.held]
+            gone = {state.held, *self.scene.absent(state.put_down)}
+            still = [b for b in bodies if b.name not in gone]
             held = None if state.held is None else self.bodies[state.held]
-            robot = self.holding if held is not None else self._closed if state.closed else self.robot
+            robot = self._closed if state.closed else self.robot
+            if held is not None and held.name not in self._supplied:
+                robot = self.holding
             if threaded is not None:
                 thread = self.scene.thread(threaded)
                 arm = [*(b.name for b in robot.bodies), *(() if held is None else (held.name,))]
@@ -164,11 +183,34 @@ class AttachmentWorlds:
 
     def nominal_state(self, count: int) -> AttachmentState:
         """Return the state after the first `count` targets, at their nominal poses despite free directions."""
-        state = self.start
-        for target in self.targets[:count]:
+        for target in self.targets[len(self._nominal) - 1 : count]:
             T_base_tool = target.poses[0] if target.q is None else self.robot.T_base_tool(target.q)
-            state = self.after(state, target, T_base_tool)
-        return state
+            self._nominal.append(self.after(self._nominal[-1], target, T_base_tool))
+        return self._nominal[count]
+
+    def searched(self, state: AttachmentState, index: int, T_base_tool: Array) -> AttachmentState:
+        """Return the state after the actions at target `index`, as a search takes it.
+
+        Supplied bodies that are where the nominal state has them, within `_ALIKE` and up to a rotation that maps them
+        to themselves, count as being there: otherwise each grasp of each of them would need worlds of its own.
+        """
+        exact, nominal = self.after(state, self.targets[index], T_base_tool), self.nominal_state(index + 1)
+        if not self._supplied or state is not self.nominal_state(index) or exact is state:
+            return exact
+        name = exact.held or state.held or ""
+        places = [of.T_tool_held if exact.held else dict(of.moved).get(name) for of in (exact, nominal)]
+        alike = name in self._supplied and self._alike(self.bodies[name], *places)
+        return nominal if alike else exact
+
+    @staticmethod
+    def _alike(body: Body, T: Array | None, other: Array | None) -> bool:
+        """Whether a body is in the same place at two poses, within `_ALIKE`."""
+        if T is None or other is None:
+            return False
+        points, _ = hull(body.shape)
+        a, b = (mul(points, pose[:3, :3].T) + pose[:3, 3] for pose in (T, other))
+        square = ((a[:, None] - b) ** 2).sum(axis=2)
+        return bool(max(square.min(axis=0).max(), square.min(axis=1).max()) <= _ALIKE**2)
 
     def after(self, state: AttachmentState, target: Target, T_base_tool: Array) -> AttachmentState:
         """Return the state after the actions at a target."""

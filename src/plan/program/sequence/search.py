@@ -339,7 +339,7 @@ class PoseSearch:
                     if gap.value > target.attach_within:
                         self._refused[number].append(out_of_hand(target, gap.pair, gap.value))
                         return None
-                state = self.worlds.after(state, target, item.T_base_tool)
+                state = self.worlds.searched(state, item.target, item.T_base_tool)
                 continue
             key = (number, index, at, state.key)
             target = self.targets[item.target]

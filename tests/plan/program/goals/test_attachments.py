@@ -8,17 +8,20 @@ from itertools import product
 import numpy as np
 import pytest
 
+from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError, InputError
+from arm.plan_file import GripperStep, Move, Plan, Step
 from arm.robot.jaws import after_closing
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box, Sphere
-from arm.se3 import transform
+from arm.se3 import Array, rot_z, transform
 from plan.collision.world import World
 from plan.program.goals.attachments import AttachmentState, AttachmentWorlds
 from plan.program.goals.target import Target
 from plan.program.planned import Pause
 from plan.scene import Scene
+from plan.verify import scenes_of_moves
 from plans.waypoints import planned
 from tasks.pose_lists import TABLE, down
 
@@ -212,3 +215,102 @@ def test_one_body_at_a_time_is_attached_and_only_what_is_attached_is_released(ro
             AttachmentWorlds(scene, goals, start)
     AttachmentWorlds(scene, [take[0], put, take[1], replace(put, name="again")])
     AttachmentWorlds(scene, [put, take[1]], held)
+
+
+def _supplied(robot: Robot, count: int) -> Scene:
+    """Two supplies of small spheres: of 3, and of the rest."""
+    bodies = [
+        Body(f"ball {k}", Sphere(0.01), transform(t=(0.4, 0.2 if k < 3 else -0.2, 0.1)), "work")
+        for k in range(count)
+    ]
+    names = [body.name for body in bodies]
+    return Scene(robot, robot, (TABLE,), tuple(bodies), supplies=(tuple(names[:3]), tuple(names[3:])))
+
+
+def _line(unit: Unit, begin: Array, end: Array, held: str | None, name: str) -> Move:
+    begin, end = unit.counts(begin), unit.counts(end)
+    path = CountPath(tuple(begin.tolist()), (Segment(1000, (tuple((end - begin).tolist()),)),))
+    return Move(name, "transit", None, path, held, 0.0, 0.0, ("", ""), True)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_planner_and_the_verification_have_the_same_bodies_at_every_move(crs97: Unit, seed: int) -> None:
+    robot, rng = load_a465(0.134112, 0.06), np.random.default_rng(seed)
+    scene = _supplied(robot, 7)
+    queues, targets, at = [list(supply) for supply in scene.supplies], list[Target](), np.zeros(6)
+    steps, held = list[Step](), None
+    while held is not None or any(queues):
+        q = crs97.positions(
+            crs97.counts(np.array([0.0, 0.0, -0.8, 0.0, -0.8, 0.0]) + rng.uniform(-0.2, 0.2, 6))
+        )
+        name = f"goal {len(targets)}"
+        steps.append(_line(crs97, at, q, held, name))
+        if rng.uniform() < 0.3:  # a goal on the way
+            targets.append(Target(name, q=q))
+            steps.append(Pause(name, 0.0))
+        elif held is None:
+            queue = queues[int(rng.choice([i for i, left in enumerate(queues) if left]))]
+            held = queue.pop(0)
+            targets.append(Target(name, q=q, attach=held, jaws=1.0))
+            steps += [GripperStep(name, "close", None, 1.0, 1.0), Pause(name, 0.0, held)]
+        else:
+            targets.append(Target(name, q=q, detach=True, jaws=0.0))
+            steps += [GripperStep(name, "open", None, 0.0, 1.0), Pause(name, 0.0, None, held)]
+            held = None
+        at = q
+    plan = Plan({}, crs97.name, 1.0, (0,) * 6, (0,) * 6, tuple(steps), {})
+    worlds, state, checked = AttachmentWorlds(scene, targets), None, 0
+    for number, of in enumerate(scenes_of_moves(plan, scene, crs97)):
+        goal = targets[number - 1]
+        state = worlds.start if state is None else worlds.after(state, goal, robot.T_base_tool(goal.q))
+        planned, verified = worlds.world(state), of.world()
+        assert sorted(planned.names) == sorted(verified.names)
+        assert planned.robot.digest == verified.robot.digest
+        assert (of.held is None) == (state.held is None)
+        there = {body.name: body.T_base_body for body in of.resting}
+        for name, T in state.moved:
+            np.testing.assert_allclose(there[name], T, atol=1e-12)
+        assert {"ball 0", "ball 1", "ball 2"} - {*there, state.held} == scene.absent(state.put_down) & {
+            "ball 0", "ball 1", "ball 2"}  # fmt: skip
+        checked += 1
+    assert checked == len(targets) > 14
+
+
+def test_a_body_that_is_not_there_yet_cannot_be_attached(robot: Robot, crs97: Unit) -> None:
+    scene = _supplied(robot, 4)
+    take = Target("take", q=np.zeros(6), attach="ball 1")
+    with pytest.raises(
+        InputError, match="attach = 'ball 1': is not there before the one in front of it is put down"
+    ):
+        AttachmentWorlds(scene, [take])
+    again = [Target("take", q=np.zeros(6), attach="ball 0"), Target("put", q=np.zeros(6), detach=True),
+             Target("again", q=np.zeros(6), attach="ball 0")]  # fmt: skip
+    with pytest.raises(
+        InputError, match="target 'again': attach = 'ball 0': was put down, and comes from its supply"
+    ):
+        AttachmentWorlds(scene, again)
+    steps = (_line(crs97, np.zeros(6), np.full(6, 0.1), None, "to take"), Pause("take", 0.0, "ball 1"))
+    with pytest.raises(
+        ImpossibleError, match="'take' takes ball 1, which is not there before the one in front"
+    ):
+        list(scenes_of_moves(Plan({}, crs97.name, 1.0, (0,) * 6, (0,) * 6, steps, {}), scene, crs97))
+
+
+def test_a_search_takes_a_part_for_where_it_should_be_if_it_is_alike(robot: Robot) -> None:
+    box = Body("box 1", Box((0.04, 0.04, 0.03)), transform(t=(0.4, -0.2, 0.015)), "work")
+    take, put = (
+        Target("take", down(0.4, -0.2, 0.015), attach="box 1"),
+        Target("put", down(0.4, 0.2, 0.015), detach=True),
+    )
+    worlds = AttachmentWorlds(Scene(robot, robot, (TABLE,), (box,), supplies=(("box 1",),)), [take, put])
+    quarter, aside = transform(rot_z(np.pi / 2.0)), transform(t=(3e-5, 0.0, 0.0))
+    held = worlds.searched(worlds.start, 0, take.T_base_tool @ quarter @ aside)
+    assert held is worlds.nominal_state(1)
+    brought = worlds.searched(held, 1, put.T_base_tool @ aside @ quarter @ quarter)
+    assert brought is worlds.nominal_state(2)
+    for other in (transform(rot_z(0.02)), transform(t=(5e-4, 0.0, 0.0))):
+        off = worlds.searched(worlds.start, 0, take.T_base_tool @ other)
+        assert off is not held
+        np.testing.assert_allclose(
+            off.T_tool_held, np.linalg.inv(take.T_base_tool @ other) @ box.T_base_body, atol=1e-9
+        )
