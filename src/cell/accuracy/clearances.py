@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
 
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.plan_file import Plan
 from arm.robot.shapes import Body
+from arm.se3 import Array
 from cell.accuracy.arm_errors import arm_errors, body_errors
 from cell.config.cell import Cell
 from plan.collision.bezier import curve_of_counts
 from plan.collision.certificate import ArmErrors, certify_move, moved_by_errors
 from plan.collision.world import World
-from plan.scene import scene_from_json
+from plan.scene import Scene, scene_from_json
 from plan.verify import MoveScene, scenes_of_moves
 from vision.observation import Observation
 
@@ -30,7 +34,8 @@ def erring_clearances(
     Args:
         cell: the cell of the plan.
         plan: with its scene.
-        seen: look that the plan was made from; then the errors of its boards and cubes are taken off too.
+        seen: look that the plan was made from; then the errors of its boards and cubes are taken off too. Those of
+            parts, which the arm itself puts down, always are.
         begins_with: name of the cube that is in the jaws before the first step.
 
     Returns:
@@ -44,9 +49,13 @@ def erring_clearances(
         return ()
     scene = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
     off = {} if seen is None else body_errors(cell, seen, plan, scene)
+    exact = list(scenes_of_moves(plan, scene, cell.unit, begins_with))
+    lost = _lost(exact, cell.unit, errors)
+    for name, by in _handling_errors(exact, lost, scene).items():
+        off[name] = off.get(name, 0.0) + by
     scene = replace(scene, bodies=_grown(scene.bodies, off), cubes=_grown(scene.cubes, off))
     scenes = list(scenes_of_moves(plan, scene, cell.unit, begins_with))
-    bounds = _bounds(scenes, cell.unit, errors, off)
+    bounds = _bounds(scenes, lost, off)
     least = cell.erring_clearance
     return tuple(
         bound
@@ -61,25 +70,41 @@ def _grown(bodies: Sequence[Body], off: Mapping[str, float]) -> tuple[Body, ...]
     return tuple(replace(b, padding=b.padding + off[b.name]) if b.name in off else b for b in bodies)
 
 
-def _bounds(
-    scenes: Sequence[MoveScene], unit: Unit, errors: ArmErrors, off: Mapping[str, float]
-) -> list[float]:
-    """Proved clearance of each move less what the errors may move any two bodies of it, m."""
+def _lost(scenes: Sequence[MoveScene], unit: Unit, errors: ArmErrors) -> list[Array]:
+    """How far errors may move any body of the arm during each segment of each move, m."""
     curves = [curve_of_counts(of.move.path, unit) for of in scenes]
     alike: dict[tuple[int, bytes], list[int]] = {}  # moves of the same arm with the same body in its jaws
     for index, of in enumerate(scenes):
         held = b"" if of.held is None else of.held[0].name.encode() + of.held[1].tobytes()
         alike.setdefault((id(of.robot), held), []).append(index)
-    bounds = [0.0] * len(scenes)
+    found = [np.zeros(0)] * len(scenes)
     for indices in alike.values():
         first = scenes[indices[0]]
         world = World(first.robot, (), *(first.held or (None, None)))
         moved = moved_by_errors(world, [curves[i] for i in indices], errors)
         for index, lost in zip(indices, moved, strict=True):
-            move = scenes[index].move
-            stated = move.clearances if len(move.clearances) == len(lost) else move.clearance
-            in_jaws = 0.0 if move.held is None else off.get(move.held, 0.0)
-            bounds[index] = float((stated - lost).min()) - in_jaws - max(off.values(), default=0.0)
+            found[index] = lost
+    return found
+
+
+def _handling_errors(scenes: Sequence[MoveScene], lost: Sequence[Array], scene: Scene) -> dict[str, float]:
+    """How far supplied cubes may be from where a plan has them, m: by the arm's errors where it takes and puts them."""
+    supplied, found = {name for supply in scene.supplies for name in supply}, dict[str, float]()
+    for (before, after), moved in zip(pairwise(scenes), lost, strict=False):
+        taken, put = after.move.held, before.move.held
+        for name in (taken, put) if taken != put else ():
+            if name is not None and name in supplied:
+                found[name] = found.get(name, 0.0) + float(moved[-1])
+    return found
+
+
+def _bounds(scenes: Sequence[MoveScene], lost: Sequence[Array], off: Mapping[str, float]) -> list[float]:
+    """Proved clearance of each move less what the errors may move any two bodies of it, m."""
+    bounds, most = [], max(off.values(), default=0.0)
+    for of, moved in zip(scenes, lost, strict=True):
+        stated = of.move.clearances if len(of.move.clearances) == len(moved) else of.move.clearance
+        in_jaws = 0.0 if of.move.held is None else off.get(of.move.held, 0.0)
+        bounds.append(float((stated - moved).min()) - in_jaws - most)
     return bounds
 
 

@@ -34,6 +34,7 @@ from plan.kinematics.product_of_exponentials import product_of_exponentials
 from vision.observation import Observation
 
 _IN_JAWS = "objects in the jaws are unknown and not checked for collisions"
+_PARTS = "parts are checked for collisions as the program has them; whether the jaws hold one is not checked"
 
 
 def plan_poses_step(
@@ -156,7 +157,9 @@ def plan_program_step(
         f"{tool_words(plan, task.cell.robot_holding(), task.cell.unit)}, clearance at least {least:.1f} mm"
     )
     warn_of(plan, console)
-    if any(isinstance(step, Action) and step.jaws for step in task.steps):
+    if task.part is not None:
+        console.say(_PARTS)
+    elif any(isinstance(step, Action) and step.jaws for step in task.steps):
         console.say(_IN_JAWS)
     console.say(f"clearances refer to the bodies of the files; {task.cell.arm_shape()}")
     console.say(f"plan {plan.sha256[:12]} written to {output}")

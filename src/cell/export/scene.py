@@ -84,8 +84,7 @@ def _of_program(task: ProgramTask, look: Path | None) -> Surroundings:
 
 def _around(scene: Scene, limits: Limits, states: dict[str, Array]) -> Surroundings:
     """Return what is exported of a scene, jaws open."""
-    bodies = (*scene.bodies, *scene.cubes)
-    return Surroundings(scene.robot_open, limits, bodies, allowed=scene.allowed, states=states)
+    return Surroundings(scene.robot_open, limits, scene.present, allowed=scene.allowed, states=states)
 
 
 def surroundings_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> Surroundings:

@@ -31,7 +31,7 @@ def sample_clearance(
     steps = timed_steps(plan)
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
-    tracks = cube_tracks(steps, cubes, robot_open, unit)
+    tracks = cube_tracks(steps, cubes, robot_open, unit, plan.scene.get("supplies", ()))
     if not bodies and not cubes:
         return {}
     sampled = {}
@@ -39,11 +39,12 @@ def sample_clearance(
         move = timed.step
         if not isinstance(move, Move):
             continue
-        now = {cube.name: [p for p in tracks[cube.name] if p.start_s <= timed.start_s][-1] for cube in cubes}
-        held = next((cube for cube in cubes if now[cube.name].held), None)
+        now = {name: p for name, track in tracks.items() for p in track if p.start_s <= timed.start_s}
+        there = [cube for cube in cubes if cube.name in now]
+        held = next((cube for cube in there if now[cube.name].held), None)
         world = World(
             robot_holding if held else robot_open,
-            [*bodies, *(cube.at(now[cube.name].T) for cube in cubes if not now[cube.name].held)],
+            [*bodies, *(cube.at(now[cube.name].T) for cube in there if not now[cube.name].held)],
             held,
             now[held.name].T if held else None,
             touching_pairs(move),

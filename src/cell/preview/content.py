@@ -74,7 +74,7 @@ def page_content(
     of_erring = iter(erring)
     bodies = [body_from_json(b) for b in plan.scene.get("bodies", [])]
     cubes = [body_from_json(c) for c in plan.scene.get("cubes", [])]
-    tracks = cube_tracks(steps, cubes, robot_open, unit)
+    tracks = cube_tracks(steps, cubes, robot_open, unit, plan.scene.get("supplies", ()))
     joined = {
         motion.first + k
         for motion in plan.motions

@@ -7,7 +7,8 @@ A move takes its own duration, and the moves of a motion follow each other witho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from arm.controller.unit import Unit
 from arm.errors import InputError
@@ -83,9 +84,15 @@ def _jaws(plan: Plan) -> dict[int, float]:
 
 
 def cube_tracks(
-    steps: Sequence[TimedStep], cubes: Sequence[Body], robot: Robot, unit: Unit
+    steps: Sequence[TimedStep],
+    cubes: Sequence[Body],
+    robot: Robot,
+    unit: Unit,
+    supplies: Sequence[Sequence[str]] = (),
 ) -> dict[str, tuple[CubePose, ...]]:
     """Return the poses of each cube over time. A cube moves with the tool during the moves that hold it.
+
+    The poses of one that comes when another is put down (`plan.scene.Scene.supplies`) begin then.
 
     Raises:
         InputError: a move holds a cube that is not in the scene.
@@ -110,4 +117,8 @@ def cube_tracks(
             track = tracks[move.held]
             track.append(CubePose(timed.start_s, True, frozen(inverse(T_base_tool) @ track[-1].T)))
         held = move.held
+    for supply in supplies:
+        for before, name in pairwise(supply):
+            put = (pose.start_s for pose in tracks[before][1:] if not pose.held)
+            tracks[name][0] = replace(tracks[name][0], start_s=next(put, steps[-1].end_s + 1.0))
     return {name: tuple(track) for name, track in tracks.items()}

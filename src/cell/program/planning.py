@@ -12,9 +12,11 @@ from arm.numerics.products import mul
 from arm.plan_file import Plan, touching_pairs
 from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen
+from cell.program.parts.handled import Handled, Parts, parts_of, standing_on
+from cell.program.parts.plan_check import require_parts, scene_of_parts
 from cell.program.path_step import PathStep
 from cell.program.program_file import PROGRAM, ProgramTask
-from cell.program.steps import Action, JointStep, PoseStep, Step
+from cell.program.steps import Action, JointStep, PoseStep, Step, name_of
 from cell.scene.build import build_scene
 from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
@@ -45,23 +47,38 @@ def T_base_work(task: ProgramTask, observation: Observation) -> Array:
 
 
 def program_scene(task: ProgramTask, observation: Observation) -> Scene:
-    """Return the bodies of the cell, of the boards that were seen, and of the work.
+    """Return the bodies of the cell, of the boards that were seen, and of the work, and the parts.
 
-    A work on a board may move with it, unnoticed by `look.moved_mm`, so its bodies are padded by that.
+    A work on a board may move with it, unnoticed by `look.moved_mm`, so its bodies and parts are padded by that.
 
     Raises:
-        ImpossibleError: see `T_base_work`.
+        ImpossibleError: see `T_base_work` and `cell.program.parts.handled.standing_on`.
     """
+    return _surroundings(task, observation)[0]
+
+
+def program_parts(task: ProgramTask, observation: Observation) -> Parts:
+    """Return what the program takes and puts down; raises as `program_scene`."""
+    return _surroundings(task, observation)[1]
+
+
+def _surroundings(task: ProgramTask, observation: Observation) -> tuple[Scene, Parts]:
     scene = build_scene(task.cell, observation)
     padding = 0.0 if task.board is None else task.cell.moved
     T = T_base_work(task, observation)
     padded = tuple(replace(body, padding=padding) for body in task.bodies_at(T))
-    return replace(
+    bodies = (*scene.bodies, *padded)
+    alone = parts_of(task.part, task.steps, task.repeat, T, padding)
+    parts = standing_on(alone, bodies, task.required)
+    scene = replace(
         scene,
-        bodies=(*scene.bodies, *padded),
-        allowed=scene.allowed | task.touch,
+        bodies=bodies,
+        cubes=(*scene.cubes, *parts.bodies),
+        supplies=parts.supplies,
+        allowed=scene.allowed | task.touch | parts.touch,
         threads=tuple(Thread(line.name, line.ring, apply(T, line.points)) for line in task.threads),
     )
+    return scene, parts
 
 
 def program_options(task: ProgramTask, speed: float) -> PlanOptions:
@@ -88,8 +105,12 @@ def plan_of_program(
         InputError: a value that `plan.program.goals.target.Target` refuses; names the step.
         ImpossibleError: a step (named) is out of reach or too near to a body, or there is no clear path.
     """
-    cell, scene = task.cell, program_scene(task, observation)
-    goals = tuple(program_goals(task, T_base_work(task, observation)))
+    cell, T = task.cell, T_base_work(task, observation)
+    try:
+        scene, parts = _surroundings(task, observation)
+    except ImpossibleError as error:
+        raise _located(task, error) from error
+    goals = tuple(program_goals(task, T, parts))
     options = program_options(task, speed)
     provenance = plan_fingerprint(task)
     stated = {"name": task.name, "kind": PROGRAM, "title": task.title, "repeat": task.repeat}
@@ -107,6 +128,27 @@ def plan_of_program(
         raise _located(task, error) from error
     reached = [{"name": r.target, "q": [round(float(v), 9) + 0.0 for v in r.q]} for r in found.reached]
     return replace(found, task={**stated, "reached": reached}).plan()
+
+
+def scene_of_plan(task: ProgramTask, plan: Plan, stated: Scene, seen: Observation) -> Scene:
+    """Return the scene of the program with the boards of a plan, and with the parts that were handled before it.
+
+    Args:
+        task: the program.
+        plan: a plan of it, or the rest of one.
+        stated: the plan's own scene.
+        seen: the boards of that scene.
+
+    Raises:
+        ImpossibleError: see `program_scene`, `cell.program.parts.plan_check.require_parts` and `scene_of_parts` there.
+    """
+    scene, parts = _surroundings(task, seen)
+    if task.part is None:
+        return scene
+    cell, robot = task.cell, task.cell.robot()
+    require_parts(plan, parts, robot, cell.unit, cell.q_start)
+    T_base_tool = robot.T_base_tool(cell.unit.positions(plan.start))
+    return scene_of_parts(scene, stated, plan, task.part, parts, T_base_tool)
 
 
 def require_board(task: ProgramTask, plan: Plan) -> None:
@@ -155,8 +197,8 @@ def require_threads(task: ProgramTask, plan: Plan) -> None:
             raise ImpossibleError(why, step=move.name, touching=more)
 
 
-def program_goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:
-    """Yield the targets of all repeats, and the configuration at the end."""
+def program_goals(task: ProgramTask, T_base_work: Array, parts: Parts | None = None) -> Iterator[Target]:
+    """Yield the targets of all repeats, and the configuration at the end; without `parts` they handle none."""
     before: Target | None = None
     for repeat in range(task.repeat):
         for step in task.steps:
@@ -166,14 +208,12 @@ def program_goals(task: ProgramTask, T_base_work: Array) -> Iterator[Target]:
             if before is not None:
                 yield before
             *legs, before = _targets(task, step, repeat, T_base_work)
+            handled = None if parts is None else parts.at(before.name)
+            before = before if handled is None else _handling(before, handled)
             yield from legs
     if before is not None:
         yield before
     yield Target("end", q=task.q_end, role="home")
-
-
-def _named(step: Step, repeat: int) -> str:
-    return step.name if repeat == 0 else f"{step.name} ({repeat + 1})"
 
 
 def _acting(task: ProgramTask, action: Action, at: Target | None) -> Target:
@@ -191,7 +231,7 @@ def _acting(task: ProgramTask, action: Action, at: Target | None) -> Target:
 
 def _targets(task: ProgramTask, step: Step, repeat: int, T_base_work: Array) -> list[Target]:
     """Return the targets of a step that moves, in order."""
-    name = _named(step, repeat)
+    name = name_of(step, repeat)
     try:
         match step:
             case JointStep():
@@ -223,6 +263,18 @@ def _at_pose(step: PoseStep, name: str, T_base_tool: Array) -> Target:
     )
 
 
+def _handling(target: Target, handled: Handled) -> Target:
+    """Return the target that takes a part, or puts it down, with the turns at which the jaws may hold it."""
+    return replace(
+        target,
+        T_base_tool=handled.T_base_tool,
+        free="",
+        attach=None if handled.put else handled.part,
+        detach=handled.put,
+        allowed_collisions=target.pairs | handled.touch,
+    )
+
+
 def _along(step: PathStep, name: str, T_base_work: Array) -> list[Target]:
     """Return a target for each leg of a path between corners at which the arm stops, and for those of the way back."""
     legs = [mul(T_base_work, leg) for leg in step.legs()]
@@ -250,7 +302,7 @@ def _along(step: PathStep, name: str, T_base_work: Array) -> list[Target]:
 def _located(task: ProgramTask, error: ImpossibleError) -> ImpossibleError:
     """Return the error with the file and, if it names a target, its step."""
     target = str(error.data.get("target", ""))
-    names = {_named(step, repeat): step.key for repeat in range(task.repeat) for step in task.steps}
+    names = {name_of(step, repeat): step.key for repeat in range(task.repeat) for step in task.steps}
     key = next((names[name] for name in (target, target.partition(", leg ")[0]) if name in names), "")
     data = {k: v for k, v in error.data.items() if k != "step"}
     return ImpossibleError(f"{task.file}: {f'{key}: ' if key else ''}{error}", step=key, **data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +13,7 @@ from arm.board import Board
 from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integer, integers, line, number, numbers, path, text
+from arm.io.rules import integer, integers, line, number, numbers, path, text, triple
 from arm.io.storage import canonical_json, read_bytes, sha256
 from arm.numerics.products import mul, norm
 from arm.robot.shapes import Body, Sphere, Torus, body_to_json
@@ -24,9 +25,10 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.inputs import config_inputs
 from cell.files.task import Task, board_of, place_or_arm, read_place, task_or_cell
+from cell.program.parts.handled import Part
 from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
 from cell.program.points import WORK, read_wire
-from cell.program.steps import STEPS, Action, JointStep, PoseStep, Step
+from cell.program.steps import PUT, STEPS, TAKE, Action, JointStep, PoseStep, Step
 from plan.collision.world import distance_of
 from plan.options import AIMS
 
@@ -76,6 +78,9 @@ class ProgramKeys(ProgramValues):
     board: tuple[int, ...] | None = key("work.board", integers(2, 0, 999), None)
     origin: Array = key("work.origin_mm", PLACE, [0, 0, 0])
     rpy: Array = key("work.rpy_deg", TURN, [0, 0, 0])
+    box: tuple[float, float, float] | None = key("part.box_mm", triple("mm", 1, 2000), None)
+    held_at: tuple[float, float, float] = key("part.at_mm", triple("mm", -2000, 2000), [0, 0, 0])
+    part_name: str = key("part.name", line(), "part")
     bodies: tuple[Body, ...] = key("bodies", Rule("an array of tables", _bodies), [])
     steps: tuple[Step, ...] = key("steps", STEPS)
 
@@ -88,6 +93,7 @@ class ProgramTask(Task, ProgramValues):
         repeat: how often they are taken; in each repeat a pose with a grid goes to its next place.
         board: the board on which the work is, seen by its markers; None: the work is where the file says.
         T_on_work: the frame of the work in that of the board, or in the base frame.
+        part: what is taken and put down, or None.
         bodies: on the work, with poses in its frame.
     """
 
@@ -95,6 +101,7 @@ class ProgramTask(Task, ProgramValues):
     repeat: int
     board: Board | None
     T_on_work: Array
+    part: Part | None
     bodies: tuple[Body, ...]
 
     @property
@@ -171,6 +178,7 @@ def read_program(path: Path, on_uncalibrated: Callable[[InputError], None] | Non
     keys = ProgramKeys.read(root)
     cell = read_cell(keys.cell, on_uncalibrated)
     _check_cell(keys, root, cell)
+    _check_parts(keys, root)
     inputs = {**config_inputs(root.value, left_out=("cell",)), **_files(root)}
     values = keys.values_of(ProgramValues)
     return ProgramTask(
@@ -189,6 +197,7 @@ def read_program(path: Path, on_uncalibrated: Callable[[InputError], None] | Non
         repeat=_repeats(keys, root),
         board=None if keys.board is None else board_of(keys.board, root, cell, "work.board"),
         T_on_work=frozen(pose_of(keys.origin, keys.rpy)),
+        part=None if keys.box is None else Part(keys.part_name, keys.box, keys.held_at),
         bodies=keys.bodies,
     )
 
@@ -208,6 +217,9 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
             )
             raise root["bodies"].error(rule)
     known = taken | {body.name for body in keys.bodies}
+    alike = sorted(name for name in known if re.fullmatch(rf"{re.escape(keys.part_name)} [0-9]+", name))
+    if keys.box is not None and alike:
+        raise root.error_at("part.name", f"makes names such as that of the body {alike[0]!r}; choose another")
     _check_threads(keys, root, cell, known)
     for step in keys.steps:
         node = _table_of(root, step)
@@ -217,11 +229,51 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
             case Action(jaws=float()) if not cell.has_jaws:
                 rule = f"cannot be done, the tool of {cell.file.name} has no jaws; leave it out"
                 raise node.error_at("jaws", rule)
+            case Action(jaws=float() as jaws) if keys.box is not None and jaws > 0.0:
+                _require_held(keys.box[1], node, root, cell, jaws)
             case PathStep(touch=touch, clearance_of=names):
                 _require_known(node, "touch", frozenset[str]().union(*touch), known)
                 _require_known(node, "clearance_of", names, known)
             case PoseStep(touch=touch):
                 _require_known(node, "touch", frozenset[str]().union(*touch), known)
+
+
+def _require_held(width: float, node: Node, root: Node, cell: Cell, closed: float) -> None:
+    """Require that jaws which close by a fraction hold a part that is `width` m wide between them."""
+    gripper = cell.gripper
+    if not width < gripper.opening:
+        rule = f"is {1e3 * width:g} mm along the tool's y axis, between jaws that open {1e3 * gripper.opening:g} mm"
+        raise root.error_at("part.box_mm", rule)
+    if not gripper.width(closed) < width:
+        rule = f"leaves the jaws {1e3 * gripper.width(closed):g} mm apart"
+        raise node.error_at("jaws", f"{rule}, and the part is {1e3 * width:g} mm wide there")
+
+
+def _check_parts(keys: ProgramKeys, root: Node) -> None:
+    """Check that parts are taken and put down in turn, and that the jaws open for nothing else while they hold one."""
+    handles = [step for step in keys.steps if isinstance(step, PoseStep) and step.part is not None]
+    if keys.box is None and ("part" in root or handles):
+        rule = "is missing: the edges of the box that the steps take and put down"
+        raise root.error_at("part.box_mm", rule)
+    if keys.box is not None and not handles:
+        raise root.error_at("part", 'is in no step: give part = "take" or "put" to a step with at_mm')
+    if f"{keys.part_name} 1".startswith(_SEEN):
+        raise root.error_at("part.name", "is how names of bodies begin that a look finds; choose another")
+    holding = False
+    for step in keys.steps * min(_repeats(keys, root), 2):
+        node = _table_of(root, step)
+        match step:
+            case PoseStep(part=str() as part):
+                if holding == (part == TAKE):
+                    rule = (
+                        "takes a part while the jaws hold one"
+                        if holding
+                        else "puts a part down, but holds none"
+                    )
+                    raise node.error_at("part", f"{rule}; parts are taken and put down in turn")
+                holding = part == TAKE
+            case Action(jaws=float()) if holding and node.get("part", text(TAKE, PUT), None) is None:
+                raise node.error_at("jaws", f"would let go of the part; give part = {PUT!r}, or leave it out")
 
 
 def _require_known(node: Node, key: str, names: frozenset[str], known: set[str]) -> None:

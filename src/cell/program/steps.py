@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integers, line, number, numbers
+from arm.io.rules import integers, line, number, numbers, text
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen, transform
 from cell.config.bodies import PLACE, TURN, pose_of
@@ -18,6 +18,7 @@ from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathSt
 
 MOST_PLACES = 1000  # of a grid
 RESERVED = ("start", "end")  # names of where every plan of a program begins and ends
+TAKE, PUT = "take", "put"  # what a step does with a part
 _LENGTH = number("mm", 0.0, 1000.0)
 _KINDS = (*SOURCES, "at_mm", "joints_deg")  # the key of each kind of step that moves
 
@@ -28,6 +29,7 @@ class ActionKeys(Keys):
     name: str | None = key("name", line(), None)
     jaws: float | None = key("jaws", JAWS_RULE, None)
     dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
+    part: str | None = key("part", text(TAKE, PUT), None)
 
 
 class PathStepKeys(PathKeys, ActionKeys):
@@ -62,6 +64,8 @@ class PoseStep:
         T_work_tool: (k, 4, 4), one pose, or those of a grid, x first, then y, then z.
         by, approach, retract, within: see `plan.program.goals.target.Target`; within is its blend radius.
         free, tilt, ranges, speed, touch: see `FreedomKeys`.
+        part: `TAKE` or `PUT` if a part is taken or put down there, else None; then rz may be free, and is for the turns
+            at which the part is the same (`cell.program.parts.handled`).
     """
 
     key: str
@@ -76,6 +80,7 @@ class PoseStep:
     ranges: dict[str, tuple[float, float]]
     speed: float | None
     touch: Pairs
+    part: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +103,11 @@ class Action:
 
 
 Step = PathStep | PoseStep | JointStep | Action
+
+
+def name_of(step: Step, repeat: int) -> str:
+    """Return the name of a step in a repeat, from 0."""
+    return step.name if repeat == 0 else f"{step.name} ({repeat + 1})"
 
 
 def _read(node: Node) -> list[Step]:
@@ -128,9 +138,29 @@ def _read(node: Node) -> list[Step]:
             keys = PathStepKeys.read(node)
             name = keys.name or f"path {number}"
             found += paths_of(node, name, keys)
+    if keys.part is not None:
+        _require_handles(node, keys)
     if keys.jaws is not None or keys.dwell_s > 0.0:
         found.append(Action(node.key, name, keys.jaws, keys.dwell_s))
     return found
+
+
+def _require_handles(node: Node, keys: ActionKeys) -> None:
+    """Require what a step needs that takes a part or puts it down: a pose that is reached by a transit, and jaws."""
+    if not isinstance(keys, PoseStepKeys):
+        raise node.error_at("part", "needs at_mm: a part is taken and put down at a pose, by the jaws")
+    does = "closes" if keys.part == TAKE else "opens"
+    if keys.jaws is None or (keys.jaws > 0.0) != (keys.part == TAKE):
+        raise node.error_at(
+            "part", f"needs jaws = {does.removesuffix('s')!r}: a step that {keys.part}s {does} them"
+        )
+    if keys.by != "transit":
+        raise node.error_at("by", "must be transit where a part is taken or put down; give approach_mm")
+    if set(keys.free.replace(",", " ").split()) - {"rz"}:
+        raise node.error_at("free", "may only be rz where a part is taken or put down, between its faces")
+    for given, value in (("tilt_deg", keys.tilt), ("ranges", keys.ranges)):
+        if value:
+            raise node.error_at(given, "cannot be where a part is taken or put down: the jaws hold its faces")
 
 
 def _pose(node: Node, name: str, keys: PoseStepKeys) -> PoseStep:
@@ -141,7 +171,7 @@ def _pose(node: Node, name: str, keys: PoseStepKeys) -> PoseStep:
         transform(t=keys.step * np.array([i, j, k])) for k, j, i in product(*map(range, keys.count[::-1]))
     ]
     T = pose_of(keys.at, keys.rpy)
-    of_pose = ("by", "approach", "retract", "within", *FreedomKeys.declared())
+    of_pose = ("by", "approach", "retract", "within", "part", *FreedomKeys.declared())
     values = {name: getattr(keys, name) for name in of_pose}
     return PoseStep(node.key, name, frozen([mul(shift, T) for shift in shifts]), **values)
 

@@ -23,7 +23,7 @@ from cell.config.cell import Cell
 from cell.config.inputs import changes, shortened
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
-from cell.program.planning import program_options, program_scene, require_board, require_threads
+from cell.program.planning import program_options, require_board, require_threads, scene_of_plan
 from cell.program.program_file import ProgramTask
 from cell.scene.bodies import T_hole_cube, plate_body
 from cell.scene.build import RELEASE_GAP, T_base_cube_on_table, build_scene, cube_name
@@ -226,7 +226,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
     stated = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
     planned = planned_observation(cell, stated)
     on_table: dict[str, Array] = {}
-    for cube in stated.cubes:
+    for cube in () if isinstance(task, ProgramTask) else stated.cubes:
         place, _, number = cube.name.removeprefix(cube_name("")).rpartition("/")
         if not number.isdigit():
             raise ImpossibleError(f"the plan's scene has {cube.name!r}, which names no place; plan again")
@@ -240,7 +240,7 @@ def scene_of_now(task: Task, plan: Plan) -> Scene:
             )
         _require_placed(task, final, planned.poses, entry)
     now = (
-        program_scene(task, planned)
+        scene_of_plan(task, plan, stated, planned)
         if isinstance(task, ProgramTask)
         else build_scene(cell, planned, on_table)
     )
@@ -331,6 +331,7 @@ def _differing(stated: Scene, now: Scene) -> list[str]:
         ):
             names.append(name)
     contacts = stated.allowed ^ now.allowed
+    names += ["the order of the parts"] if stated.supplies != now.supplies else []
     names += [f"the line of {thread.name}" for thread in _other_threads(stated, now)]
     return names + [f"contact of {' and '.join(sorted(pair))}" for pair in sorted(contacts, key=sorted)]
 

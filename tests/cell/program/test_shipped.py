@@ -15,7 +15,9 @@ from cell.program.path_step import PathStep
 from cell.program.planning import plan_of_program
 from cell.program.program_file import read_program
 from cell.program.svg import strokes_of
-from cell.task.plan_matches import replayed
+from cell.task.plan_matches import replayed, scene_of_now
+from plan.verify import scenes_of_moves
+from programs.pallets import samples_of_parts
 from vision.observation import Observation
 
 pytestmark = pytest.mark.slow
@@ -64,7 +66,7 @@ def test_the_ball_is_on_its_lines_and_leans_as_far_as_it_may_beside_the_clamp() 
         plan_of_program(upright, Observation(), task.cell.speed)
 
 
-def test_every_place_of_the_pallet_is_filled_once_in_order() -> None:
+def test_every_place_of_the_pallet_is_filled_once_in_order_and_no_box_is_near_another() -> None:
     file = data_file("scenes/pallet.toml")
     assert len(file.read_text().splitlines()) <= 30
     task = read_program(file)
@@ -74,7 +76,16 @@ def test_every_place_of_the_pallet_is_filled_once_in_order() -> None:
     reached = {r["name"]: T_work_base @ robot.T_base_tool(np.array(r["q"])) for r in plan.task["reached"]}
     names = ["put", *(f"put ({k})" for k in range(2, 33))]
     assert [name for name in reached if name.startswith("put")] == names
-    places = [(55 * i, 60 * j, 60 + 45 * k) for k in range(2) for j in range(4) for i in range(4)]
+    places = [(70 * i, 52 * j, 18 + 36 * k) for k in range(2) for j in range(4) for i in range(4)]
     np.testing.assert_allclose([1e3 * reached[name][:3, 3] for name in names], places, atol=0.1)
     jaws = [step.action for step in plan.steps if isinstance(step, GripperStep)]
     assert jaws == ["close", "open"] * 32
+    boxes = [f"part {k}" for k in range(1, 33)]
+    scene = scene_of_now(task, plan)
+    assert [cube.name for cube in scene.cubes] == boxes
+    last = list(scenes_of_moves(plan, scene, task.cell.unit))[-1]
+    stand = {body.name: (T_work_base @ body.T_base_body)[:3, 3] for body in last.resting}
+    np.testing.assert_allclose([1e3 * stand[name] for name in boxes], places, atol=0.1)
+    least = samples_of_parts(task, plan, 0.02)
+    assert min(least.values()) > 0.005
+    assert min(move.clearance for move in plan.moves) >= 0.005

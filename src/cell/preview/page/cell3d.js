@@ -173,7 +173,8 @@ class Cell3D {
     const T_base_tool = this.motion.toolPose(q);
     for (const cube of this.cubes) {
       const now = cube.track.filter((p) => p.start <= t + 1e-9).pop();
-      place(cube.mesh, now.held ? T_base_tool.clone().multiply(now.T) : now.T);
+      cube.mesh.visible = now !== undefined; // the next part comes when the one before is put down
+      if (now) place(cube.mesh, now.held ? T_base_tool.clone().multiply(now.T) : now.T);
     }
     place(this.triad, T_base_tool);
     return T_base_tool;

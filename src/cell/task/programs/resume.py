@@ -15,7 +15,7 @@ from cell.files.board_shift import board_shift
 from cell.program.planning import program_options
 from cell.task.plan_matches import planned_observation, replayed, scene_of_now
 from cell.task.programs.run import ProgramRun
-from plan.program.rest import NEAR, place_on, rest_of_plan
+from plan.program.rest import NEAR, handled_before, place_on, rest_of_plan
 from plan.program.setting import Setting
 from vision.observation import Observation
 
@@ -55,12 +55,20 @@ def resume_program(run: ProgramRun, plan: Plan, index: int | None) -> None:
         raise ImpossibleError(f"{error}; before it is homed, {_BY_HAND}", **error.data) from error
     run.homed = True
     mars.set_registers(cell.speed_registers, cell.acceleration_registers)
+    parts = run.task.part is not None
+    if parts and index is None:
+        why = "the report beside the plan does not say in which step it was stopped, so what was put down is unknown"
+        raise ImpossibleError(f"{why}; take the parts out by hand, and run the program again")
     q = run.q_now()
     shown = ", ".join(f"{d:.1f}" for d in np.degrees(q))
     run.console.step(f"the arm stands at [{shown}] deg")
     observation = _require_boards(run, plan)
     place = place_on(plan, cell.unit, q, index)
     if place.off > NEAR:
+        if handled := handled_before(plan, place.step) if parts else 0:
+            why = f"the arm is {np.degrees(place.off):.1f} deg from the path of the plan, which began with the parts: "
+            why += f"{handled // 2} were put down{', one is in the jaws' if handled % 2 else ''}"
+            raise ImpossibleError(f"{why}; take them out by hand, and run the program again", handled=handled)
         _begin_anew(run, plan, observation, np.degrees(place.off))
         return
     setting = Setting(
