@@ -197,3 +197,10 @@ def test_an_export_has_only_the_part_that_is_there_at_the_start(task: ProgramTas
     assert "part 1" in text or "part_1" in text
     assert "part 2" not in text
     assert "part_2" not in text
+
+
+def test_what_is_beside_a_part_may_not_touch_it_however_near(task: ProgramTask) -> None:
+    wall = Body("wall", Box((0.01, 0.2, 0.3)), transform(t=(0.48 - 0.022 - 0.005 - 2e-4, 0.17, 0.15)), "wall")
+    alone = parts_of(task.part, task.steps, task.repeat, task.T_on_work)
+    taken = standing_on(alone, [TABLE, wall], 0.005).handled[0]
+    assert taken.touch == {frozenset(("part 1", name)) for name in {*FINGERS, "table"}}
