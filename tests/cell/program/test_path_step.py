@@ -61,7 +61,11 @@ def test_a_thread_is_the_whole_line_of_a_wire_file(tmp_path: Path) -> None:
     replace_in(tool, 'shape = "cylinder"', 'shape = "torus"')
     replace_in(tool, "length_mm = 6.6", "tube_mm = 5.83")
     arc = "{ through_mm = [60, 0, 120], to_mm = [0, 0, 200] }"
-    replace_in(file.with_name("wire.toml"), "[0, 0, 200]]", f"[0, 0, 40], {arc}]")
+    wire = file.with_name("wire.toml")
+    replace_in(wire, "[0, 0, 200]]", f"[0, 0, 40], {arc}]")
+    wire.write_text(
+        f'{wire.read_text()}\n[[bodies]]\nname = "bow"\ncentre_mm = [30, 0, 120]\nsize_mm = [80, 10, 170]\n'
+    )
     replace_in(file, 'axis = "along"', 'axis = "along"\nthreaded = "ring"')
     replace_in(file, 'touch = [["ring", "bar"]]\n', "")
     path = read_program(file).steps[2]
