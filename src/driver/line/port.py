@@ -11,11 +11,13 @@ import select
 import termios
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol
 
 import serial
 
 from arm.errors import InputError
+from arm.io.claim import Claim, Holder, holder_of
 from driver.line.protocol import BAUD
 
 PORT_ERRORS = (OSError, termios.error)  # what using a port can raise; pyserial's own errors are OSErrors
@@ -63,18 +65,24 @@ class Port(Protocol):
 
 
 class SerialPort:
-    """A device or a socket, with a reader thread.
+    """A device or a socket, with a reader thread. While it is open, `port_holder` names this program.
 
     Args:
         url, write_timeout_s: see `open_port`.
+        log: wire log of this program.
 
     Raises:
-        InputError: the port cannot be opened.
+        InputError: the port cannot be opened, or another program of this user has it open (`arm.io.claim.Claimed`).
     """
 
-    def __init__(self, url: str, write_timeout_s: float) -> None:
+    def __init__(self, url: str, write_timeout_s: float, log: Path | None = None) -> None:
         self.url = url
-        self.serial = open_port(url, write_timeout_s)
+        self._claim = Claim(_claimed_as(url), log)
+        try:
+            self.serial = open_port(url, write_timeout_s)
+        except BaseException:
+            self._claim.release()
+            raise
         self._wake_reader, self._wake = os.pipe()
         self._thread: threading.Thread | None = None
 
@@ -128,6 +136,17 @@ class SerialPort:
                 close()
         if connection is not None:
             connection.close()  # pyserial does not, if the other side closed first
+        self._claim.release()
+
+
+def port_holder(url: str) -> Holder | None:
+    """Return the program of this user that has a port open by `SerialPort`; None if there is none."""
+    return holder_of(_claimed_as(url))
+
+
+def _claimed_as(url: str) -> str:
+    """Return the name under which a port is claimed: links to a device are the device."""
+    return f"port {url if '://' in url else os.path.realpath(url)}"
 
 
 def open_port(url: str, write_timeout_s: float) -> serial.Serial:

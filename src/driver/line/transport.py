@@ -101,7 +101,7 @@ class PortLink:
         self.unit_time = UnitTime()
         self._put_off: deque[Reply] = deque()  # received while waiting to send
         if isinstance(port, str):
-            port = SerialPort(port, write_timeout_s=clock.wall(self.patience(ANSWER_S)))
+            port = SerialPort(port, clock.wall(self.patience(ANSWER_S)), None if log is None else log.path)
         self._port = port
         self.url = port.url
         self._splitter = LineSplitter(LONGEST_LINE)
