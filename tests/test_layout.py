@@ -18,6 +18,7 @@ DECIDES_NOTHING = {
     "cell/accuracy/budget_report.py": "text and JSON of error budgets; test_plan_budgets reads them",
     "cell/cli/calibrate.py": "declares commands and their options; the steps behind them are tested",
     "cell/cli/main.py": "declares commands and their options; the steps behind them are tested",
+    "cell/cli/manual.py": "declares commands and their options; the steps behind them are tested",
     "cell/cli/tools.py": "declares commands and their options; the steps behind them are tested",
     "cell/commands/calibration/options.py": "declares options that the calibrations share",
     "cell/commands/check.py": "hands a file to check_scene or to plan.verify",

@@ -129,7 +129,9 @@ def holder_of(what: str) -> Holder | None:
                 return None
             now = os.pread(handle, _LONGEST, 0)
             with contextlib.suppress(ValueError, TypeError, OSError):
-                if now == before:  # else it may be that of a killed program, which a new one is about to replace
+                if (
+                    now == before
+                ):  # else it may be that of a killed program, which a new one is about to replace
                     holder = Holder(**json.loads(now))
                     os.kill(holder.pid, 0)  # raises ProcessLookupError
                     return holder

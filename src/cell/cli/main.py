@@ -13,6 +13,7 @@ from arm.errors import A465Error, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
 from cell.cli.ending import fail, finish
+from cell.cli.manual import manual
 from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given, refuse_swapped
 from cell.cli.tools import tools
 from cell.console import Console
@@ -371,7 +372,7 @@ def _watched(console: Console, live: bool, port: int | None) -> AbstractContextM
     return live_view(console, port or 0)
 
 
-app.registered_commands += tools.registered_commands
+app.registered_commands += manual.registered_commands + tools.registered_commands
 
 
 def main() -> None:

@@ -57,18 +57,12 @@ def ask(url: str, firmware: str) -> dict[str, Any]:
         InputError: the port cannot be opened, or no unit with this firmware answers.
         ExecutionStopped: the port is lost during the exchange.
     """
-    from driver.line.clock import Clock
-    from driver.line.link import Link
-    from driver.mars.identity import identify
+    from driver.mars.identity import identified
 
-    link = Link(url, Clock())
-    try:
-        version, _ = identify(link, firmware)
+    with identified(url, firmware) as (link, version):
         began = time.monotonic()
         link.synchronise()  # by STAMP
         return {"version": version, "answer_s": time.monotonic() - began}
-    finally:
-        link.close()
 
 
 def check_controller(port: str) -> CheckResult:

@@ -149,7 +149,7 @@ def is_log(path: Path) -> bool:
         FileInputError: the file cannot be read.
     """
     with _opened(path) as stream:
-        record = _record(stream.readline(1000))
+        record = parse_record(stream.readline(1000))
     return record is not None and record["kind"] == "open"
 
 
@@ -162,7 +162,7 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
         raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
 
 
-def _record(line: bytes) -> dict[str, Any] | None:
+def parse_record(line: bytes) -> dict[str, Any] | None:
     """Parse a record; None if the line is not one."""
     try:
         value = json.loads(line)
@@ -207,7 +207,7 @@ class _Reader:
     def read(self, stream: BinaryIO) -> Session:
         self.motions, self.samples = MotionReader(), SampleReader()
         for number, line in enumerate(stream, start=1):
-            record = _record(line)
+            record = parse_record(line)
             if number == 1:
                 self._open(record)
             elif record is None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, InputError
+from driver.line.clock import Clock
 from driver.line.link import Link
 from driver.line.manners import Manners, learn_manners
 from driver.line.protocol import encode
@@ -36,6 +38,24 @@ def identify(link: Link, firmware: str) -> tuple[str, Manners]:
         raise InputError(why, port=link.url, version=version)
     link.identified, link.restarted = True, False
     return version, manners
+
+
+@contextmanager
+def identified(url: str, firmware: str) -> Iterator[tuple[Link, str]]:
+    """Open a port to ask the unit on it, and identify that; yield the link and the firmware text.
+
+    Nothing is set, and no STOP is sent at the end, however the block ends.
+
+    Raises:
+        InputError: the port cannot be opened, or see `identify`.
+        LinkLost: the port is lost meanwhile.
+    """
+    link = Link(url, Clock())
+    try:
+        version, _ = identify(link, firmware)
+        yield link, version
+    finally:
+        link.close()
 
 
 GRIPPER_AXES = ("G", "H")  # axes that the units' grippers are connected to
@@ -69,6 +89,12 @@ def refuse_another(unit: Unit, answers: Mapping[str, str | None]) -> None:
             "cell file; if unit is right, the controller was set up for another arm: switch it off and on"
         )
         raise InputError(why, unit=unit.name, answers=dict(answers))
+
+
+def axis_of_gripper(answers: Mapping[str, str | None]) -> str | None:
+    """Return the one axis that has a gripper by the answers of `gripper_answers`; None if it is not one."""
+    fitted = [axis for axis, text in answers.items() if _has_gripper(text)]
+    return fitted[0] if len(fitted) == 1 else None
 
 
 def _has_gripper(text: str | None) -> bool:

@@ -35,6 +35,8 @@ VERBS = (
     "check",
     "preview",
     "execute",
+    "status",
+    "stop",
     "emulate",
     "render",
     "export",
