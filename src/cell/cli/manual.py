@@ -9,13 +9,22 @@ import typer
 from typer import Argument, Option
 
 from cell.cli import options as shared
-from cell.cli.options import examples
+from cell.cli.options import answering, examples
 from cell.console import Console
 
 manual = typer.Typer()  # `cell.cli.main` registers these commands
 _PORT = "Serial port of the controller, such as /dev/mars or socket://..."
 _Port = Annotated[str, Argument(help=_PORT, metavar="PORT")]
 _CELL = "Cell or task file: the unit, its calibration and the tool; default: the unit by its gripper's axis."
+_Place = Annotated[Path, Argument(help="Cell or task file, such as scenes/cell.toml.", metavar="CELL")]
+_SPEED = "Fraction of what the speed registers allow, 0.01 to 1; default: 0.2, or motion.speed of the cell if less."
+_Speed = Annotated[float | None, Option(help=_SPEED)]
+_LOOK = "Boards that a465 look has seen and that stand there still; default: the whole zone for boards is occupied."
+_Look = Annotated[Path | None, Option(help=_LOOK)]
+_UNSEEN = "Do not ask before the arm moves."
+_Unseen = Annotated[bool, Option("--unseen", help=_UNSEEN)]
+_FREE = "Do not ask before homing. You state that the arm can home freely."
+_SUPPORTED = "Do not ask. You state that the arm is supported, or may sink where it stands."
 _Cell = Annotated[Path | None, Option("--cell", help=_CELL, metavar="CELL")]
 
 
@@ -43,3 +52,101 @@ def stop(port: _Port, as_json: shared.Json = False) -> None:
     from cell.commands.manual.stop import stop_step
 
     console.result(stop_step(port, console))
+
+
+@manual.command(
+    short_help="Home the arm, open the jaws, and go to q_start.",
+    help="Home the arm, open the jaws, and go to q_start. Homing moves every axis without collision checks, so a real "
+    "arm asks for a clear cell first. The motion to q_start is certified.",
+    epilog=examples("a465 home scenes/cell.toml /dev/mars"),
+)
+def home(
+    place: _Place,
+    port: _Port,
+    speed: _Speed = None,
+    free: Annotated[bool, Option("--free", help=_FREE)] = False,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("starting", as_json) as console:
+        from cell.commands.manual.home import home_step
+
+    console.result(home_step(place, port, speed, free, console))
+
+
+@manual.command(
+    short_help="Go to q_start from where the arm is, by a certified motion.",
+    help="Plan and certify the motion from where the arm is to q_start, write its preview, ask for the code that the "
+    "preview shows, and execute it. The unit must have been homed since it was switched on.",
+    epilog=examples(
+        "a465 park scenes/cell.toml /dev/mars", "a465 park scenes/task2.toml /dev/mars --look look.json"
+    ),
+)
+def park(
+    place: _Place,
+    port: _Port,
+    look: _Look = None,
+    speed: _Speed = None,
+    unseen: _Unseen = False,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("starting", as_json) as console:
+        from cell.commands.manual.park import park_step
+
+    console.result(park_step(place, port, look, speed, unseen, console))
+
+
+@manual.command(
+    short_help="Open or close the jaws, or bring them to a width.",
+    help="Open or close the jaws, or bring them to a width, where the arm stands. No joint is commanded to move. It "
+    "asks first; the unit must have been homed since it was switched on.",
+    epilog=examples(
+        "a465 gripper open scenes/cell.toml /dev/mars", "a465 gripper 45 scenes/cell.toml /dev/mars"
+    ),
+)
+def gripper(
+    action: Annotated[str, Argument(help="open, close, or a width in mm.", metavar="open|close|WIDTH")],
+    place: _Place,
+    port: _Port,
+    unseen: _Unseen = False,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("starting", as_json) as console:
+        from cell.commands.manual.gripper import gripper_step
+
+    console.result(gripper_step(action, place, port, unseen, console))
+
+
+@manual.command(
+    short_help="Switch the motors off; the arm may drop.",
+    help="Switch the motors off: the brakes engage, and the arm may drop a little. It asks first. Positions are kept "
+    "as long as the unit stays on, and the next motion switches the motors on again.",
+    epilog=examples("a465 release /dev/mars"),
+)
+def release(
+    port: _Port,
+    supported: Annotated[bool, Option("--supported", help=_SUPPORTED)] = False,
+    as_json: shared.Json = False,
+) -> None:
+    console = Console(as_json)
+    from cell.commands.manual.release import release_step
+
+    console.result(release_step(port, supported, console))
+
+
+@manual.command(
+    short_help="Append the arm's present pose to a list of poses.",
+    help="Append the arm's present pose to a list of poses in JSON, which a465 plan-poses reads. The list is created "
+    "if there is none. Nothing moves.",
+    epilog=examples('a465 teach poses.json scenes/cell.toml /dev/mars --name "above the tray"'),
+)
+def teach(
+    pose_list: Annotated[Path, Argument(help="List of poses: JSON.", metavar="LIST")],
+    place: _Place,
+    port: _Port,
+    name: Annotated[str | None, Option(help='Name of the pose; default: the next "taught N".')] = None,
+    as_json: shared.Json = False,
+) -> None:
+    console = Console(as_json)
+    from cell.commands.manual.teach import teach_step
+
+    console.result(teach_step(pose_list, place, port, name, console))

@@ -124,9 +124,9 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
             f"a465 doctor --cell {task} {arm}",
         ),
         (
-            "remove everything within the arm's reach, boards too, and home once, by the program of "
-            "docs/real-cell.md, step 4; --homed below states that the unit was homed and stayed on",
-            "",
+            "remove everything within the arm's reach, boards too, and home once (docs/real-cell.md, step 4); --homed "
+            "below states that the unit was homed and stayed on",
+            f"a465 home {at('cell.toml')} /dev/mars --speed 0.1",
         ),
         ("print the lens target at 100 %", f"a465 calibrate target -o {at('lens-target.svg')}"),
         (
@@ -139,7 +139,11 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
             f"a465 calibrate target {hand} -o {at('hand-target.svg')}",
         ),
         (
-            "close the jaws on that target, clear the table; emergency stop at hand (docs/real-cell.md, step 6)",
+            "close the jaws on that target; emergency stop at hand",
+            f"a465 gripper close {at('cell.toml')} /dev/mars",
+        ),
+        (
+            "clear the table, and let the arm show the target to the camera (docs/real-cell.md, step 6)",
             f"a465 calibrate hand-eye {at('recorded.json')} --collect {task} --target {hand} "
             f"{homed} -o {at('calibration.toml')} --apply",
         ),

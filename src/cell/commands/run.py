@@ -209,6 +209,7 @@ def opened(
     control: Control,
     confirm: Confirm | None = None,
     watcher: RunObserver | None = None,
+    name: str | None = None,
 ) -> Iterator[TaskRun]:
     """Open a cell and yield a run in it. A report is written to the run folder however the run ends.
 
@@ -218,11 +219,12 @@ def opened(
         chosen: run folder; None: a new one.
         control: control of the execution.
         confirm: called before anything moves, to ask the operator; raises on refusal.
+        name: of a new run folder; None: that of the task.
     """
     with (
         console.heard(),
         interruptible(ends=True),
-        run_folder(chosen, task.name) as folder,
+        run_folder(chosen, name or task.name) as folder,
         open_cell(task, where, folder / LOG) as connection,
     ):
         control.tell = console.step

@@ -316,6 +316,7 @@ class _EntryKeys(EntryValues):
     q_rad: Array | None = key("q_rad", _flat(), None)
     q_deg: Array | None = key("q_deg", _flat(), None)
     name: str | None = key("name", line(), None)
+    taught: dict[str, Any] = key("taught", rule_of("an object", lambda v: isinstance(v, dict), dict), {})
 
 
 def _entry(node: Node, place: int, reading: Reading) -> Entry:

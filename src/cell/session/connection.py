@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,6 +56,7 @@ class WhichCell:
         homed: whether the unit was homed before and kept its positions; it is not homed again.
         preload: whether each motion is loaded and verified before it begins (`driver.execution.preload`).
         contact: whether the simulated cell has contact physics (`cell.contact`).
+        blind: whether the real cell is opened without a camera.
     """
 
     port: str | None = None
@@ -67,6 +68,7 @@ class WhichCell:
     homed: bool = False
     preload: bool = False
     contact: bool = False
+    blind: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,14 @@ class Connection:
     time_scale: float
     simulated: SimulatedCell | None = None
     emulator: Emulator | None = None
+
+
+class NoImages:
+    """The frames of a cell that was opened without a camera."""
+
+    def grab(self, count: int) -> list[Image]:
+        """Raises InputError: there are none."""
+        raise InputError(f"{count} images: this command opens no camera", images=count)
 
 
 class NewImageFolder:
@@ -187,6 +197,8 @@ def require_openable(task: Task, where: WhichCell) -> None:
             raise InputError(f"{option} needs --port: the simulated cell has its own camera", option=option)
     if port is None:
         world_file(task, where.world)
+    elif where.blind:
+        pass
     elif images is not None:
         NewImageFolder(images)
     elif (selector := live.device if camera in (None, OF_CELL) else camera) is None:
@@ -221,16 +233,23 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
             with WireLog(log, stepped) as wire, Mars(emulator.open_line(), unit, stepped, wire) as mars:
                 yield Connection(mars, frames, time_scale, simulated, emulator)
         return
-    images, clock = where.images, Clock()
+    clock = Clock()
     # the camera is opened before anything is sent, and closed after the arm was commanded to stop
     with (
-        open_camera(task.cell, where.camera)
-        if images is None
-        else nullcontext(NewImageFolder(images)) as source,
+        _frames(task, where) as source,
         WireLog(log, clock) as wire,
         Mars(where.port, unit, clock, wire) as mars,
     ):
         yield Connection(mars, source, 1.0)
+
+
+def _frames(task: Task, where: WhichCell) -> AbstractContextManager[FrameSource]:
+    """The source of the real cell's images."""
+    if where.blind:
+        return nullcontext(NoImages())
+    if where.images is not None:
+        return nullcontext(NewImageFolder(where.images))
+    return open_camera(task.cell, where.camera)
 
 
 def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> SimulatedCell:

@@ -51,7 +51,7 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
         )
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     console.step(
-        "homing skipped: --homed states that the unit was homed since power-up, which cannot be verified; it is "
+        "homing skipped: that the unit was homed since power-up (--homed) cannot be verified; it is "
         f"powered, without fault, and at [{degrees}] deg by its counters: compare with the arm"
     )
 

@@ -20,6 +20,7 @@ from cell.session.dialogue import asked, at_terminal, require_word, typed
 from cell.session.overview import overview
 from cell.task.run import TaskRun
 from driver.mars.refusals import is_unhomed
+from driver.mars.stopping import farthest
 
 ABOUT_GOING_ON = "the arm will not be homed: it continues from where it stands; keep clear"
 ABOUT_KEPT = (
@@ -128,7 +129,7 @@ class Approval:
             say(line)
         say(f"the arm: {_place(run)}")
         say(ABOUT_GOING_ON if self.resumes else ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
-        if not self.resumes:
+        if not self.resumes and not _is_at_start(run, plan):
             say(_way_to_start(run, plan))
 
 
@@ -168,6 +169,12 @@ class Consent:
             return
         question = f"type {name} to let it move:"
         require_word(self.console, question, name, self._answer or typed, "nothing moved", "--unseen")
+
+
+def _is_at_start(run: TaskRun, plan: Plan) -> bool:
+    """Whether the plan begins where the arm is, which will not be homed."""
+    counters = run.connection.mars.counters()
+    return run.homed_before and farthest(counters, plan.start) <= run.task.cell.unit.rest_tolerance
 
 
 def _way_to_start(run: TaskRun, plan: Plan) -> str:

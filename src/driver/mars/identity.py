@@ -11,6 +11,7 @@ from driver.line.clock import Clock
 from driver.line.link import Link
 from driver.line.manners import Manners, learn_manners
 from driver.line.protocol import encode
+from driver.line.wire_log import WireLog
 
 
 def identify(link: Link, firmware: str) -> tuple[str, Manners]:
@@ -41,16 +42,18 @@ def identify(link: Link, firmware: str) -> tuple[str, Manners]:
 
 
 @contextmanager
-def identified(url: str, firmware: str) -> Iterator[tuple[Link, str]]:
+def identified(
+    url: str, firmware: str, clock: Clock | None = None, log: WireLog | None = None
+) -> Iterator[tuple[Link, str]]:
     """Open a port to ask the unit on it, and identify that; yield the link and the firmware text.
 
-    Nothing is set, and no STOP is sent at the end, however the block ends.
+    Nothing is set, and no STOP is sent at the end, however the block ends. `clock` and `log` are those of `Link`.
 
     Raises:
         InputError: the port cannot be opened, or see `identify`.
         LinkLost: the port is lost meanwhile.
     """
-    link = Link(url, Clock())
+    link = Link(url, clock or Clock(), log)
     try:
         version, _ = identify(link, firmware)
         yield link, version

@@ -265,12 +265,12 @@ def test_the_next_steps_are_those_of_the_pages() -> None:
     assert places == sorted(places)
     typed = [line.partition("  #")[0].rstrip() for line in re.findall(r"^a465 .*$", real, re.M)]
     assert typed[:2] == ["a465 new-cell my-cell --unit crs93", lines[1]]
-    assert typed[2:] == lines[at:]
+    assert [line for line in typed[2:] if not line.startswith("a465 status ")] == lines[at:]
 
 
 def test_the_next_steps_home_once_before_anything_stands_there() -> None:
     steps = next_commands(Path("my-cell"), "crs93")
-    (home,) = (i for i, (_, line) in enumerate(steps) if not line)
+    (home,) = (i for i, (_, line) in enumerate(steps) if line.startswith("a465 home "))
     assert "step 4" in steps[home][0]
     moving = [i for i, (_, line) in enumerate(steps) if "--port" in line and "doctor" not in line]
     assert min(moving) > home

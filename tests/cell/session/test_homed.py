@@ -81,7 +81,7 @@ def test_a_unit_that_was_homed_is_kept_and_told(
     assert _homings(emulator) == homings
     assert mars.counts() == before
     told = capsys.readouterr().out
-    assert "homing skipped: --homed states that the unit was homed" in told
+    assert "homing skipped: that the unit was homed since power-up (--homed) cannot be verified" in told
     assert "-45.0" in told  # where it stands, to compare
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from arm.controller.unit import Unit
 from driver.emulator import Emulator, EmulatorOptions
-from driver.emulator.unit.path_generator import PathGenerator
 from driver.line.clock import Clock
 from driver.line.wire_log import WireLog
+from emulated.stepped_cell import set_homed
 
 
 @contextmanager
@@ -31,9 +31,8 @@ def on_pty(
     if homed_deg is not None:
         options = replace(options, power_up_deg=tuple(homed_deg))
     with WireLog(log, clock) as wire, Emulator(unit, clock, options=options, log=wire) as emulator:
-        machine = emulator.machine
         if homed_deg is not None:
-            machine.path, machine.offset = PathGenerator(machine.true_counts()), (0,) * len(machine.offset)
+            set_homed(emulator)
         yield emulator, emulator.open_pty()
 
 

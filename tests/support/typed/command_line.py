@@ -75,3 +75,14 @@ def refused(*arguments: object, code: int, cwd: Path) -> str:
         lines = [line for line in told.splitlines() if line.startswith("a465:")]
         assert len(lines) == 1, told
     return lines[0]
+
+
+def value_of(words: list[str], option: str) -> str | None:
+    """What follows an option, or None."""
+    place = words.index(option) + 1 if option in words else len(words)
+    return words[place] if place < len(words) else None
+
+
+def set_value(words: list[str], option: str, value: str) -> None:
+    """Replaces what follows an option."""
+    words[words.index(option) + 1] = value

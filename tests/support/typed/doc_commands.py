@@ -22,7 +22,8 @@ from typing import Any
 from pictures.boards import smaller
 from pictures.cameras import SERIAL
 from tasks.small import leave_cubes, small_scenes
-from typed.command_line import a465, replace_in
+from typed.beside import ASKED, answered, homing
+from typed.command_line import a465, replace_in, set_value, value_of
 from vision.camera.model import read_camera, write_camera
 
 ROOT, SUPPORT = Path(__file__).resolve().parents[3], Path(__file__).resolve().parents[1]
@@ -178,6 +179,7 @@ class Reader:
     _on_pages_before: frozenset[tuple[str, ...]] = frozenset()
     _task: str = "scenes/task2.toml"
     _real: tuple[str, str] | None = None
+    _homed: bool = False
 
     def __post_init__(self) -> None:
         scenes = small_scenes(self.folder)
@@ -252,30 +254,32 @@ class Reader:
             self._cheapen(self.folder / words[1])
             leave_cubes(self.folder / words[1], 1)
         if words[0] == "preview" and words[1].endswith(".json"):
-            page = Path(_value(words, "-o") or str(Path(words[1]).with_suffix(".html")))
+            page = Path(value_of(words, "-o") or str(Path(words[1]).with_suffix(".html")))
             shown = re.search(r'"code": ?(?:"(\w{4}-\w{4})"|null)', (self.folder / page).read_text())
             assert shown, f"{page} shows no code"
             self._codes[words[1]] = shown[1] or ""  # none of an arm without a unit
 
     def _with_an_emulated_arm(self, words: list[str]) -> None:
         """Port, camera and code as a reader without an arm has them."""
-        port, camera = _value(words, "--port"), _value(words, "--camera")
+        port, camera = value_of(words, "--port"), value_of(words, "--camera")
+        if words[0] in ASKED:
+            self._beside_an_emulated_arm(words)
         if port == "/dev/mars":
             port = LINK
-            hand = _value(words, "--target") or "scenes/targets/hand.toml" if "--collect" in words else ""
+            hand = value_of(words, "--target") or "scenes/targets/hand.toml" if "--collect" in words else ""
             self._real_unit(self._task, hand)
         if port:
             assert port in self._units, f"no emulated unit of this page is on {port}"
-            _set(words, "--port", port)
+            set_value(words, "--port", port)
         if camera and port and words[0] != "doctor":
             words[words.index("--camera")] = "--images"
-            _set(words, "--images", self._shots[port])
+            set_value(words, "--images", self._shots[port])
         elif camera and words[:2] == ["calibrate", "camera"]:
             words[words.index("--camera")] = "--simulated"
-            _set(words, "--simulated", self._task)
+            set_value(words, "--simulated", self._task)
             self._views_before(words)
         elif camera:
-            _set(words, "--camera", SERIAL)
+            set_value(words, "--camera", SERIAL)
             self._give_photographs()
         if "--homed" in words:
             words.remove("--homed")  # the emulated unit was just switched on
@@ -285,13 +289,24 @@ class Reader:
             assert words[1] in self._codes, f"the code of {words[1]} is asked for, and no preview was written"
             if "--yes" not in words:
                 words += ["--yes", ""]
-            _set(words, "--yes", self._codes[words[1]])
+            set_value(words, "--yes", self._codes[words[1]])
+
+    def _beside_an_emulated_arm(self, words: list[str]) -> None:
+        """The port is an argument, and what needs a homed arm gets one."""
+        words += answered(words)
+        if "/dev/mars" in words:
+            self._real_unit(self._task, "")
+            words[words.index("/dev/mars")] = LINK
+            home = homing(words, LINK, SPEED)
+            if home and not self._homed:
+                a465(*home, cwd=self.folder)
+            self._homed = self._homed or words[0] == "home" or bool(home)
 
     def _real_unit(self, task: str, hand: str) -> None:
         """What is on /dev/mars: among the boards of a task, with or without a target in its hand."""
         if self._real == (task, hand):
             return
-        self._real = (task, hand)
+        self._real, self._homed = (task, hand), False
         held = ["--hand", hand] if hand else []
         self._emulate(["--task", task, "--photographs", "shots", "--link", LINK, *held])
 
@@ -316,7 +331,7 @@ class Reader:
 
     def _views_before(self, words: list[str]) -> None:
         """A session that goes on with the views of one before takes less than all of it."""
-        target = _value(words, "--target") or "charuco"
+        target = value_of(words, "--target") or "charuco"
         views = ("--target", target, "--count", VIEWS, "-o", words[2])
         a465("render", self._task, *views, cwd=self.folder)
 
@@ -329,15 +344,15 @@ class Reader:
             place = words.index("--speed")
             del words[place : place + 2]
         elif "--speed" in words:
-            _set(words, "--speed", f"{SPEED:g}")
+            set_value(words, "--speed", f"{SPEED:g}")
         if collects and "--poses" not in words:
             words += ["--poses", str(POSES)]
 
     def _emulate(self, options: list[str]) -> None:
-        link = _value(options, "--link") or "no link"
+        link = value_of(options, "--link") or "no link"
         if link in self._units:
             self._end(link)
-        if _value(options, "--time-scale"):
+        if value_of(options, "--time-scale"):
             place = options.index("--time-scale")
             del options[place : place + 2]
         program = (
@@ -355,7 +370,7 @@ class Reader:
         first = unit.stdout.readline()
         self.said += first
         assert " on " in first, f"the unit does not say where it is: {unit.communicate(timeout=600)}"
-        shots = _value(options, "--photographs")
+        shots = value_of(options, "--photographs")
         if shots:
             self._shots[link] = shots
             self._wait_for_photographs(self.folder / shots)
@@ -373,17 +388,6 @@ class Reader:
         said, errors = unit.communicate(timeout=600)
         self.said += said
         assert (unit.returncode, errors) == (0, ""), f"the unit on {link} ended badly: {errors}"
-
-
-def _value(words: list[str], option: str) -> str | None:
-    """What follows an option, or None."""
-    return (
-        words[words.index(option) + 1] if option in words and words.index(option) + 1 < len(words) else None
-    )
-
-
-def _set(words: list[str], option: str, value: str) -> None:
-    words[words.index(option) + 1] = value
 
 
 def followed(page: Path) -> Iterator[Block | Command]:

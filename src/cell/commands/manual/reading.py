@@ -116,9 +116,9 @@ def print_reading(state: dict[str, Any], console: Console) -> None:
         along = ", ".join(f"{row[2] + 0.0:.3f}" for row in state["T_base_tool"][:3])
         say(f"tool: x {x:.1f}, y {y:.1f}, z {z:.1f} mm, pointing along [{along}]")
     if state["jaws_mm"] is not None:
-        say(f"jaws: {state['jaws_mm']:.1f} mm apart")
+        say(f"jaws: {state['jaws_mm'] + 0.0:.1f} mm apart")
     elif state["jaws_fraction_closed"] is not None:
-        say(f"jaws: {100 * state['jaws_fraction_closed']:.0f} % closed")
+        say(f"jaws: {round(100 * state['jaws_fraction_closed'])} % closed")
 
 
 def read_cell_of(file: Path | None) -> Cell | None:

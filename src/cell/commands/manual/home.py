@@ -1,0 +1,60 @@
+"""``a465 home``: home the arm, open the jaws, and go to q_start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cell.commands.manual.session import (
+    FREE,
+    arrive,
+    beside,
+    manual_speed,
+    require_consent,
+    require_person,
+)
+from cell.config.calibration_state import calibration_lines
+from cell.console import Console
+from cell.files.task import read_place
+from cell.session.homed import may_be_real
+from cell.task.approval import ABOUT_HOMING
+from cell.task.run import TaskRun
+
+QUESTION = (
+    "homing has no collision checks: remove everything from the arm's reach, boards too, and what the jaws hold; then "
+    "type free:"
+)
+
+
+def home_step(place: Path, port: str, speed: float | None, free: bool, console: Console) -> dict[str, Any]:
+    """Home the arm on a port, open its jaws, and take it to q_start by a certified motion around the zone for boards.
+
+    Args:
+        place: cell or task file.
+        port: of the controller.
+        speed: of the motion to q_start; homing has the unit's own.
+        free: the command line states that the arm can home freely.
+        console: output.
+
+    Raises:
+        InputError: a file, value or port is wrong, or nobody confirmed that the cell is clear; nothing moved.
+        ImpossibleError: the arm may not move, or no certified motion leads to q_start: it is at its marks then.
+        ExecutionStopped: motion stopped; the state is in the error's data.
+    """
+    task = read_place(place)
+    said, low = free or not may_be_real(port), manual_speed(task.cell, speed)
+    require_person(said, FREE, "that the cell is clear for homing, which has no collision checks")
+
+    def ask(run: TaskRun) -> None:
+        for line in (
+            f"this moves the real arm, {task.cell.unit.name}",
+            *calibration_lines(task.cell),
+            ABOUT_HOMING,
+        ):
+            console.say(line)
+        require_consent(said, FREE, console, QUESTION, "free")
+
+    with beside(task, port, console, "home", low, ask, homed=False) as run:
+        run.initialise_arm()
+        run.go_to_start(None)
+        return arrive(run, run.report())

@@ -1,0 +1,109 @@
+"""``a465 teach``: append the present pose of the arm to a list of poses."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import ExecutionStopped, FileInputError
+from arm.io.claim import Claim
+from arm.io.storage import read_json, write_atomic
+from cell.commands.manual.reading import Reading, print_reading, read_arm
+from cell.console import Console
+from cell.doctor.devices import FIRMWARE
+from cell.files.pose_list import Reading as Interpretation
+from cell.files.pose_list import read_pose_list
+from cell.files.task import cell_of
+from driver.mars.identity import identified
+from driver.mars.refusals import refuse_unhomed
+
+FRAME = "tool"
+DIGITS = 5  # of angles in deg; a count is 0.0009 deg
+
+
+def teach_step(pose_list: Path, place: Path, port: str, name: str | None, console: Console) -> dict[str, Any]:
+    """Append where the arm is to a JSON list of poses, which is created if there is none. Nothing is set or moved.
+
+    Args:
+        pose_list: the list; all that it has stays.
+        place: cell or task file.
+        port: of the controller.
+        name: of the entry; None: the next ``pose N``.
+        console: output.
+
+    Raises:
+        InputError: a file, value or port is wrong, the name is taken, or the list is no JSON.
+        ImpossibleError: the unit was not homed, or the arm is outside the limits of planning.
+        ExecutionStopped: the arm moves, or the unit does not answer.
+    """
+    cell = cell_of(place)
+    _read(pose_list, name)  # a list that cannot be extended is refused before the port is opened
+    with console.doing("asking"), identified(port, FIRMWARE) as (link, _):
+        reading = read_arm(link, cell)
+    state = reading.to_json()
+    print_reading(state, console)
+    if state["moving"]:
+        raise ExecutionStopped("the arm moves, so its pose is not taught", **state)
+    refuse_unhomed(cell.unit, reading.counts or ())
+    with Claim(f"file {pose_list.resolve()}"):  # of two at the same time, none loses the other's pose
+        content, names = _read(pose_list, name)
+        name = name or _next(names)
+        content["entries"].append(_entry(name, reading))
+        write_atomic(pose_list, _text(content))
+    count = len(content["entries"])
+    console.say(f"{pose_list}: {name!r} is entry {count - 1}, of {count}")
+    return {"list": str(pose_list), "name": name, "entries": count, "entry": content["entries"][-1]}
+
+
+def _read(file: Path, name: str | None) -> tuple[dict[str, Any], set[str]]:
+    """The content of a list as an object with entries, and the names that are taken.
+
+    Raises:
+        FileInputError: the file is no JSON list of poses, or has an entry of that name.
+    """
+    if name is not None and not name.strip():
+        raise FileInputError(file, "name", name, "must not be empty")
+    if not file.exists():
+        return {"frame": FRAME, "angles": "deg", "entries": []}, set()
+    if file.suffix.lower() in (".csv", ".npy", ".txt"):
+        raise FileInputError(file, "", None, "is no JSON: teach appends to lists in JSON only")
+    content = read_json(file)
+    listed = read_pose_list(file, Interpretation(FRAME, "deg"))  # refuses what plan-poses would
+    names = {entry.name for entry in listed.entries}
+    if name in names:
+        raise FileInputError(file, "name", name, "is in the list already; names must differ")
+    return (content if isinstance(content, dict) else {"entries": content}), names
+
+
+def _next(names: set[str]) -> str:
+    return next(name for n in range(1, len(names) + 2) if (name := f"taught {n}") not in names)
+
+
+def _entry(name: str, reading: Reading) -> dict[str, Any]:
+    """The entry of a pose: its joint angles, and a record of the tool's pose and the counters."""
+    state = reading.to_json()
+    q = reading.q()
+    return {
+        "name": name,
+        "q_deg": [round(float(d), DIGITS) + 0.0 for d in np.degrees([] if q is None else q)],
+        "taught": {
+            "T_base_tool": [[round(v, 7) + 0.0 for v in row] for row in state["T_base_tool"]],
+            "counts": state["counts"],
+            "unit": state["unit"],
+            "when": datetime.now().astimezone().isoformat(timespec="seconds"),
+        },
+    }
+
+
+def _text(content: dict[str, Any]) -> str:
+    """JSON with an entry a line."""
+    head = {key: value for key, value in content.items() if key != "entries"}
+    lines = [
+        f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)},\n" for key, value in head.items()
+    ]
+    entries = ",\n".join(f"    {json.dumps(entry, ensure_ascii=False)}" for entry in content["entries"])
+    return "{\n" + "".join(lines) + f'  "entries": [\n{entries}\n  ]\n}}\n'
