@@ -150,3 +150,25 @@ def teach(
     from cell.commands.manual.teach import teach_step
 
     console.result(teach_step(pose_list, place, port, name, console))
+
+
+@manual.command(
+    short_help="Take images with the cell's camera.",
+    help="Take images with the cell's camera as it shows the cell now, and write them to a folder. Nothing moves.",
+    epilog=examples("a465 snap scenes/cell.toml -o seen --camera name:camera-crs93"),
+)
+def snap(
+    place: _Place,
+    output: Annotated[
+        Path, Option("-o", "--output", help="Folder; images that are there stay.", metavar="FOLDER")
+    ],
+    camera: shared.LookCamera = None,
+    count: Annotated[
+        int | None, Option(help="Number of images; default: as many as for a look.", metavar="N")
+    ] = None,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("starting", as_json) as console:
+        from cell.commands.manual.snap import snap_step
+
+        console.result(snap_step(place, camera, output, count, console))

@@ -42,6 +42,7 @@ VERBS = (
     "gripper",
     "release",
     "teach",
+    "snap",
     "emulate",
     "render",
     "export",
