@@ -13,6 +13,7 @@ from arm.errors import A465Error, InputError
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
 from cell.cli.ending import fail, finish
+from cell.cli.groups import GroupedCommands
 from cell.cli.manual import manual
 from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given, refuse_swapped
 from cell.cli.tools import tools
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="a465",
+    cls=GroupedCommands,
     help="Plan, preview and execute motions of a CRS A465 arm in its cell, real or simulated.",
     rich_markup_mode=None,
     no_args_is_help=True,

@@ -96,6 +96,50 @@ def park(
 
 
 @manual.command(
+    short_help="Go to joint angles, a tool position or a taught pose, certified.",
+    help="Plan and certify a motion from where the arm is, write its preview, ask for the code that the preview shows, "
+    "and execute it. Give one goal; a tool position keeps the tool's orientation. The unit must have been homed since "
+    "it was switched on.",
+    epilog=examples(
+        "a465 move scenes/cell.toml /dev/mars --turn=10,0,0,0,0,0",
+        "a465 move scenes/cell.toml /dev/mars --by=0,0,50 --line",
+        'a465 move scenes/cell.toml /dev/mars --list poses.json --name "above the tray"',
+    ),
+)
+def move(
+    place: _Place,
+    port: _Port,
+    q: Annotated[
+        str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
+    ] = None,
+    turn: Annotated[
+        str | None, Option(help="Turn J1 to J6 by these angles in deg, from where they are.", metavar="Q")
+    ] = None,
+    to: Annotated[
+        str | None, Option(help="Position of the tool in the base frame, mm: --to=420,0,300.", metavar="XYZ")
+    ] = None,
+    by: Annotated[
+        str | None, Option(help="Shift the tool along the axes of the base frame, mm.", metavar="XYZ")
+    ] = None,
+    along: Annotated[str | None, Option(help="Shift the tool along its own axes, mm.", metavar="XYZ")] = None,
+    list_: Annotated[
+        Path | None, Option("--list", help="List of poses, as of a465 teach; needs --name.", metavar="LIST")
+    ] = None,
+    name: Annotated[str | None, Option(help="Pose of the list.")] = None,
+    line: Annotated[bool, Option("--line", help="Lead the tool on a straight line to its position.")] = False,
+    look: _Look = None,
+    speed: _Speed = None,
+    unseen: _Unseen = False,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("starting", as_json) as console:
+        from cell.commands.manual.move import move_step, read_goal
+
+        goal = read_goal({"q": q, "turn": turn, "to": to, "by": by, "along": along}, list_, name, line)
+    console.result(move_step(goal, place, port, look, speed, unseen, console))
+
+
+@manual.command(
     short_help="Open or close the jaws, or bring them to a width.",
     help="Open or close the jaws, or bring them to a width, where the arm stands. No joint is commanded to move. It "
     "asks first; the unit must have been homed since it was switched on.",

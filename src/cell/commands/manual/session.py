@@ -163,9 +163,15 @@ def plan_to(run: TaskRun, q: Array, look: Path | None) -> Plan | None:
         InputError: the look is wrong.
         ImpossibleError: there is no such motion; without a look, because the zone for boards counts as occupied.
     """
+    with explaining_zone(run, look), run.console.doing("planning"):
+        return plan_motion(run.task, scene_now(run, look), q_now(run), q, run.speed)
+
+
+@contextmanager
+def explaining_zone(run: TaskRun, look: Path | None) -> Iterator[None]:
+    """Add to a refusal without a look that the zone for boards counts as occupied, if it is too near."""
     try:
-        with run.console.doing("planning"):
-            return plan_motion(run.task, scene_now(run, look), q_now(run), q, run.speed)
+        yield
     except ImpossibleError as error:
         if look is not None or "pair" not in error.data or run.task.cell.zone.name not in error.data["pair"]:
             raise

@@ -1,0 +1,172 @@
+"""``a465 move``: a certified motion from where the arm is to joint angles, a tool position, or a pose of a list.
+
+The goal becomes a list of one pose in the run folder, and is planned as `a465 plan-poses` plans it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm.errors import FileInputError, InputError
+from arm.io.storage import write_atomic
+from arm.numerics.products import mul
+from arm.plan_file import Plan
+from arm.se3 import Array
+from cell.accuracy.clearances import erring_clearances
+from cell.commands.manual.session import (
+    UNSEEN,
+    arrive,
+    beside,
+    explaining_zone,
+    manual_speed,
+    q_now,
+    require_person,
+    require_seen,
+    scene_now,
+)
+from cell.config.cell import Cell
+from cell.console import Console
+from cell.files.pose_list import PoseList, Reading, read_pose_list
+from cell.files.task import read_place
+from cell.session.homed import home_or_check
+from cell.task.pose_list_planning import place_of_cell, plan_pose_list
+from cell.task.run import TaskRun
+
+GOALS = {"q": 6, "turn": 6, "to": 3, "by": 3, "along": 3}  # number of values of each kind of goal
+TOOL = ("to", "by", "along")
+NAME = "the goal"
+POSES = "poses.json"
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where to go.
+
+    Attributes:
+        kind: of `GOALS`, or ``list``.
+        values: deg for ``q`` (absolute) and ``turn`` (relative); mm for ``to`` (the tool's position in the base frame),
+            ``by`` (relative, along the axes of the base frame) and ``along`` (relative, along those of the tool).
+        line: whether the tool moves on a straight line.
+        poses: list of poses, for ``list``.
+        name: of the entry in it.
+    """
+
+    kind: str
+    values: tuple[float, ...] = ()
+    line: bool = False
+    poses: Path | None = None
+    name: str | None = None
+
+
+def read_goal(given: Mapping[str, str | None], poses: Path | None, name: str | None, line: bool) -> Goal:
+    """Return the goal from the options of the command.
+
+    Args:
+        given: texts of the options that `GOALS` names.
+        poses: list of poses.
+        name: of its entry.
+        line: whether the tool moves on a straight line.
+
+    Raises:
+        InputError: there is not exactly one goal, or it is wrong.
+    """
+    chosen = [kind for kind, text in given.items() if text is not None] + (
+        ["list"] if poses is not None else []
+    )
+    if len(chosen) != 1:
+        options = ", ".join(f"--{kind}" for kind in (*GOALS, "list"))
+        found = ", ".join(f"--{kind}" for kind in chosen) or "none"
+        raise InputError(f"move: give one goal of {options}; given: {found}", given=chosen)
+    kind = chosen[0]
+    if (name is None) != (kind != "list"):
+        raise InputError("move: --list LIST and --name NAME go together", option="--name")
+    if line and kind not in TOOL:
+        raise InputError("--line needs a tool position: --to, --by or --along", option="--line")
+    if kind == "list":
+        return Goal(kind, poses=poses, name=name)
+    text = given[kind] or ""
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != GOALS[kind] or not all(map(math.isfinite, values)):
+        what = "J1 to J6 in deg" if GOALS[kind] == 6 else "x, y, z in mm"
+        why = f"--{kind}={text}: must be {GOALS[kind]} numbers separated by commas, {what}"
+        raise InputError(why, option=f"--{kind}", value=text)
+    return Goal(kind, values, line)
+
+
+def goal_entry(goal: Goal, cell: Cell, q: Array) -> dict[str, Any]:
+    """Return a goal that is no entry of a list as one, for an arm at `q` (6,) rad."""
+    values = np.array(goal.values)
+    if goal.kind in ("q", "turn"):
+        q_deg = values if goal.kind == "q" else np.degrees(q) + values
+        return {"name": NAME, "q_deg": q_deg.tolist()}
+    T = cell.robot().T_base_tool(q).copy()
+    if goal.kind == "to":
+        T[:3, 3] = 1e-3 * values
+    else:
+        T[:3, 3] += 1e-3 * (values if goal.kind == "by" else mul(T[:3, :3], values))
+    return {"name": NAME, "T_base_tool": T.tolist(), **({"by": "line"} if goal.line else {})}
+
+
+def move_step(
+    goal: Goal, place: Path, port: str, look: Path | None, speed: float | None, unseen: bool, console: Console
+) -> dict[str, Any]:
+    """Plan a motion from where the arm is to a goal, write its preview, ask for its code, and execute it.
+
+    Args:
+        goal: where to go.
+        place, port, look, speed, unseen, console: see `cell.commands.manual.park.park_step`.
+
+    Raises:
+        InputError: a file, value or port is wrong, or the code was not typed; nothing moved.
+        ImpossibleError: the unit was not homed, the arm may not move, or there is no certified motion; nothing moved.
+        ExecutionStopped: motion stopped; the state is in the error's data.
+    """
+    task = read_place(place)
+    cell, low = task.cell, manual_speed(task.cell, speed)
+    require_person(unseen, UNSEEN, "that the arm may move")
+    listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")
+    plans: list[Plan] = []
+
+    def plan_and_ask(run: TaskRun) -> None:
+        q, around = q_now(run), scene_now(run, look)
+        poses = listed
+        if poses is None:
+            file = run.folder / POSES
+            write_atomic(file, json.dumps({"entries": [goal_entry(goal, cell, q)]}) + "\n")
+            poses = read_pose_list(file)
+        here = replace(place_of_cell(task, None, low), scene=around, q_start=q)
+        with explaining_zone(run, look), console.doing("planning"):
+            plans.append(plan_pose_list(here, poses, back=False))
+            if around.robot_open.digest == cell.robot().digest:
+                erring_clearances(cell, plans[0])
+        require_seen(run, plans[0], unseen)
+
+    with beside(task, port, console, "move", low, plan_and_ask) as run:
+        home_or_check(run.connection.mars, cell, console, True, jaws_too=False)
+        run.homed = True
+        run.follow_through(plans[0])
+        return arrive(run, run.report())
+
+
+def _entry_of(file: Path, name: str) -> PoseList:
+    """The entry of a list as a list of its own: the pose alone, without what is done there.
+
+    Raises:
+        FileInputError: the list is wrong, or has no pose of that name.
+    """
+    listed = read_pose_list(file, Reading("tool", "deg"))
+    found = [e for e in listed.entries if e.name == name and (e.q is not None or e.T is not None)]
+    if not found:
+        names = ", ".join(repr(e.name) for e in listed.entries if e.q is not None or e.T is not None)
+        raise FileInputError(file, "name", name, f"is no pose of the list; must be one of {names}")
+    return PoseList(file, (replace(found[0], jaws=None, dwell_s=0.0, retract=0.0, within=0.0),))
