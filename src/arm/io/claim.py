@@ -123,22 +123,31 @@ def holder_of(what: str) -> Holder | None:
     if handle < 0:
         return None
     try:
-        before = b""
         for _ in _until(time.monotonic() + WAIT_S):
             if _locked(handle, fcntl.LOCK_SH):
                 return None
-            now = os.pread(handle, _LONGEST, 0)
             with contextlib.suppress(ValueError, TypeError, OSError):
-                if (
-                    now == before
-                ):  # else it may be that of a killed program, which a new one is about to replace
-                    holder = Holder(**json.loads(now))
-                    os.kill(holder.pid, 0)  # raises ProcessLookupError
+                holder = Holder(**json.loads(os.pread(handle, _LONGEST, 0)))
+                # else it was killed and a new one is about to write its name, or its ID is of another container
+                if _has_open(holder.pid, handle):
                     return holder
-            before = now
         return None
     finally:
         os.close(handle)
+
+
+def _has_open(pid: int, handle: int) -> bool:
+    """Whether a process has the file of a handle open.
+
+    Raises:
+        OSError: there is no such process of this user.
+    """
+    wanted = os.fstat(handle)
+    for name in os.listdir(f"/proc/{pid}/fd"):
+        with contextlib.suppress(OSError):  # closed meanwhile
+            if os.path.samestat(os.stat(f"/proc/{pid}/fd/{name}"), wanted):
+                return True
+    return False
 
 
 def _until(over: float) -> Iterator[None]:

@@ -70,10 +70,11 @@ def test_what_a_dead_program_left_is_not_taken_for_the_one_that_begins(
     monkeypatch.setattr(arm.io.claim, "WAIT_S", 0.1)
     with subprocess.Popen([sys.executable, "-c", "pass"]) as dead:
         pass
-    with Claim("port P"):
-        (file,) = folder.iterdir()
-        file.write_text(file.read_text().replace(f'"pid": {os.getpid()}', f'"pid": {dead.pid}'))
-        assert holder_of("port P") is None
+    for pid in (dead.pid, os.getppid()):  # or what another container calls by that number
+        with Claim("port P"):
+            (file,) = folder.iterdir()
+            file.write_text(file.read_text().replace(f'"pid": {os.getpid()}', f'"pid": {pid}'))
+            assert holder_of("port P") is None
 
 
 def test_a_reader_does_not_keep_a_claim_from_being_made() -> None:
