@@ -75,19 +75,20 @@ class Claim:
     Args:
         what: what is claimed; two names of the same thing must be made equal first.
         log: wire log of this program.
+        wait_s: wall time to wait for the holder of another claim to let go.
 
     Raises:
         Claimed: another claim on it holds.
     """
 
-    def __init__(self, what: str, log: Path | None = None) -> None:
+    def __init__(self, what: str, log: Path | None = None, wait_s: float = 0.0) -> None:
         self._handle = _open(what, os.O_RDWR | os.O_CREAT)
         if self._handle < 0:
             return
-        over = time.monotonic() + WAIT_S
+        begun = time.monotonic()
         while not _locked(self._handle, fcntl.LOCK_EX):
             holder = holder_of(what)
-            if holder is not None or time.monotonic() > over:
+            if time.monotonic() > begun + max(wait_s, 0.0 if holder is not None else WAIT_S):
                 os.close(self._handle)
                 raise Claimed(what, holder)
             time.sleep(_POLL_S)

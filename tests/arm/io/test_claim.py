@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -97,6 +98,23 @@ def test_a_reader_does_not_keep_a_claim_from_being_made() -> None:
     for thread in threads:
         thread.join()
     assert wrong == []
+
+
+def test_a_claim_waits_for_a_reader_that_holds_the_lock(folder: Path) -> None:
+    Claim("port P").release()
+    (file,) = folder.iterdir()
+    reader = os.open(file, os.O_RDONLY)
+    fcntl.flock(reader, fcntl.LOCK_SH)
+    threading.Timer(0.1, os.close, [reader]).start()
+    with Claim("port P"):
+        pass
+
+
+def test_a_claim_may_wait_for_another() -> None:
+    first = Claim("port P")
+    threading.Timer(0.1, first.release).start()
+    with Claim("port P", wait_s=30.0):
+        pass
 
 
 def test_no_password_is_written(monkeypatch: pytest.MonkeyPatch) -> None:

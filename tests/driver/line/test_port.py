@@ -16,6 +16,7 @@ from arm.errors import InputError
 from driver.emulator import Emulator
 from driver.line.clock import Clock
 from driver.line.link import Link, LinkLost
+from driver.line.port import port_holder
 from driver.line.wire_log import WireLog
 from wire.whole_line import send_many
 
@@ -46,8 +47,12 @@ def test_two_programs_on_one_port(unit: Unit, tmp_path: Path) -> None:
         other_name.symlink_to(url)
         with pytest.raises(InputError, match="in use by another program"):
             Link(str(other_name), emulator.clock)
+        holder = port_holder(str(other_name))
+        assert holder is not None
+        assert holder.pid == os.getpid()
         link.synchronise()  # the first is not disturbed
         link.close()
+        assert port_holder(url) is None
 
 
 def test_a_unit_that_takes_no_bytes_is_an_error_not_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:

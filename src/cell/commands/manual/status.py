@@ -18,7 +18,6 @@ from cell.commands.manual.reading import BY_CELL, BY_LOG, Reading, print_reading
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.doctor.devices import FIRMWARE
-from driver.line.port import port_holder
 from driver.log.latest import Latest, read_latest
 from driver.mars.identity import identified
 
@@ -31,15 +30,12 @@ def status_step(port: str, cell_file: Path | None, console: Console) -> dict[str
         ExecutionStopped: the unit stops answering.
     """
     cell = read_cell_of(cell_file)
-    holder = port_holder(port)
-    if holder is None:
-        try:
-            return _asked(port, cell, console)
-        except Claimed as error:  # just now
-            holder = error.holder
-            if holder is None:
-                raise
-    return _told_by(holder, port, cell, console)
+    try:
+        return _asked(port, cell, console)
+    except Claimed as error:
+        if error.holder is None:
+            raise
+        return _told_by(error.holder, port, cell, console)
 
 
 def _asked(port: str, cell: Cell | None, console: Console) -> dict[str, Any]:

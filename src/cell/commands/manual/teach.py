@@ -22,6 +22,7 @@ from driver.mars.identity import identified
 from driver.mars.refusals import refuse_unhomed
 
 FRAME = "tool"
+OTHERS_S = 5.0  # wall time for another that writes the same list
 DIGITS = 5  # of angles in deg; a count is 0.0009 deg
 
 
@@ -49,7 +50,9 @@ def teach_step(pose_list: Path, place: Path, port: str, name: str | None, consol
     if state["moving"]:
         raise ExecutionStopped("the arm moves, so its pose is not taught", **state)
     refuse_unhomed(cell.unit, reading.counts or ())
-    with Claim(f"file {pose_list.resolve()}"):  # of two at the same time, none loses the other's pose
+    with Claim(
+        f"file {pose_list.resolve()}", wait_s=OTHERS_S
+    ):  # of two at the same time, none loses the other's pose
         content, names = _read(pose_list, name)
         name = name or _next(names)
         content["entries"].append(_entry(name, reading))

@@ -13,6 +13,7 @@ from cell.doctor.devices import FIRMWARE
 from driver.line.protocol import ARM_POWER_OFF, AXIS_ERROR, BUSY, Status
 from driver.mars.identity import identified
 from emulated.on_pty import lines_to, on_pty
+from emulated.stepped_cell import push_to
 from typed.heard import Heard
 
 UNIT = load_unit("crs93")
@@ -62,6 +63,19 @@ def test_an_arm_whose_counters_change_moves(tmp_path: Path) -> None:
         emulator.machine.run_axis("A", 5.0)
         assert read_arm(link).to_json()["moving"] is True
     assert not any(line.startswith(("STOP", "PURGE")) for line in lines_to(log))
+
+
+def test_an_arm_that_is_pushed_moves_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing generates motion then, so the status does not tell."""
+    with (
+        on_pty(UNIT, tmp_path / "unit.jsonl", homed_deg=(0, 0, -45, 0, -45, 0)) as (emulator, port),
+        identified(port, FIRMWARE) as (link, _),
+    ):
+        monkeypatch.setattr(link, "wait", lambda _: push_to(emulator, np.add(emulator.counts(), 10)))
+        reading = read_arm(link)
+    assert reading.status is not None
+    assert not reading.status.busy
+    assert reading.to_json()["moving"] is True
 
 
 def test_a_unit_whose_gripper_does_not_answer_is_not_guessed() -> None:

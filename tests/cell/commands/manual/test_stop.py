@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from driver.line.clock import Clock
 from driver.mars.mars import Mars
 from emulated.on_pty import lines_to, names_to, on_pty
 from typed.command_line import a465
+
+from .conftest import CELL
 
 MOVES = """
 import sys
@@ -52,12 +55,17 @@ def port(tmp_path: Path) -> Iterator[tuple[Emulator, str]]:
         yield served
 
 
-def _other(code: str, *arguments: str) -> subprocess.Popen[str]:
+@contextmanager
+def _other(code: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Another program, which is killed at the end if it is still there."""
     command = [sys.executable, "-c", code, *arguments]
-    other = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert other.stdout is not None
-    assert other.stdout.readline()
-    return other
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as other:
+        try:
+            assert other.stdout is not None
+            assert other.stdout.readline()
+            yield other
+        finally:
+            other.kill()
 
 
 @pytest.mark.slow
@@ -123,7 +131,6 @@ def test_a_program_that_does_not_let_go_is_told(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(cell.commands.manual.stop, "ENDS_S", 0.3)
     with on_pty(load_unit("crs93"), tmp_path / "unit.jsonl") as (_, name), _other(DEAF, name) as other:
         _, told = a465("stop", name, code=4, cwd=tmp_path)
-        other.kill()
     assert f"process {other.pid}" in told
     assert "still has the port after 0.3 s: press the emergency stop if the arm moves" in told
     assert names_to(tmp_path / "unit.jsonl") == set()
@@ -142,3 +149,27 @@ def test_an_arm_that_does_not_come_to_rest_is_told(
     monkeypatch.setattr(cell.commands.manual.stop, "bring_to_rest", unsure)
     _, told = a465("stop", port[1], code=4, cwd=tmp_path)
     assert "THE ARM MAY STILL BE MOVING (no answer): press the emergency stop" in told
+
+
+@pytest.mark.slow
+def test_a_command_of_a465_that_moves_the_arm_ends_with_4(port: tuple[Emulator, str], tmp_path: Path) -> None:
+    move = "import sys; from cell.cli.start import main; print('begins', flush=True); main()"
+    options = ("--turn=80,0,0,0,0,0", "--unseen")
+    with _other(move, "move", str(CELL), port[1], *options) as other:
+        over = time.monotonic() + 120.0
+        while not any(line.startswith("COORDSPLINET") for line in lines_to(tmp_path / "unit.jsonl")[-30:]):
+            assert time.monotonic() < over
+            assert other.poll() is None
+            time.sleep(0.1)
+        state = json.loads(a465("status", port[1], "--json", cwd=tmp_path)[0])
+        assert state["held_by"]["pid"] == other.pid
+        assert state["held_by"]["folder"] == str(tmp_path / "runs/move-1")
+        assert state["unit"] == "crs93"
+        assert state["q_deg"] is not None
+        said, _ = a465("stop", port[1], "--json", cwd=tmp_path)
+        assert other.wait(120) == 4
+        assert other.stderr is not None
+        assert "interrupted" in other.stderr.read()
+    told = json.loads(said)
+    assert told["moving"] is False
+    assert told["interrupted"]["log"] == str(tmp_path / "runs/move-1/wire.jsonl")

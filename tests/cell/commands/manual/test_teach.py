@@ -112,18 +112,22 @@ def test_a_moving_arm_is_not_taught(port: tuple[Emulator, str]) -> None:
 
 
 def test_two_at_the_same_time_lose_nothing(
-    here: Cell, port: tuple[Emulator, str], monkeypatch: pytest.MonkeyPatch
+    port: tuple[Emulator, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The list grows between the first reading and the writing."""
-    plain, file = cell.commands.manual.teach.read_arm, Path("poses.json")
+    """Another writes the list while this one would."""
+    plain, file = cell.commands.manual.teach.read_arm, Path("poses.json").absolute()
+    other = Claim(f"file {file}")
 
-    def meanwhile(*arguments: object) -> object:
+    def writes() -> None:
         file.write_text('{"entries": [{"name": "taught 1", "q_deg": [0, 0, 0, 0, 0, 0]}]}')
-        return plain(*arguments)  # type: ignore[arg-type]
+        other.release()
 
-    monkeypatch.setattr(cell.commands.manual.teach, "read_arm", meanwhile)
-    with Claim(f"file {file.resolve()}") as other:
-        threading.Timer(0.2, other.release).start()
-        teach_step(file, CELL, port[1], None, Heard())
+    def asked_meanwhile(*arguments: object) -> object:
+        found = plain(*arguments)  # type: ignore[arg-type]
+        threading.Timer(0.3, writes).start()
+        return found
+
+    monkeypatch.setattr(cell.commands.manual.teach, "read_arm", asked_meanwhile)
+    teach_step(file, CELL, port[1], None, Heard())
     names = [entry["name"] for entry in json.loads(file.read_text())["entries"]]
     assert names == ["taught 1", "taught 2"]
