@@ -92,11 +92,13 @@ def test_a_reader_does_not_keep_a_claim_from_being_made() -> None:
     for thread in threads:
         thread.start()
     over = time.monotonic() + 0.3
-    while time.monotonic() < over:
-        Claim("port P").release()
-    stop.set()
-    for thread in threads:
-        thread.join()
+    try:
+        while time.monotonic() < over:
+            Claim("port P").release()
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
     assert wrong == []
 
 
