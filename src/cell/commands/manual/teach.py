@@ -50,9 +50,8 @@ def teach_step(pose_list: Path, place: Path, port: str, name: str | None, consol
     if state["moving"]:
         raise ExecutionStopped("the arm moves, so its pose is not taught", **state)
     refuse_unhomed(cell.unit, reading.counts or ())
-    with Claim(
-        f"file {pose_list.resolve()}", wait_s=OTHERS_S
-    ):  # of two at the same time, none loses the other's pose
+    # of two at the same time, none loses the other's pose
+    with Claim(f"file {pose_list.resolve()}", wait_s=OTHERS_S):
         content, names = _read(pose_list, name)
         name = name or _next(names)
         content["entries"].append(_entry(name, reading))
