@@ -8,8 +8,8 @@ from typer.core import TyperGroup
 
 GROUPS = {
     "Set up": ("new-cell", "doctor", "calibrate"),
-    "See": ("look", "snap", "status"),
-    "Plan": ("reach", "plan", "plan-poses", "check", "preview", "teach"),
+    "See": ("look", "snap", "status", "view", "compare"),
+    "Plan": ("reach", "plan", "plan-poses", "check", "preview", "certify", "teach"),
     "Move": ("run", "execute", "home", "park", "move", "gripper", "release", "stop"),
     "Tools": ("emulate", "render", "report", "export"),
 }
