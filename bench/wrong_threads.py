@@ -78,6 +78,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--wrong", type=int, default=500, help="wrong motions of each half")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kinds", nargs="*", help="only these kinds, as the table names them")
     asked = parser.parse_args()
     begin = time.process_time()
     every = [right_motion(read_program(SCENES / f"{wire}.toml")) for wire in "abcde"]
@@ -108,6 +109,8 @@ def main() -> None:
     others: dict[str, Maker] = {**OTHERS, "another wire's": of_another_wire, UNSTATED: over_the_end}
     for half in ({OVER: over_the_end}, others):
         for number, (kind, make) in enumerate(half.items()):
+            if asked.kinds and kind not in asked.kinds:
+                continue
             wanted = asked.wrong // len(half) + (number < asked.wrong % len(half))
             tally = tallies.setdefault(kind, Tally())
             while tally.counts["wrong"] < wanted:
