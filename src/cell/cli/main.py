@@ -255,7 +255,10 @@ def check(
     ],
     task: Annotated[
         Path | None,
-        Argument(help="Task or cell file of the plan; none for an arm without a unit.", metavar="TASK"),
+        Argument(
+            help="Task or cell file of the plan; default: found near it. None for an arm without a unit.",
+            metavar="TASK",
+        ),
     ] = None,
     q: Annotated[
         str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
@@ -287,7 +290,8 @@ def preview(
     task: Annotated[
         Path | None,
         Argument(
-            help="Task or cell file of the plan; none for a log, or an arm without a unit.", metavar="TASK"
+            help="Task or cell file of the plan; default: found near it. None for a log, or an arm without a unit.",
+            metavar="TASK",
         ),
     ] = None,
     output: shared.Output = None,
@@ -313,7 +317,7 @@ def preview(
 def execute(
     context: typer.Context,
     plan: shared.PlanFile,
-    task: shared.ProgramFile,
+    task: shared.PlannedTask = None,
     port: shared.Port = None,
     world: shared.WorldFile = None,
     images: shared.Images = None,
@@ -349,6 +353,12 @@ def execute(
         from cell.session.connection import WhichCell
         from cell.task.approval import Approval
         from cell.task.free_cell import FreeCell
+
+        if task is None:
+            from cell.program.find_task import task_of_plan_file
+
+            task = task_of_plan_file(plan)
+            console.say(f"task: {task}")
 
     confirm = None
     if port is not None:

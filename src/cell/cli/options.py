@@ -22,6 +22,13 @@ ProgramFile = Annotated[
     Path,
     Argument(help="Task or program file, such as scenes/task2.toml or scenes/hoop/b.toml.", metavar="TASK"),
 ]
+PlannedTask = Annotated[
+    Path | None,
+    Argument(
+        help="Task, program or cell file of the plan; default: the one near it that it was made for.",
+        metavar="TASK",
+    ),
+]
 LookFile = Annotated[Path, Option(help="File of detected boards, as written by a465 look.")]
 _JSON = "Print one JSON object on standard output, the rest on standard error."
 Json = Annotated[bool, Option("--json", help=_JSON)]

@@ -34,6 +34,7 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from cell.commands.second_opinion import second_opinion
     from cell.export.scene import arm_of_plan
     from cell.files.task import Task
+    from cell.program.find_task import task_or_none
     from cell.program.program_file import place_of_file
     from cell.scene.options import options_of
     from cell.task.plan_matches import check_plan, replayed_to_json
@@ -43,15 +44,18 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from plan.verify import replay
 
     plan = read_plan(plan_file)
-    place = None if task_file is None else place_of_file(task_file)
+    found = task_or_none(plan_file, plan, task_file)
+    place = None if found is None else place_of_file(found)
     if plan.unit == NO_UNIT:
         arm = arm_of_plan(plan_file, plan, place)
         result = replayed_to_json(plan, replay(plan, arm.scene(plan), arm.unit, arm.limits))
         robot, unit, limits, options = arm.robot_open, arm.unit, arm.limits, stated_options(plan_file, plan)
     elif not isinstance(place, Task):
-        why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 check {plan_file} TASK"
+        why = f"{plan_file} is a plan of {plan.unit}, and {found} is an arm file; give its task or cell file"
         raise InputError(why, file=str(plan_file))
     else:
+        if task_file is None:
+            console.say(f"task: {found}")
         result = check_plan(place, plan)
         cell = place.cell
         robot, unit, limits, options = cell.robot(), cell.unit, cell.limits, options_of(place, plan.speed)

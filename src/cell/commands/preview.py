@@ -44,17 +44,19 @@ def _preview_plan(
     from cell.files.task import Task
     from cell.preview.of_plan import write_page
     from cell.preview.page import write_preview
+    from cell.program.find_task import task_or_none
     from cell.program.program_file import place_of_file
     from cell.task.plan_matches import require_match
     from plan.trajectory.virtual_unit import NO_UNIT
 
     plan, warning = read_plan(plan_file), None
-    task = None if task_file is None else place_of_file(task_file)
+    found = task_or_none(plan_file, plan, task_file)
+    task = None if found is None else place_of_file(found)
     if plan.unit == NO_UNIT:
         arm = arm_of_plan(plan_file, plan, task)
         write_preview(plan, arm.robot_open, arm.robot_holding, arm.unit, output)
     elif not isinstance(task, Task):
-        why = f"{plan_file} is a plan of {plan.unit}; give its task or cell file too: a465 preview {plan_file} TASK"
+        why = f"{plan_file} is a plan of {plan.unit}, and {found} is an arm file; give its task or cell file"
         raise InputError(why, file=str(plan_file))
     else:
         try:
@@ -66,6 +68,8 @@ def _preview_plan(
         known = look is not None and ErrorModel.available(task.cell)
         seen = read_observation(look, task.cell.boards) if look is not None else None
         write_page(task, plan, output, plan_budgets(task.cell, seen, plan) if known and seen else ())
+    if found is not None and task_file is None:
+        console.say(f"task: {found}")
     if warning is not None:
         console.say(f"WARNING: {warning}; the page shows it in the present cell, but execute would refuse it")
     console.say(f"open {output} in a browser")

@@ -137,7 +137,7 @@ def test_what_is_missing_is_told_by_file_key_and_value(six: Path, tmp_path: Path
     replace_in(file, '"unit":"none"', '"unit":"crs93"')
     for verb in ("check", "preview"):
         _, told = a465(verb, file, code=2)
-        assert f"plan.json is a plan of crs93; give its task or cell file too: a465 {verb}" in told
+        assert "plan.json: task.name: must be the name of a task; give its task file too" in told
     replace_in(file, '"unit":"crs93"', '"unit":"none"')
     replace_in(file, '"arm":', '"robot":')
     for verb in ("check", "preview", "export"):
