@@ -73,10 +73,10 @@ def test_a_file_of_that_name_with_other_values_is_not_taken(here: Path) -> None:
 
 
 def test_hidden_folders_and_links_are_left_out(here: Path, tmp_path: Path) -> None:
-    (here / "short.toml").rename(tmp_path / "short.toml")
+    shutil.copytree(here, tmp_path / "away")
     shutil.copytree(here, here / ".kept")
-    shutil.copy(tmp_path / "short.toml", here / ".kept")
-    (here / "link").symlink_to(tmp_path)
+    (here / "short.toml").unlink()
+    (here / "link").symlink_to(tmp_path / "away")
     with pytest.raises(InputError, match=r"there is no short\.toml here"):
         task_of_plan_file(Path("plan.json"))
 
