@@ -19,7 +19,17 @@ from cell.config.cell import Cell
 from cell.console import Console
 from cell.export.scene import surroundings_of_file
 from cell.files.observation import read_observation
-from cell.foreign.judge import CLEAR, REFUTED, UNDECIDED, Asked, Peaks, certified, peaks_of, refusal_of
+from cell.foreign.judge import (
+    CLEAR,
+    REFUTED,
+    UNDECIDED,
+    Asked,
+    Peaks,
+    certified,
+    first_lost,
+    peaks_of,
+    refusal_of,
+)
 from cell.foreign.sendable import plan_of_trajectory, shown_plan
 from cell.foreign.trajectory_file import JointTrajectory, read_trajectory
 from cell.program.program_file import ProgramTask, place_of_file
@@ -27,6 +37,7 @@ from cell.session.speed import planning_speed
 from cell.task.pose_list_planning import ListPlace, place_of_arm, place_of_cell
 from plan.collision.certificate import ClearanceCertificate
 from plan.collision.world import World
+from plan.trajectory.virtual_unit import is_virtual
 
 MOST_CLEARANCE = 1.0  # m
 
@@ -71,6 +82,8 @@ def certify_step(
     """
     for written in filter(None, (output, page)):
         keep_apart(written, trajectory_file, place_file, look)
+    if output is not None and page is not None and output.resolve() == page.resolve():
+        raise InputError(f"--output and --page are the same file, {output}; must be two", option="--page")
     if clearance is not None and not 0.0 <= clearance <= MOST_CLEARANCE:
         rule = f"must be from 0 to {1e3 * MOST_CLEARANCE:g} mm"
         raise InputError(f"--clearance-mm = {shown(1e3 * clearance)}: {rule}", option="--clearance-mm")
@@ -81,9 +94,18 @@ def certify_step(
         raise InputError(why, option=option)
     trajectory = read_trajectory(trajectory_file, place.robot.joint_names)
     peaks = peaks_of(trajectory, place.limits)
+    if output is not None and trajectory.velocity is None:
+        why = f"--output needs points with velocities, which {trajectory_file} lacks: the arm would stop at corners"
+        raise InputError(why, option="--output")
     check = certified(place.world, trajectory.curve, place.asked.clearance)
+    if check.seen < place.asked.clearance:
+        check = first_lost(place.world, trajectory, place.asked.clearance, check)
     _print(trajectory, place, peaks, check, console)
     refusal = refusal_of(trajectory_file, place.robot.joint_names, place.asked, peaks, check)
+    plan = None
+    if output is not None and refusal is None and place.sendable is not None:
+        plan = plan_of_trajectory(trajectory_file, trajectory, place.sendable, place.asked.clearance)
+        write_plan(output, plan)
     if page is not None:
         _write_page(page, trajectory_file, trajectory, place, check, refusal)
         console.say(f"open {page} in a browser")
@@ -105,13 +127,11 @@ def certify_step(
         "closest": list(check.pair),
         "closest_at_s": check.time,
         "velocity_share": [float(v) for v in peaks.velocity],
-        "acceleration_share": None if trajectory.velocity is None else [float(v) for v in peaks.acceleration],
+        "acceleration_share": None if peaks.acceleration is None else [float(v) for v in peaks.acceleration],
         "plan": None,
         "page": None if page is None else str(page),
     }
-    if output is not None and place.sendable is not None:
-        plan = plan_of_trajectory(trajectory_file, trajectory, place.sendable, place.asked.clearance)
-        write_plan(output, plan)
+    if plan is not None and place.sendable is not None:
         console.say(f"plan {plan.sha256[:12]} written to {output}")
         away = np.abs(trajectory.q[0] - place.sendable.q_start).max()
         if away > 1.0 / np.abs(place.sendable.unit.counts_per_rad).min():
@@ -131,7 +151,7 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
                 f"--speed does not go with a scene file ({file}), which has no speed", option="--speed"
             )
         world = World(found.robot, found.bodies, found.held, found.T_tool_held, found.allowed, found.padding)
-        return _Place(world, found.robot, found.limits, Asked(clearance or 0.0, 1.0), None)
+        return _Place(world, found.robot, found.limits, Asked(clearance or 0.0, 1.0, True), None)
     place = place_of_file(file)
     asked = planning_speed(place if isinstance(place, ArmFile) else place.cell, speed)
     world = World(found.robot, found.bodies)
@@ -144,7 +164,14 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
     sendable = None if isinstance(place, ProgramTask) else listed
     least = required if clearance is None else clearance
     cell = None if isinstance(place, ArmFile) else place.cell
-    return _Place(world, found.robot, found.limits.scaled(asked), Asked(least, asked), sendable, cell)
+    return _Place(
+        world,
+        found.robot,
+        found.limits.scaled(asked),
+        Asked(least, asked, not is_virtual(listed.unit)),
+        sendable,
+        cell,
+    )
 
 
 def _print(
@@ -155,12 +182,12 @@ def _print(
         (
             name,
             100.0 * peaks.velocity[k],
-            None if lines else 100.0 * peaks.acceleration[k],
+            None if peaks.acceleration is None else 100.0 * peaks.acceleration[k],
             float(peaks.beyond[k]) <= 0.0,
         )
         for k, name in enumerate(place.robot.joint_names)
     ]
-    console.table(("joint", "% of velocity", "% of acceleration", "within limits"), rows)
+    console.table(("joint", "% of velocity", "% of acceleration", "positions within limits"), rows)
     between = "straight lines" if lines else "cubics"
     console.say(f"{len(trajectory.times)} points, {between} between them, {trajectory.duration:.2f} s")
     if lines:

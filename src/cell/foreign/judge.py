@@ -23,6 +23,8 @@ from plan.trajectory.extremes import cubic_peaks
 CLEAR, REFUTED, UNDECIDED, BEYOND = VERDICTS = ("clear", "refuted", "undecided", "beyond limits")
 PARTS = 8  # into which what is not decided at once is cut
 SLACK = 1e-9  # of limits, relative
+SCAN, MOST_SCANNED = 0.02, 1000  # rad or m, and number of samples
+MOMENT_S = 5e-4
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,12 @@ class Asked:
     Attributes:
         clearance: m.
         speed: allowed fraction of the limits.
+        in_deg: whether joints are told in deg; if not, in rad, m where a joint slides.
     """
 
     clearance: float
     speed: float
+    in_deg: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +47,12 @@ class Peaks:
     """Largest shares of the limits that a trajectory needs, each (n,); 1 is the limit.
 
     Attributes:
-        velocity, acceleration: of each joint; acceleration NaN where joints move on straight lines with corners.
+        velocity, acceleration: of each joint; acceleration None if joints move on straight lines with corners.
         beyond: by how much positions are beyond their limits, rad (m); at most 0 if they are not.
     """
 
     velocity: Array
-    acceleration: Array
+    acceleration: Array | None
     beyond: Array
 
 
@@ -58,9 +62,7 @@ def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
     low, high = trajectory.q[:-1] + cubic_position_range(a)
     velocity, acceleration, _ = cubic_peaks(a, lasts)
     beyond = np.maximum(limits.lower - low.min(axis=0), high.max(axis=0) - limits.upper)
-    push = acceleration.max(axis=0) / limits.acceleration
-    if trajectory.velocity is None:
-        push = np.full_like(push, np.nan)
+    push = None if trajectory.velocity is None else acceleration.max(axis=0) / limits.acceleration
     return Peaks(velocity.max(axis=0) / limits.velocity, push, beyond)
 
 
@@ -113,28 +115,29 @@ def refusal_of(
         asked: what is required.
         peaks, check: what was found.
     """
+    also = _clearance_words(check, asked)
     if (peaks.beyond > SLACK).any():
         joint = int(peaks.beyond.argmax())
-        why = f"{file}: {joints[joint]} is beyond its position limits by {peaks.beyond[joint]:.3g} rad (m)"
-        return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=float(peaks.beyond[joint]))
+        beyond = float(peaks.beyond[joint])
+        by = f"{np.degrees(beyond):.3g} deg" if asked.in_deg else f"{beyond:.3g} rad (m)"
+        why = f"{file}: {joints[joint]} is beyond its position limits by {by}; {also}"
+        return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=beyond)
     for what, share in (("velocity", peaks.velocity), ("acceleration", peaks.acceleration)):
-        joint = int(np.nan_to_num(share).argmax())
-        if share[joint] > 1.0 + SLACK:
+        joint = 0 if share is None else int(share.argmax())  # NaN counts as the largest
+        if share is not None and not share[joint] <= 1.0 + SLACK:
             slower = share[joint] if what == "velocity" else np.sqrt(share[joint])
             needs = f"{100.0 * share[joint]:.0f} % of its {what} limit at speed {asked.speed:g}"
-            why = (
-                f"{file}: {joints[joint]} needs {needs}; make the trajectory {slower:.2f} times as slow"
-                f"{'' if asked.speed == 1.0 else ', or give --speed'}"
-            )
+            # rounded up, so that the advice suffices
+            slow, most = np.ceil(100.0 * slower) / 100.0, np.ceil(100.0 * asked.speed * slower) / 100.0
+            faster = f", or give --speed {most:g}" if most <= 1.0 else ""
+            why = f"{file}: {joints[joint]} needs {needs}; make the trajectory {slow:.2f} times as slow{faster}; {also}"
             return ImpossibleError(
                 why, verdict=BEYOND, joint=joints[joint], limit=what, share=float(share[joint])
             )
     if check.proved:
         return None
     if check.seen < asked.clearance:
-        near = nearness(check.pair, check.seen, asked.clearance)
-        why = f"{file}: refuted: {check.time:.3f} s after the start {near}"
-        verdict = REFUTED
+        why, verdict = f"{file}: refuted: {also}", REFUTED
     else:
         verdict = UNDECIDED
         why = (
@@ -149,3 +152,32 @@ def refusal_of(
         proved_m=check.clearance,
         time_s=check.time,
     )
+
+
+def _clearance_words(check: ClearanceCertificate, asked: Asked) -> str:
+    """Return what was found of the clearance."""
+    if check.proved:
+        return f"its clearance of {1e3 * asked.clearance:g} mm is proved"
+    if check.seen < asked.clearance:
+        return f"{check.time:.3f} s after the start {nearness(check.pair, check.seen, asked.clearance)}"
+    return "its clearance is not decided"
+
+
+def first_lost(
+    world: World, trajectory: JointTrajectory, clearance: float, check: ClearanceCertificate
+) -> ClearanceCertificate:
+    """Return a refuted certificate with the first moment at which the clearance is seen to be lost, to a millisecond.
+
+    Between samples, every `SCAN` rad (m) of the fastest joint, it may be lost for a shorter while before.
+    """
+    most = float(np.abs(np.diff(trajectory.q, axis=0)).sum(axis=0).max())
+    times = np.linspace(0.0, check.time, min(2 + int(most / SCAN), MOST_SCANNED))
+    for low, high in zip([0.0, *times], times, strict=False):
+        if world.distance(trajectory.at(np.array([high]))[0][0]).value < clearance:
+            while high - low > MOMENT_S:
+                middle = (low + high) / 2.0
+                lost = world.distance(trajectory.at(np.array([middle]))[0][0]).value < clearance
+                low, high = (low, middle) if lost else (middle, high)
+            found = world.distance(trajectory.at(np.array([high]))[0][0])
+            return replace(check, seen=found.value, pair=found.pair, time=float(high))
+    return check

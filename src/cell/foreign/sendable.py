@@ -26,6 +26,7 @@ from plan.trajectory.integer_segments import SHORTEST_MS
 from plan.trajectory.rounding import round_chain
 
 LONGEST_MS = 60_000  # of a segment in a plan file
+LONGEST_S = 3600.0
 REST = 1e-3  # rad/s (m/s), velocity at an end that counts as rest
 DEVIATION = 5e-4  # rad (m), largest deviation of what is sent from the trajectory, besides a count
 
@@ -132,6 +133,9 @@ def _sent(file: Path, trajectory: JointTrajectory, setting: Setting) -> CountPat
             raise ImpossibleError(
                 f"{file}: {joint} does not {word} at rest; a plan begins and ends there", joint=joint
             )
+    if trajectory.duration > LONGEST_S:
+        why = f"{file}: takes {trajectory.duration:.0f} s; a plan takes at most {LONGEST_S:g} s"
+        raise ImpossibleError(why, duration_s=trajectory.duration)
     knots = _knots_ms(trajectory)
     if len(knots) < 2:
         why = f"{file}: takes {trajectory.duration:.3f} s; the controller needs at least {SHORTEST_MS} ms"

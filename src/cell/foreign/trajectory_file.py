@@ -25,7 +25,8 @@ WRAPPERS = (
 )  # of RobotTrajectory, DisplayTrajectory's parts, FollowJointTrajectory
 MOST_POINTS = 100_000
 LONGEST_S = 1e5
-_SECONDS = ("sec", "secs"), ("nanosec", "nsecs")  # of ROS 2 and ROS 1
+LEAST_STEP_S = 1e-6  # between two points
+_SECONDS = ({"sec", "nanosec"}, {"secs", "nsecs"})  # of ROS 2 and ROS 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +95,20 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
     if not 2 <= len(points) <= MOST_POINTS:
         raise root.error_at("points", f"has {len(points)} points; must have 2 to {MOST_POINTS}")
     times = np.array([_time(point["time_from_start"]) for point in points])
-    late = np.flatnonzero(np.diff(times) <= 0.0)
+    late = np.flatnonzero(np.diff(times) < LEAST_STEP_S)
     if len(late):
         before, after = times[late[0]], times[late[0] + 1]
-        rule = f"is {after:.9g} s, not after {before:.9g} s of the point before; times must increase"
+        rule = f"is {after:.9g} s, not after {before:.9g} s of the point before; times must increase by 1 us or more"
         raise points[int(late[0]) + 1].error_at("time_from_start", rule)
     row = numbers(len(names), "rad (m where a joint slides)", -1e4, 1e4)
     rate = numbers(len(names), "rad/s (m/s)", -1e4, 1e4)
     q = np.stack([point.get("positions", row) for point in points])[:, order]
-    with_rates = [point for point in points if point.value.get("velocities")]
+    with_rates = [point for point in points if _has(point, "velocities")]
     for point in points:
-        if point.value.get("accelerations") and np.any(point.get("accelerations", rate)):
+        if _has(point, "accelerations") and np.any(point.get("accelerations", rate)):
             rule = "are not certified: between points with accelerations a controller follows quintics; leave them out"
             raise point.error_at("accelerations", rule)
-        if with_rates and not point.value.get("velocities"):
+        if with_rates and not _has(point, "velocities"):
             raise point.error_at("velocities", "is missing; all points must have velocities, or none")
     velocity = np.stack([point.get("velocities", rate) for point in points])[:, order] if with_rates else None
     return JointTrajectory(frozen(times), frozen(q), None if velocity is None else frozen(velocity))
@@ -116,9 +117,14 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
 def _message(node: Node) -> Node:
     """Return the JointTrajectory in a file."""
     for _ in WRAPPERS:
-        for name in WRAPPERS:
-            if "points" not in node and name in node:
-                node = node[name]
+        inside = [] if "points" in node else [name for name in WRAPPERS if name in node]
+        if len(inside) > 1:
+            raise node.error_at(inside[1], f"is a second trajectory beside {inside[0]}; must be one")
+        if "multi_dof_joint_trajectory" in node and node.value["multi_dof_joint_trajectory"].get("points"):
+            raise node.error_at(
+                "multi_dof_joint_trajectory", "moves what this arm has not; must have no points"
+            )
+        node = node[inside[0]] if inside else node
     if "points" not in node:
         raise node.error("must be a trajectory_msgs/JointTrajectory with joint_names and points")
     return node
@@ -136,16 +142,19 @@ def _order(root: Node, names: list[str], joints: Sequence[str]) -> list[int]:
     return [names.index(name) for name in joints]
 
 
+def _has(point: Node, name: str) -> bool:
+    """Whether a point has these numbers: an empty list says that it has not."""
+    return name in point and point.value[name] != []
+
+
 def _time(node: Node) -> float:
     """Return a duration, s."""
     value = node.value
     if isinstance(value, dict):
-        parts = [next((value[name] for name in some if name in value), 0) for some in _SECONDS]
-        value = (
-            parts[0] + 1e-9 * parts[1]
-            if all(map(is_number, parts)) and set(value) & set(_SECONDS[0])
-            else None
-        )
+        whole = next((names for names in _SECONDS if set(value) == names), set())
+        parts = [value[name] for name in sorted(whole, key=len)]
+        fits = len(parts) == 2 and all(is_number(part) and 0.0 <= part <= 1e9 * LONGEST_S for part in parts)
+        value = parts[0] + 1e-9 * parts[1] if fits else None
     if not is_number(value) or not 0.0 <= value <= LONGEST_S:
         rule = f"must be a time from 0 to {LONGEST_S:g} s: a number, or sec and nanosec"
         raise node.error(rule)

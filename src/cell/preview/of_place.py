@@ -16,6 +16,7 @@ from cell.config.arm_file import ArmFile
 from cell.console import Console
 from cell.files.observation import read_observation
 from cell.files.scene import option_numbers
+from cell.files.task import task_or_cell
 from cell.preview.overlays import Refused
 from cell.preview.page import Drawn, write_preview
 from cell.program.planning import program_scene
@@ -31,6 +32,7 @@ from plan.program.setting import Setting
 from plan.trajectory.virtual_unit import is_virtual
 from vision.observation import Observation
 
+KINDS = ("task", "program", "arm", "camera", "q_start_deg")  # keys, of which each file has one
 REST_MS = 1000  # that the page shows
 
 
@@ -77,6 +79,9 @@ def view_step(
 
 def _place(file: Path, look: Path | None) -> tuple[Setting, Drawn, Array]:
     """Return the arm among its bodies, what else is drawn, and q_start."""
+    root = task_or_cell(file)
+    if not any(name in root for name in KINDS):
+        raise root.error("must be a cell, task, program or arm file", "a scene file is for a465 check")
     place = place_of_file(file)
     if isinstance(place, ArmFile):
         if look is not None:

@@ -101,7 +101,8 @@ def _obstacle(request: Request, failure: Failure, groups: Groups) -> Iterator[Fa
     scene, name = request.scene, failure.body
     if name is None:
         return
-    if name in {c.name for c in scene.cubes} - {t.cube for t in request.transfers}:
+    handled = {t.cube for t in request.transfers} | {goal.attach for goal in request.goals}
+    if name in {c.name for c in scene.cubes} - handled:
         yield Family(1, (RemoveBodies(f"take {name} away", name),))
     body = next((b for b in scene.bodies if b.name == name), None)
     if body is None or body.kind in FIXED:

@@ -85,7 +85,8 @@ def test_a_refusal_names_what_is_wrong_by_the_files_own_limits(tmp_path: Path) -
         _certified(tmp_path, trajectory([START, far], [0.0, 60.0]))
     lines = _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0], cubics=False))
     assert lines["acceleration_share"] is None
-    for option in ({"clearance": -0.001}, {"speed": 2.0}):
+    same = tmp_path / "same"
+    for option in ({"clearance": -0.001}, {"speed": 2.0}, {"output": same, "page": same}):
         with pytest.raises(InputError):
             _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0]), **option)
 
@@ -99,6 +100,14 @@ def test_what_is_certified_becomes_a_plan_that_check_verifies(tmp_path: Path) ->
     assert json.loads(said)["plan_sha256"] == read_plan(plan).sha256
     said, _ = a465("check", plan, CELL, "--json")
     assert json.loads(said)["moves"][0]["proved_mm"] >= 10.0
+
+
+def test_a_plan_needs_velocities_and_at_most_an_hour(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--output needs points with velocities"):
+        _certified(tmp_path, trajectory([START, OVER], [0.0, 20.0], cubics=False), output=tmp_path / "p.json")
+    with pytest.raises(ImpossibleError, match=r"takes 4000 s; a plan takes at most 3600 s"):
+        _certified(tmp_path, trajectory([START, OVER], [0.0, 4000.0]), output=tmp_path / "p.json")
+    assert not (tmp_path / "p.json").exists()
 
 
 def test_a_trajectory_in_a_scene_of_another_clearance(tmp_path: Path) -> None:

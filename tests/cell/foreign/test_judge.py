@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from arm.controller.unit import Limits
-from arms.trajectories import OVER, trajectory, world
-from cell.foreign.judge import certified, peaks_of
+from arms.trajectories import OVER, START, trajectory, world
+from cell.foreign.judge import Asked, certified, first_lost, peaks_of, refusal_of
 from cell.foreign.trajectory_file import JointTrajectory
 
 
@@ -47,4 +51,48 @@ def test_shares_of_limits_are_those_of_dense_samples(seed: int) -> None:
     np.testing.assert_allclose(peaks.velocity, np.abs(spline(at, 1)).max(axis=0) / 0.7, rtol=1e-4)
     # accelerations jump at points: samples see the ends of pieces to within their distance
     np.testing.assert_allclose(peaks.acceleration, np.abs(spline(at, 2)).max(axis=0) / 2.0, rtol=1e-3)
-    assert np.isnan(peaks_of(JointTrajectory(of.times, of.q, None), limits).acceleration).all()
+    assert peaks_of(JointTrajectory(of.times, of.q, None), limits).acceleration is None
+
+
+def test_the_moment_of_a_refusal_is_the_first_at_which_the_clearance_is_seen_to_be_lost() -> None:
+    of, cell = trajectory([START, OVER, START], [0.0, 20.0, 40.0]), world()
+    times = np.linspace(0.0, 40.0, 4001)
+    distances = np.array([cell.distance(q).value for q in of.at(times)[0]])
+    required = (
+        (distances[0] + distances.min()) / 2.0
+        if distances[0] > distances.min() + 1e-4
+        else distances[0] + 1e-3
+    )
+    check = certified(cell, of.curve, required)
+    assert not check.proved
+    first = first_lost(cell, of, required, check)
+    expected = times[np.flatnonzero(distances < required)[0]]
+    assert first.time == pytest.approx(expected, abs=0.011)
+    assert first.seen < required
+
+
+@pytest.mark.parametrize(
+    ("lasts", "speed", "advice"),
+    [
+        (4.0, 0.1, r"make the trajectory [\d.]+ times as slow, or give --speed 0\.\d+; its clearance"),
+        (0.5, 0.5, "as slow; its"),
+    ],
+)
+def test_a_limit_is_told_with_what_suffices_and_with_the_clearance(
+    tmp_path: Path, lasts: float, speed: float, advice: str
+) -> None:
+    of, cell = trajectory([START, START + 0.1], [0.0, lasts]), world()
+    limits = Limits(np.full(6, -9.0), np.full(6, 9.0), np.full(6, 0.3), np.full(6, 3.0))
+    asked, check = Asked(0.01, speed, True), certified(cell, of.curve, 0.01)
+    refused = refusal_of(tmp_path, list("abcdef"), asked, peaks_of(of, limits.scaled(speed)), check)
+    assert refused is not None
+    assert re.search(advice, str(refused)), refused
+    if found := re.search(r"--speed ([\d.]+)", str(refused)):
+        enough = replace(asked, speed=float(found[1]))
+        assert (
+            refusal_of(tmp_path, list("abcdef"), enough, peaks_of(of, limits.scaled(enough.speed)), check)
+            is None
+        )
+    slower = float(re.search(r"([\d.]+) times", str(refused))[1])  # type: ignore[index]
+    slow = trajectory([START, START + 0.1], [0.0, slower * lasts])
+    assert refusal_of(tmp_path, list("abcdef"), asked, peaks_of(slow, limits.scaled(speed)), check) is None

@@ -94,6 +94,24 @@ def test_joints_are_put_into_the_order_of_the_arm_and_without_velocities_move_on
         ),
         (("points", 1, "time_from_start"), {"seconds": 1}, r"points\[1\].time_from_start.*must be a time"),
         (("points", 1, "time_from_start"), "1 s", r"points\[1\].time_from_start.*must be a time"),
+        (
+            ("points", 1, "time_from_start"),
+            1e-200,
+            r"points\[1\].time_from_start.*must increase by 1 us or more",
+        ),
+        (("points", 1, "time_from_start"), {"sec": 10**400, "nanosec": 0}, r"points\[1\].time_from_start"),
+        (
+            ("points", 1, "time_from_start"),
+            {"sec": 1, "nanosecs": 5},
+            r"points\[1\].time_from_start.*must be a time",
+        ),
+        (
+            ("points", 1, "time_from_start"),
+            {"sec": 0, "secs": 4, "nsecs": 7},
+            r"points\[1\].time_from_start.*must be a",
+        ),
+        (("points", 1, "velocities"), 0, r"points\[1\].velocities"),
+        (("points", 1, "accelerations"), "", r"points\[1\].accelerations"),
         (("points", 1, "time_from_start"), -1.0, r"points\[1\].time_from_start.*must be a time"),
     ],
 )
@@ -113,3 +131,22 @@ def test_a_wrong_trajectory_is_refused_with_place_and_rule(
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="must be a trajectory_msgs/JointTrajectory"):
         read_trajectory(_written(tmp_path, {"steps": []}), JOINTS)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"trajectory": _GOOD}, r"trajectory.*is a second trajectory beside joint_trajectory"),
+        (
+            {"multi_dof_joint_trajectory": {"points": [{}]}},
+            r"multi_dof_joint_trajectory.*must have no points",
+        ),
+    ],
+)
+def test_a_message_that_says_more_than_is_judged_is_refused(
+    tmp_path: Path, more: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        read_trajectory(_written(tmp_path, {"joint_trajectory": _GOOD, **more}), JOINTS)
+    good = {"joint_trajectory": _GOOD, "multi_dof_joint_trajectory": {"points": []}}
+    assert len(read_trajectory(_written(tmp_path, good), JOINTS).times) == 3

@@ -11,6 +11,8 @@ import numpy as np
 
 from arm.errors import ExecutionStopped, FileInputError
 from arm.io.claim import Claim
+from arm.io.node import Node
+from arm.io.rules import line
 from arm.io.storage import read_json, write_atomic
 from cell.commands.manual.reading import Reading, print_reading, read_arm
 from cell.console import Console
@@ -23,6 +25,7 @@ from driver.mars.refusals import refuse_unhomed
 
 FRAME = "tool"
 OTHERS_S = 5.0  # wall time for another that writes the same list
+LONGEST_NAME = 100
 DIGITS = 5  # of angles in deg; a count is 0.0009 deg
 
 
@@ -67,8 +70,11 @@ def _read(file: Path, name: str | None) -> tuple[dict[str, Any], set[str]]:
     Raises:
         FileInputError: the file is no JSON list of poses, or has an entry of that name.
     """
-    if name is not None and not name.strip():
-        raise FileInputError(file, "name", name, "must not be empty")
+    if name is not None:
+        Node(file, "name", name).read(line())
+        if len(name) > LONGEST_NAME or not name.isprintable() or not name.strip():
+            rule = f"must not be empty, and at most {LONGEST_NAME} printable characters"
+            raise FileInputError(file, "name", name[:LONGEST_NAME], rule)
     if not file.exists():
         return {"frame": FRAME, "angles": "deg", "entries": []}, set()
     if file.suffix.lower() in (".csv", ".npy", ".txt"):

@@ -219,9 +219,8 @@ def _require_room(one: Handled, near: Sequence[_Near], clearance: float) -> None
         if one.put and not other.below:
             what = f"{distance:.1f} mm from" if distance > 0.0 else f"{-distance:.1f} mm inside"
             why = f"is {what} {name} (required: {1e3 * clearance:g} mm)"
-            raise ImpossibleError(
-                f"{head} {why}; move the places apart, or let it stand there", **data, **pair
-            )
+            beside = "move the places apart, or lower the step so that it stands there"
+            raise ImpossibleError(f"{head} {why}; {beside}", **data, **pair)
     if one.put and not any(other.below for other in near):
         why = f"stands on nothing within {1e3 * CONTACT:g} mm; lower the step, or add what is below it to [[bodies]]"
         raise ImpossibleError(f"{head} {why}", **data)

@@ -188,8 +188,8 @@ class Candidates:
         at = q[misses.index(best)]
         own = self_collision_help(world, at, clearance)
         help = own or (
-            f"; all: {listed}; rotate the pose, free more directions, or approach it with allowed collisions "
-            "(allowed_collisions)"
+            f"; all: {listed}; rotate the pose, free more directions, or allow that contact on the lines to "
+            "it"
         )
         which = f"all {len(solutions)} solutions are too near to a body; at best"
         if target.q is not None:

@@ -76,7 +76,7 @@ def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: f
     """Return the refusal of a line with two bodies too near."""
     return ImpossibleError(
         f"on the {role} at {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of {check.pair[1]} "
-        f"({_asked(check, clearance)}); allow that contact (allowed_collisions), or rotate the pose",
+        f"({_asked(check, clearance)}); allow that contact on this line, move the goal or the body, or rotate the pose",
         reason=f"{role} with {check.pair[0]} too near to {check.pair[1]}",
         role=role,
         target=name,

@@ -82,6 +82,9 @@ def test_what_the_list_has_stays(port: tuple[Emulator, str], bare: bool) -> None
         ("{", "a", "is not JSON"),
         ('{"entries": [{"q": 3}]}', "a", "q"),
         ("[]", " ", "must not be empty"),
+        ("[]", "a\nb", "must be a string of one line"),
+        ("[]", "\udcff", "name"),
+        ("[]", 101 * "x", "at most 100 printable characters"),
     ],
 )
 def test_a_list_that_cannot_be_extended_stays_as_it_is(content: str, name: str, words: str) -> None:
