@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from cell.program.parts.handled import Part, Parts, parts_of, standing_on
 from cell.program.planning import plan_of_program, program_parts, program_scene
 from cell.program.program_file import ProgramTask, read_program
 from programs.pallets import pallet
-from typed.command_line import a465
+from typed.command_line import a465, refused
 from vision.observation import Observation
 
 TABLE = Body("table", Box((2.0, 2.0, 0.1)), transform(t=(0.5, 0.0, -0.05)), "table")
@@ -204,3 +205,18 @@ def test_what_is_beside_a_part_may_not_touch_it_however_near(task: ProgramTask) 
     alone = parts_of(task.part, task.steps, task.repeat, task.T_on_work)
     taken = standing_on(alone, [TABLE, wall], 0.005).handled[0]
     assert taken.touch == {frozenset(("part 1", name)) for name in {*FINGERS, "table"}}
+
+
+@pytest.mark.slow
+def test_a_pallet_without_room_for_the_jaws_is_refused_and_no_part_is_advised_away(tmp_path: Path) -> None:
+    file = pallet(
+        tmp_path,
+        ("part.box_mm = [44, 44, 36]", "part.box_mm = [44, 40, 36]"),
+        (
+            "grid.count = [1, 2, 2]\ngrid.step_mm = [70, 52, 36]",
+            "grid.count = [2, 2, 1]\ngrid.step_mm = [70, 46, 36]",
+        ),
+    )
+    told = refused("plan", file, "-o", tmp_path / "plan.json", code=3, cwd=tmp_path)
+    assert re.search(r"steps\[1\]: no path to put .* comes within .* of part \d", told), told
+    assert "take part" not in told
