@@ -71,7 +71,8 @@ class Approval:
         return code.isascii() and plain == self.plan.code.replace("-", "")
 
     def _where(self) -> str:
-        return f"a465 preview {self.plan_file} writes the preview"
+        page = self.plan_file.with_name("preview.html")
+        return f"open {page}" if page.exists() else f"a465 preview {self.plan_file} writes the preview"
 
     def __call__(self, run: TaskRun, plan: Plan) -> None:
         """Report what will move, and return only if the code was given.
@@ -99,12 +100,12 @@ class Approval:
         of = overview(plan, cell.robot_holding(), cell.unit)
         factor = run.control.ceiling
         cubes, lasts = len(plan.task["cubes"]), f"{plan.duration_s / factor:.0f} s of motion"
-        what = f"{cubes or 'no'} cube{'s' if cubes > 1 else ''}"
+        what = f"{cubes} cube{'s' if cubes > 1 else ''}" if cubes else "the plan"
         if self.resumes:
             say(f"this moves the real arm: the rest of {what}, at most {lasts}")
             say("the table is for the whole plan; the rest of it is replanned, within the same limits:")
         else:
-            say(f"this moves the real arm: {what}, {lasts}")
+            say(f"this moves the real arm: {f'{what}, ' if cubes else ''}{lasts}")
         limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers).velocity
         fastest = factor * of.fastest
         columns = (of.lowest, of.highest, of.travel)
