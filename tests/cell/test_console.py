@@ -91,6 +91,7 @@ def _a465(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_a_command_whose_output_is_not_wanted_any_more_does_what_it_was_to_do(tmp_path: Path) -> None:
     task = small_scenes(tmp_path) / "task2.toml"
     ended = _a465(f'look "{task}" -o look.json {UNREAD}', tmp_path)

@@ -174,6 +174,7 @@ def called_threaded(plan: Plan) -> Plan:
     return replace(plan, steps=steps)
 
 
+@pytest.mark.slow
 def test_a_path_over_the_free_end_is_refused_if_it_should_stay(hoop: Robot, unit: Unit) -> None:
     """Planning and verification see the ray; the same path without a thread is fine."""
     round = [

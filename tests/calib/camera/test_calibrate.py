@@ -66,6 +66,7 @@ def test_a_focus_that_changes_is_named():
     assert c.hypotheses[0].amount == pytest.approx(0.02, rel=0.2)
 
 
+@pytest.mark.slow
 def test_wrong_markers_are_named_with_their_size():
     views = taken(5)
     for share, wrong in ((22.1 / 30, False), (22.3 / 30, True)):

@@ -9,6 +9,7 @@ from calib.camera.working_volume import working_volume
 from pictures.targets import ALL, NOISE_PX, camera, fitted
 
 
+@pytest.mark.slow
 def test_views_held_out_tell_the_error_at_the_work_points():
     work = working_volume(camera(), 0.9, 1.2)
     ratios, errors = [], []

@@ -113,6 +113,7 @@ def test_a_small_bend_is_told_but_does_not_refuse():
     assert any("the target is bent by 0.0" in r and "their error includes this" in r for r in c.remarks)
 
 
+@pytest.mark.slow
 def test_corners_biased_inwards_are_told_and_in_the_standard_deviations():
     """Of 0.3 px: named with their amount; the lens is not refused for them, and its covariance covers what they do."""
     scores = []

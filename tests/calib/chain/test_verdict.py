@@ -40,6 +40,7 @@ def test_a_sudden_change_is_a_reason_of_its_own():
     )
 
 
+@pytest.mark.slow
 def test_each_limit_refuses_and_says_its_figure():
     rng = np.random.default_rng(5)
     truth = draw_truth(rng)
@@ -154,6 +155,7 @@ def coarse(count, seed):
     return replace(recorded(truth, joints, "charuco", rng), joints=frozen(read)), truth, read
 
 
+@pytest.mark.slow
 def test_steps_of_encoders_are_believed_of_few_poses_and_always_if_they_were_given():
     recording, _, _ = coarse(8, 2)
     assert (calibrate_hand_eye(recording).chain.problem.reading_sigma > 0.0).any()

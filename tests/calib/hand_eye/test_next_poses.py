@@ -62,6 +62,7 @@ def test_the_lever_is_that_of_the_aims():
     assert pytest.approx(0.2e-3) == LEVER * np.radians(0.02)
 
 
+@pytest.mark.slow
 def test_the_next_poses_show_the_target_near_those_recorded_and_help_as_much_as_they_say():
     rng = np.random.default_rng(5)
     truth, points = draw_truth(rng), TARGETS["charuco"]

@@ -22,6 +22,7 @@ def needed(c):
     return {trial.part for trial in c.trials if trial.needed}
 
 
+@pytest.mark.slow
 def test_a_plain_robot_gets_the_papers_model():
     recording, x = nao_recording(1, PAPER)
     c = calibrate_nao(recording)

@@ -32,6 +32,7 @@ from typed.command_line import ended
 from vision.observation import Observation
 
 
+@pytest.mark.slow
 def test_every_move_has_a_clearance_with_errors(task: Task, plan: Plan) -> None:
     found = erring_clearances(task.cell, plan)
     moves = list(plan.moves)
@@ -65,6 +66,7 @@ def test_unknown_errors_are_not_checked(task: Task, plan: Plan) -> None:
     assert erring_clearances(replace(task.cell, calibration=None), plan) == ()
 
 
+@pytest.mark.slow
 def test_a_plan_is_not_executed_by_an_arm_that_errs_too_much(tmp_path: Path) -> None:
     """The search does not use the errors, so a plan of Python's may keep too little with them."""
     scenes = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "realistic"

@@ -102,6 +102,7 @@ for number in range(8):
 """
 
 
+@pytest.mark.slow
 def test_a_signal_ends_it_whatever_it_interrupts() -> None:
     ended = subprocess.run(
         [sys.executable, "-c", RESTLESS], capture_output=True, text=True, timeout=LONGEST_S

@@ -206,6 +206,7 @@ def test_options_that_are_no_words_and_files_that_are_both(tmp_path: Path) -> No
     assert "speed" in told
 
 
+@pytest.mark.slow
 def test_the_page(tmp_path: Path) -> None:
     """Every command of docs/interop.md, and every file that it shows, as they are printed."""
     small_scenes(tmp_path)

@@ -174,6 +174,7 @@ def test_an_answer_waits_for_news(server: LiveServer, monkeypatch: pytest.Monkey
     assert [state["lines"] for state in states] == [["news"]]
 
 
+@pytest.mark.slow
 def test_the_end_is_shown_and_the_server_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(liveserver, "GOODBYE_S", 5.0)  # on a busy host
     server = LiveServer(0)

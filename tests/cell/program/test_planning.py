@@ -97,6 +97,7 @@ def test_the_same_program_gives_the_same_plan(made: tuple[ProgramTask, Plan]) ->
     assert plan_of_program(task, Observation(), 1.0).sha256 == plan.sha256
 
 
+@pytest.mark.slow
 def test_a_refusal_names_the_step(tmp_path: Path) -> None:
     far = OPEN.replace("at_mm = [0, 0, 300]", "at_mm = [-900, 0, 300]")
     task = read_program(program(tmp_path / "far", far))

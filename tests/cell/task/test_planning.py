@@ -100,6 +100,7 @@ def test_holes_below_the_table_are_told(task2: Task) -> None:
     assert max(caught.value.data["below_mm"].values()) == pytest.approx(12.3)
 
 
+@pytest.mark.slow
 def test_what_was_moved_stays_where_it_is(task1: Task, whole1: tuple[Plan, dict[str, str]]) -> None:
     whole, goes = whole1
     cube = whole.task["cubes"][0]["cube"]

@@ -22,6 +22,7 @@ from plans.waypoints import refusal_of
 from tasks.pose_lists import FAST, TABLE, down
 
 
+@pytest.mark.slow
 def test_nothing_is_sent_that_is_not_proved(robot: Robot, crs97: Unit) -> None:
     """The search proves lines first; the mover does not believe it."""
     post = Body("post", Cylinder(0.03, 0.5), transform(t=(0.42, 0.02, 0.2)), "post")

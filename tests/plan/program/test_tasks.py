@@ -203,6 +203,7 @@ def penetrations(case: Task2, plan: Plan, step_s: float = 0.01) -> set[tuple[str
     return found
 
 
+@pytest.mark.slow
 def test_mujoco_finds_no_penetration(case: Task2, plan: Plan, walled: Task2, walled_plan: Plan) -> None:
     assert penetrations(case, plan) == set()
     assert penetrations(walled, walled_plan) == set()

@@ -51,6 +51,7 @@ def test_a_near_end_is_left_with_what_it_has(walls: tuple[Body, ...], seed: int)
             assert certify_curve(world, curve_of_waypoints(line), kept).proved
 
 
+@pytest.mark.slow
 def test_no_end_is_left_through_a_body() -> None:
     """Rods about the hand: beyond each there is room, and only a little of it on this side."""
     x, y, z = ROBOT.T_base_tool(RIGHT)[:3, 3]

@@ -129,6 +129,7 @@ def test_steps_go_on_where_they_ended() -> None:
         assert at_once.time == in_parts.time < optimiser.time(path)
 
 
+@pytest.mark.slow
 def test_every_step_keeps_the_path_clear_at_its_samples() -> None:
     """Whole steps and halves of them; each is faster."""
     halved = 0

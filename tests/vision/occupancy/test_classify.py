@@ -63,6 +63,7 @@ def test_cubes_of_any_grey_under_any_light(condition: str) -> None:
     assert all(bool(o.reason) == (o.state == "unsure") for _, o in found)
 
 
+@pytest.mark.slow
 def test_what_is_no_cube_in_its_seat_is_neither_cube_nor_empty() -> None:
     found = [hole for seed in range(41_000, 41_004) for hole in judged(seed, ACROSS)]
     others = [o for true, o in found if true == "other"]

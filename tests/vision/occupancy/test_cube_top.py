@@ -70,6 +70,7 @@ def test_a_cube_four_millimetres_high_is_told_with_and_without_an_empty_place(gr
     assert seating(sight.in_hole(T), CubeWidth(CUBE, 1e-5)).state != "seated"
 
 
+@pytest.mark.slow
 def test_an_empty_hole_shows_no_seated_cube() -> None:
     _, before, T = _looks(100.0, T_hole_cube(CUBE))
     assert seating(before.in_hole(T, before.empty(T)), CubeWidth(CUBE, 1e-5)).state != "seated"

@@ -58,6 +58,7 @@ def test_what_is_given_is_checked_and_nothing_is_written(scenes: Path) -> None:
     assert "background" not in (scenes / "cell.toml").read_text()
 
 
+@pytest.mark.slow
 def test_a_table_that_shows_too_little_does_not_spoil_a_calibration(
     scenes: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

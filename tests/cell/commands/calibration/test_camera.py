@@ -80,6 +80,7 @@ def test_the_same_photographs_give_the_same_bytes(photographs: Path, tmp_path: P
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_lens_without_a_place_cannot_be_mistaken_for_a_camera(photographs: Path, tmp_path: Path) -> None:
     a465("calibrate", "camera", photographs, "-o", tmp_path / "camera.toml")
     with pytest.raises(FileInputError, match="the file has intrinsics, but no extrinsics"):

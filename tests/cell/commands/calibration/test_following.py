@@ -39,6 +39,7 @@ def test_errors_of_known_size_are_estimated_and_bounded(
     assert f"\nfollowing_deg = {found['following_deg']:g}\n" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_in_motion_an_axis_that_drifts_is_off_its_path(tmp_path: Path) -> None:
     off = [[0, 15, 0, 0, 0, 0]] * LEAST_RESTS
     unit = erring_log(tmp_path / "wire.jsonl", off)

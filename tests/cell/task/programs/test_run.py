@@ -51,6 +51,7 @@ def _world(folder: Path, keys: str) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_a_ring_led_along_its_wire_never_touches_it(tmp_path: Path) -> None:
     _, plan = _planned()
     least = min(move.clearance for move in plan.moves if move.threaded)

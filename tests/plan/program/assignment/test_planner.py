@@ -84,6 +84,7 @@ def fenced() -> Task2:
     return replace(case, scene=replace(case.scene, bodies=(*case.scene.bodies, *posts)))
 
 
+@pytest.mark.slow
 def test_a_cube_that_is_blocked_stays_if_that_is_allowed() -> None:
     case = fenced()
     with pytest.raises(ImpossibleError, match="cube 2"):
@@ -103,6 +104,7 @@ def test_a_task_of_which_nothing_would_be_left_is_refused() -> None:
         plan_task(case.scene, case.transfers[1:2], Q_START, UNIT, options=OPTIONS, skip=True)
 
 
+@pytest.mark.slow
 def test_with_fewer_places_than_cubes_the_fastest_choice_moves() -> None:
     case = task2(cubes=4)
     first, *others = case.transfers

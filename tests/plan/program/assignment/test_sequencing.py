@@ -183,6 +183,7 @@ def test_exchanges_find_a_good_order_and_a_true_bound(
     assert max(under) < 0.5
 
 
+@pytest.mark.slow
 def test_exchanges_go_on_where_the_first_order_cannot_be(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the shortest carries lead to is blocked by what stands there by then; other orders are not."""
     found_some = 0

@@ -127,6 +127,7 @@ def test_paths_follow_the_options_of_motions(robot: Robot, crs97: Unit, options:
     check_sent(planned(robot, crs97, [TABLE], target, options=options), target)
 
 
+@pytest.mark.slow
 def test_the_clearance_may_be_the_aim(robot: Robot, crs97: Unit) -> None:
     """Past a post: of all bodies, or of the post alone."""
     found = {}
@@ -149,6 +150,7 @@ def test_a_path_without_a_stop_at_its_ends(robot: Robot, crs97: Unit) -> None:
             assert np.abs(q[1] - q[0]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_paths_among_other_targets(robot: Robot, crs97: Unit) -> None:
     """Before a path there is a transit; after it a line may follow, from its end or with `back` from its start."""
     targets = [
