@@ -69,6 +69,15 @@ class Near:
     distance: Array
     gradient: Array
 
+    def below(self, limit: float) -> Near:
+        """Return those that are nearer than `limit` m."""
+        some = self.distance < limit
+        return (
+            self
+            if some.all()
+            else Near(self.row[some], self.pair[some], self.distance[some], self.gradient[some])
+        )
+
 
 @dataclass(frozen=True)
 class Distance:

@@ -121,9 +121,8 @@ class CurvePlanner:
 
     def _widened(self, smoothing: Smoothing, way: Followed, world: World) -> tuple[Smoothing, Followed]:
         """Return the way with the largest least distance in a world, and a smoothing that keeps it."""
-        every = Demand(world, 0.0)
-        wide = smoothing.widened(way, _ROUNDS, every)
-        kept = Demand(world, every.least(wide.all_q) - _GIVEN)
+        wide = smoothing.widened(way, _ROUNDS, world)
+        kept = Demand(world, smoothing.least(wide, world) - _GIVEN)
         demands = [*smoothing.demands, kept]
         return Smoothing(self.robot, self.curve, demands, self.limits, smoothing.fixed), wide
 

@@ -1,14 +1,7 @@
 """Smoothing of a chain along a curve: sequential quadratic programs over the free directions of all stations.
 
-The variables are changes of the free coordinates at every station. The tool stays on the curve, since the joints follow
-from the coordinates. Each program minimises, for the joint motions d_i from station to station,
-
-    sum over i, joints k of  w_ik (d_ik / velocity_k)^2  +  b ((d_ik - d_jk) / velocity_k)^2,  with j = i - 1,
-
-subject to the limits of the coordinates and of the joints, a trust region, and linearised distances of all near pairs.
-The weights w are those of iteratively reweighted least squares for a norm of high order over the joints, because the
-slowest joint alone decides the time of a step (E. Candès, M. Wakin, S. Boyd, "Enhancing sparsity by reweighted l1
-minimization", 2008, for the method). With the clearance as the aim, the least distance is a variable, and is maximised.
+The tool stays on the curve, since the joints follow from the coordinates. Each step is the solution of a quadratic
+program (`plan.curve.step_program`) within a trust region; it is taken if it is clear and worth it.
 """
 
 from __future__ import annotations
@@ -17,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import qpsolvers
 from scipy.interpolate import CubicSpline
 
 from arm.controller.unit import Limits
@@ -25,30 +17,25 @@ from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.budget import QP_CHECKS, spend
-from plan.collision.world import World
+from plan.collision.world import Near, World
+from plan.curve.step_program import Rows, StepProgram
 from plan.curve.tool_curve import ToolCurve, directions
 from plan.kinematics.numeric_ik import solutions_near
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.trajectory.time_estimates import path_time
 
-_ORDER = 3  # of the norm over the joints
-_BEND = 4.0  # weight of changes of motion from step to step
 _ROOM = 0.15  # of a coordinate's limits at either end, for what lies between stations
-_SMALL = 1e-5  # curvature of every variable, relative to the largest
 _TURN, _SHIFT = 0.25, 0.006  # rad and m, first trust region
 _LEAST_REGION = 0.02  # of the first trust region
 _PARTS = (1.0, 0.5)  # of a step that are tried
 _INFLUENCE = 0.015  # m beyond the clearance, of pairs that constrain a step
 _AIM = 3e-4  # m, added to the clearance where distances are linearised
-_PENALTY = 100.0  # per mm of missing clearance, relative to the largest curvature
-_MM = 1e-3  # m; clearances of the quadratic program are in mm
 _NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
 _JOINT_ROOM = 1e-3  # rad (m) kept to joint limits: for a step's curvature and what is between stations
 _PROBE = 1e-6  # rad or m, of the derivative by the coordinates
 _WORTH = 2e-3  # least useful gain of a step, relative
 _WORTH_M = 5e-5  # m, least useful gain of distance
-_WIDENING = 1e-2  # weight of time against 1 per mm of distance, if distance is the aim
-_FARTHEST = 0.04  # m, distances beyond which more is no gain
+FARTHEST = 0.04  # m, distances beyond which more is no gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +65,6 @@ class Demand:
     world: World
     clearance: float
 
-    def met(self, q: Array) -> bool:
-        """Return whether configurations (m, n) keep it."""
-        return not any(map(self.world.too_near(self.clearance), q))
-
-    def least(self, q: Array) -> float:
-        """Return the least distance at configurations (m, n), m, at most `_FARTHEST`."""
-        return min((float(d) for d in self.world.near(q, _FARTHEST).distance), default=_FARTHEST)
-
 
 class Smoothing:
     """Smooths the way of the joints along one curve.
@@ -113,6 +92,7 @@ class Smoothing:
         low, high = (some[self.columns] for some in curve.box())
         room = np.where(np.isinf(high), 0.0, _ROOM * (high - low))
         self.low, self.high, self.room, self.tilt = low, high, room, curve.freedom.tilt
+        self._near: dict[World, tuple[Followed, float, Near]] = {}
 
     def at(self, places: Array, coordinates: Array, q: Array) -> Followed | None:
         """Return configurations near q (m, n) with these coordinates; None if there are none within limits."""
@@ -141,7 +121,21 @@ class Smoothing:
 
     def blocked(self, way: Followed) -> bool:
         """Return whether a station, or the middle between two, is too near to something."""
-        return not all(demand.met(way.all_q) for demand in self.demands)
+        return any(
+            (self._pairs(way, demand.world, demand.clearance + _INFLUENCE).distance < demand.clearance).any()
+            for demand in self.demands
+        )
+
+    def least(self, way: Followed, world: World) -> float:
+        """Return the least distance in a world at stations and middles, m, at most `FARTHEST`."""
+        return float(self._pairs(way, world, FARTHEST).distance.min(initial=FARTHEST))
+
+    def _pairs(self, way: Followed, world: World, limit: float) -> Near:
+        """Return the pairs nearer than `limit` m at stations and middles; those of the last way are kept."""
+        known = self._near.get(world)
+        if known is None or known[0] is not way or known[1] < limit:
+            known = self._near[world] = way, limit, world.near(way.all_q, limit)
+        return known[2].below(limit)
 
     def time(self, way: Followed) -> float:
         """Estimate the time of a way, s."""
@@ -155,30 +149,21 @@ class Smoothing:
         if not self.columns:
             return way
         return self._better(
-            way,
-            rounds,
-            lambda at, region: self._step(at, region, turns_only=turns_only),
-            lambda at: -self.time(at),
-            lambda value: _WORTH * -value,
+            way, rounds, None, turns_only, lambda at: -self.time(at), lambda value: _WORTH * -value
         )
 
-    def widened(self, way: Followed, rounds: int, of: Demand) -> Followed:
-        """Return a way with more distance between the pairs of a demand, which also keeps all others."""
+    def widened(self, way: Followed, rounds: int, of: World) -> Followed:
+        """Return a way with more distance between the pairs of a world, which also keeps all demands."""
         if not self.columns:
             return way
-        return self._better(
-            way,
-            rounds,
-            lambda at, region: self._step(at, region, of),
-            lambda at: of.least(at.all_q),
-            lambda value: _WORTH_M,
-        )
+        return self._better(way, rounds, of, False, lambda at: self.least(at, of), lambda value: _WORTH_M)
 
     def _better(
         self,
         way: Followed,
         rounds: int,
-        step_at: Callable[[Followed, float], Array | None],
+        widened: World | None,
+        turns_only: bool,
         value_of: Callable[[Followed], float],
         worth: Callable[[float], float],
     ) -> Followed:
@@ -187,36 +172,38 @@ class Smoothing:
         Args:
             way: where to begin.
             rounds: largest number of quadratic programs.
-            step_at: their solution at a way, within a trust region.
+            widened: the world whose least distance is maximised; None: time is their aim.
+            turns_only: whether free positions stay as they are.
             value_of: what is maximised.
             worth: least useful gain at a value.
         """
         value, region = value_of(way), 1.0
+        program = self._program(way, widened)
         for _ in range(rounds):
             if region < _LEAST_REGION:
                 break
             spend(QP_CHECKS)
-            step = step_at(way, region)
+            step = self._step(way, program, region, turns_only)
             if step is None:
                 break
             for part in _PARTS:
-                trial = self._moved(way, part * step)
+                trial = self._moved(way, program.D, part * step)
                 if trial is None:
                     continue
                 more = value_of(trial) - value
                 if more > worth(value) and not self.blocked(trial):
-                    way, value = trial, value + more
+                    way, value, program = trial, value + more, self._program(trial, widened)
                     region = min(1.0, 1.5 * part * region)
                     break
             else:
                 region *= 0.3
         return way
 
-    def _moved(self, way: Followed, step: Array) -> Followed | None:
+    def _moved(self, way: Followed, D: Array, step: Array) -> Followed | None:
         coordinates = np.array(way.coordinates)
         coordinates[:, self.columns] += step
         self._within(coordinates)
-        guess = way.q + mul(self._derivatives(way), step[..., None])[..., 0]
+        guess = way.q + mul(D, step[..., None])[..., 0]
         return self.at(way.places, coordinates, np.clip(guess, self.limits.lower, self.limits.upper))
 
     def _derivatives(self, way: Followed) -> Array:
@@ -241,129 +228,55 @@ class Smoothing:
         ]
         return np.stack(columns, axis=-1)
 
-    def _step(
-        self, way: Followed, region: float, widened: Demand | None = None, turns_only: bool = False
-    ) -> Array | None:
-        """Return the best change (m, f) of the free coordinates within a trust region; None if there is none.
-
-        It is the fastest; or, with a demand that is `widened`, the one with the largest least distance of its pairs.
-        """
-        D, (m, f) = self._derivatives(way), (len(way.q), len(self.columns))
-        size = m * f + 2  # the missing clearance, and the least distance of what is widened
-        P, linear = np.zeros((m, f, m, f)), np.zeros((m, f))
-        v = self.limits.velocity
-        steps = np.diff(way.q, axis=0) / v
-        W = _weights(steps)
-        S = D / v[:, None]
-        for weight, parts in (
-            (W, (-1.0, 1.0)),
-            (np.full((m - 2, len(v)), _BEND * float(W.mean())), (1.0, -2.0, 1.0)),
-        ):
-            rows = len(parts)
-            value = steps if rows == 2 else np.diff(steps, axis=0)
-            for a, one in enumerate(parts):
-                here = np.arange(a, a + len(value))
-                of_a = one * S[here] * weight[..., None]
-                np.add.at(linear, here, (of_a * value[..., None]).sum(axis=1))
-                for b, two in enumerate(parts):
-                    there = np.arange(b, b + len(value))
-                    block = mul(np.swapaxes(of_a, 1, 2), two * S[there])
-                    P[here, :, there, :] += block
-        matrix = np.zeros((size, size))
-        matrix[:-2, :-2] = P.reshape(m * f, m * f)
-        largest = max(float(np.abs(matrix).max()), 1e-12)
-        matrix, linear = matrix / largest, linear / largest
+    def _program(self, way: Followed, widened: World | None) -> StepProgram:
+        """Return the program of steps from a way: the fastest, or those to the largest least distance in a world."""
+        D, rows = self._derivatives(way), []
+        for demand in self.demands:
+            near = self._pairs(way, demand.world, demand.clearance + _INFLUENCE)
+            rows.append(Rows.of_distances(near, D, near.distance - (demand.clearance + _AIM), True))
         if widened is not None:
-            matrix, linear = _WIDENING * matrix, _WIDENING * linear
-        matrix[range(size), range(size)] += _SMALL
-        matrix[-2, -2] = matrix[-1, -1] = 1e-2
-        trust = region * np.where(np.array(self.columns) < 3, _SHIFT, _TURN)
+            near = self._pairs(way, widened, FARTHEST)
+            rows.append(Rows.of_distances(near, D, near.distance, False))
+        if self.tilt > 0.0:
+            rows.append(self._tilts(way))
+        v = self.limits.velocity
+        return StepProgram(D, np.diff(way.q, axis=0) / v, v, rows, widened is not None)
+
+    def _step(self, way: Followed, program: StepProgram, region: float, turns_only: bool) -> Array | None:
+        """Return the best change (m, f) of the free coordinates within a trust region; None if there is none."""
+        shifts = np.array(self.columns) < 3
+        trust = region * np.where(shifts, _SHIFT, _TURN)
         at = way.coordinates[:, self.columns]
         low = np.maximum(np.minimum(self.low + self.room - at, 0.0), -trust)
         high = np.minimum(np.maximum(self.high - self.room - at, 0.0), trust)
         if self.fixed:
             low[0] = high[0] = 0.0
         if turns_only:
-            shifts = np.array(self.columns) < 3
             low[:, shifts] = high[:, shifts] = 0.0
-        G, h = self._rows(way, D, size, widened, low, high)
-        x = qpsolvers.solve_qp(
-            matrix,
-            np.concatenate([linear.ravel(), [_PENALTY, 0.0 if widened is None else -1.0]]),
-            G,
-            h,
-            lb=np.concatenate([low.ravel(), [0.0, -1e3]]),
-            ub=np.concatenate([high.ravel(), [1e3, 1e3]]),
-            solver="daqp",
-        )
-        return None if x is None else x[:-2].reshape(m, f)
+        return program.solved(low, high, self._joint_limits(way, program.D, low, high))
 
-    def _rows(
-        self, way: Followed, D: Array, size: int, widened: Demand | None, low: Array, high: Array
-    ) -> tuple[Array, Array]:
-        """Return the rows G x <= h: distances, joint limits and the disc of tilts, for changes (m, f) within bounds."""
-        f = len(self.columns)
-        rows, room = [], []
-        for demand in self.demands:
-            some, distance = self._distances(way, D, size, demand.world, demand.clearance + _INFLUENCE)
-            some[:, -2] = -_MM
-            rows.append(some)
-            room.append(distance - (demand.clearance + _AIM))
-        if widened is not None:
-            some, distance = self._distances(way, D, size, widened.world, _FARTHEST)
-            some[:, -1] = _MM
-            rows.append(some)
-            room.append(distance)
+    def _joint_limits(self, way: Followed, D: Array, low: Array, high: Array) -> Rows:
+        """Return the rows of joints near their limits."""
+        rows = []
         for side, left in ((1.0, self.limits.upper - way.q), (-1.0, way.q - self.limits.lower)):
             station, joint = np.nonzero(left < _NEAR_LIMIT)
-            some = np.zeros((len(station), size))
-            place = station[:, None] * f + np.arange(f)
             slope = side * D[station, joint]
-            some[np.arange(len(station))[:, None], place] = slope
-            rows.append(some)
             # no more room is asked for than half of a step can make
             inwards = np.maximum(-slope * low[station], -slope * high[station]).sum(axis=1)
-            room.append(np.maximum(left[station, joint] - _JOINT_ROOM, -0.5 * inwards))
-        tilt = self.tilt
-        if tilt > 0.0:
-            swing = way.coordinates[:, 3:5]
-            size_of = np.sqrt((swing**2).sum(axis=1))
-            outer = np.flatnonzero(size_of > 0.5 * tilt)
-            some = np.zeros((len(outer), size))
-            for k, column in enumerate((3, 4)):
-                some[np.arange(len(outer)), outer * f + self.columns.index(column)] = (
-                    swing[outer, k] / size_of[outer]
-                )
-            rows.append(some)
-            room.append(np.maximum((1.0 - _ROOM) * tilt - size_of[outer], 0.0))
-        return np.concatenate(rows), np.concatenate(room)
+            rows.append((station, slope, np.maximum(left[station, joint] - _JOINT_ROOM, -0.5 * inwards)))
+        station, slope, room = (np.concatenate(some) for some in zip(*rows, strict=True))
+        return Rows(station, slope, np.zeros_like(slope), room)
 
-    def _distances(
-        self, way: Followed, D: Array, size: int, world: World, near: float
-    ) -> tuple[Array, Array]:
-        """Return rows (k, size) of the pairs nearer than `near` m at stations and middles, and their distances (k,)."""
-        m, f = len(way.q), len(self.columns)
-        found = world.near(way.all_q, near)
-        pushed = np.zeros((len(found.row), m, f))
-        index = np.arange(len(found.row))
-        inner = found.row >= m
-        first = np.where(inner, found.row - m, found.row)
-        part = np.where(inner, 0.5, 1.0)[:, None]
-        pushed[index, first] -= part * mul(found.gradient[:, None], D[first])[:, 0]
-        second = first[inner] + 1
-        pushed[index[inner], second] -= 0.5 * mul(found.gradient[inner, None], D[second])[:, 0]
-        rows = np.zeros((len(index), size))
-        rows[:, : m * f] = pushed.reshape(len(index), m * f)
-        return rows, found.distance
-
-
-def _weights(steps: Array) -> Array:
-    """Return the weights (m, n) of steps (m, n), s, whose weighted squares stand for a norm of high order."""
-    size = np.abs(steps) + 1e-4
-    largest = size.max(axis=1, keepdims=True)
-    ratio = size / largest
-    whole = (ratio**_ORDER).sum(axis=1, keepdims=True) ** (1.0 / _ORDER)
-    return np.asarray(ratio ** (_ORDER - 2) / (whole ** (_ORDER - 1) * largest))
+    def _tilts(self, way: Followed) -> Rows:
+        """Return the rows of the disc of tilts."""
+        swing = way.coordinates[:, 3:5]
+        size = np.sqrt((swing**2).sum(axis=1))
+        outer = np.flatnonzero(size > 0.5 * self.tilt)
+        outwards = np.zeros((len(outer), len(self.columns)))
+        for k, column in enumerate((3, 4)):
+            outwards[:, self.columns.index(column)] = swing[outer, k] / size[outer]
+        room = np.maximum((1.0 - _ROOM) * self.tilt - size[outer], 0.0)
+        return Rows(outer, outwards, np.zeros_like(outwards), room)
 
 
 def _merged(values: Array, middles: Array) -> Array:

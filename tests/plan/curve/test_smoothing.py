@@ -11,9 +11,10 @@ from arm.controller.unit import Unit
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen, transform
-from plan.collision.world import World
+from plan.collision.world import Near, World
 from plan.curve.graph import CurveGraph
 from plan.curve.smoothing import Demand, Followed, Smoothing
+from plan.curve.step_program import Rows
 from plan.curve.tool_curve import ToolCurve, directions
 from plan.kinematics.freedom import Freedom
 from plans.curves import CLEARANCE, LINE, POST, arc, some_coordinates
@@ -82,13 +83,14 @@ def test_a_smoothed_way_is_faster_on_the_curve_within_limits_and_clear(
 def test_a_step_into_a_body_is_not_taken(robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch) -> None:
     """Distances are linearised, so a step may come too near: here the program knows of none."""
     smoothing, way = way_along(robot, crs97, *CASES["tilting"])
-    monkeypatch.setattr(
-        smoothing, "_distances", lambda way, D, size, world, near: (np.zeros((0, size)), np.zeros(0))
-    )
+    whole = Rows.of_distances
+
+    def none(near: Near, D: Array, room: Array, missing: bool) -> Rows:
+        return whole(near.below(-np.inf), D, room[:0], missing)
+
+    monkeypatch.setattr(Rows, "of_distances", staticmethod(none))
     check(robot, smoothing, smoothing.smoothed(way, 8))
-    check(
-        robot, smoothing, smoothing.widened(way, 4, Demand(smoothing.demands[0].world.only(["table"]), 0.0))
-    )
+    check(robot, smoothing, smoothing.widened(way, 4, smoothing.demands[0].world.only(["table"])))
 
 
 def test_a_step_that_does_not_help_is_not_taken(
@@ -97,10 +99,10 @@ def test_a_step_that_does_not_help_is_not_taken(
     """Every step leads the other way."""
     for case in (CASES["ranges"], (LOW, [])):
         smoothing, way = way_along(robot, crs97, *case)
-        step, of = smoothing._step, Demand(smoothing.demands[0].world, 0.0)
+        step, of = smoothing._step, smoothing.demands[0].world
         monkeypatch.setattr(smoothing, "_step", lambda *given, step=step, **named: -step(*given, **named))
         assert smoothing.time(smoothing.smoothed(way, 4)) <= smoothing.time(way)
-        assert of.least(smoothing.widened(way, 4, of).all_q) >= of.least(way.all_q)
+        assert smoothing.least(smoothing.widened(way, 4, of), of) >= smoothing.least(way, of)
 
 
 @pytest.mark.parametrize(
@@ -113,13 +115,13 @@ def test_a_widened_way_has_more_distance_and_keeps_what_is_asked_for(
     """Of all pairs, or of those of the table alone."""
     smoothing, way = way_along(robot, crs97, curve, bodies)
     world = smoothing.demands[0].world
-    of = Demand(world.only(names) if names else world, 0.0)
-    least = [of.least(way.all_q)]
+    of = world.only(names) if names else world
+    least = [smoothing.least(way, of)]
     for rounds in (1, 15):
         way = smoothing.widened(way, rounds, of)
         check(robot, smoothing, way)
-        least.append(of.least(way.all_q))
-        assert least[-1] == pytest.approx(min(of.world.distance(q).value for q in way.all_q), abs=1e-9)
+        least.append(smoothing.least(way, of))
+        assert least[-1] == pytest.approx(min(of.distance(q).value for q in way.all_q), abs=1e-9)
     assert least == sorted(least)
     assert least[-1] > least[0] + 3e-3
 
@@ -130,7 +132,7 @@ def test_a_step_is_within_the_trust_region_and_what_is_free(
     smoothing, way = begun
     low, high = smoothing.curve.box()
     for region in (1.0, 0.3):
-        step = smoothing._step(way, region)
+        step = smoothing._step(way, smoothing._program(way, None), region, False)
         assert step is not None
         for k, column in enumerate(smoothing.columns):
             assert np.abs(step[:, k]).max() <= region * (0.006 if column < 3 else 0.25) + 1e-9
@@ -153,7 +155,7 @@ def test_a_step_keeps_room_to_a_joint_limit_that_it_would_cross(
     bound[joint] = side * limit
     limits = replace(limits, **{"upper" if side > 0 else "lower": frozen(bound)})
     near = Smoothing(robot, smoothing.curve, smoothing.demands, limits)
-    step = near._step(way, 1.0)
+    step = near._step(way, near._program(way, None), 1.0, False)
     assert step is not None
     then = way.q[:, joint] + (near._derivatives(way) @ step[..., None])[:, joint, 0]
     assert (side * then).max() <= limit - 0.9e-3
@@ -226,13 +228,14 @@ def test_a_way_is_refused_that_the_joints_cannot_follow(robot: Robot, crs97: Uni
 
 
 class AllBut:
-    """A demand that all configurations but one meet."""
+    """A world in which one configuration is too near to something, and no other."""
 
     def __init__(self, one: Array) -> None:
         self.one = one
 
-    def met(self, q: Array) -> bool:
-        return not (q == self.one).all(axis=1).any()
+    def near(self, q: Array, limit: float) -> Near:
+        row = np.flatnonzero((q == self.one).all(axis=1))
+        return Near(row, np.zeros_like(row), np.full(len(row), CLEARANCE / 2.0), np.zeros((len(row), 6)))
 
 
 def test_a_way_is_blocked_at_a_station_or_between_two(robot: Robot, crs97: Unit) -> None:
@@ -244,5 +247,5 @@ def test_a_way_is_blocked_at_a_station_or_between_two(robot: Robot, crs97: Unit)
         (0.5 * (way.q[7] + way.q[8]), True),
         (way.q[7] + 1e-6, False),
     ):
-        smoothing.demands = (AllBut(one),)  # type: ignore[assignment]
+        smoothing.demands = (Demand(AllBut(one), CLEARANCE),)  # type: ignore[arg-type]
         assert smoothing.blocked(way) == blocked
