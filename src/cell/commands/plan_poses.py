@@ -19,7 +19,6 @@ from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
-from cell.program.path_step import PathStep
 from cell.program.planning import plan_of_program
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import Action
@@ -28,7 +27,7 @@ from cell.session.speed import planning_speed, tool_words
 from cell.task.explain import explain_list_failure
 from cell.task.planning import require_above_table
 from cell.task.pose_list_planning import place_of_arm, place_of_cell, plan_pose_list
-from cell.task.programs.reach import path_reach, require_reach
+from cell.task.programs.reach import program_reach, require_reach
 from plan.budget import SearchBudget
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from vision.observation import Observation
@@ -178,26 +177,23 @@ def plan_program_step(
 
 
 def reach_program_step(program_file: Path, look: Path | None, console: Console) -> dict[str, Any]:
-    """``a465 reach`` of a program: which stations of its paths the arm can reach, and why not.
+    """``a465 reach`` of a program: which stations of its paths and poses the arm can reach, and why not.
 
     Raises:
-        InputError: a file is wrong, the look is missing, or the program has no path.
-        ImpossibleError: the arm cannot be at a station of a path; names it.
+        InputError: a file is wrong, or the look is missing.
+        ImpossibleError: the arm cannot be at a station; names it.
     """
     task, seen = _task_and_look(program_file, look)
-    if not any(isinstance(step, PathStep) for step in task.steps):
-        why = f"{program_file}: has no path, and reach is that of paths; a465 plan tells whether its poses are in reach"
-        raise InputError(why)
-    stations = path_reach(task, seen, planning_speed(task.cell, None))
+    stations = program_reach(task, seen, planning_speed(task.cell, None))
     console.table(
-        ("path", "mm", "x mm", "y mm", "z mm", "solutions", "what limits it"),
-        [(s.path, 1e3 * s.place, *(1e3 * v for v in s.position), s.solutions, s.reason()) for s in stations],
+        ("step", "mm", "x mm", "y mm", "z mm", "solutions", "what limits it"),
+        [(s.step, 1e3 * s.place, *(1e3 * v for v in s.position), s.solutions, s.reason()) for s in stations],
     )
     require_reach(stations)
     return {
         "stations": [
             {
-                "path": s.path,
+                "step": s.step,
                 "place_mm": 1e3 * s.place,
                 "position_mm": [1e3 * v for v in s.position],
                 "solutions": s.solutions,

@@ -7,13 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
-from arm.se3 import Array
-from cell.program.planning import T_base_work, program_goals, program_options, program_scene
+from arm.numerics.products import mul
+from arm.se3 import Array, transform
+from cell.program.planning import (
+    T_base_work,
+    program_goals,
+    program_options,
+    program_parts,
+    program_scene,
+)
 from cell.program.program_file import ProgramTask
 from plan.collision.world import World
 from plan.curve.graph import CurveGraph
-from plan.program.goals.target import Target
+from plan.kinematics.numeric_ik import SearchOptions, solve_ik
+from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.setting import planned_limits
 from vision.observation import Observation
 
@@ -22,11 +31,11 @@ _TRIED = 60  # solutions at a station whose distances are computed, until one is
 
 @dataclass(frozen=True)
 class StationReach:
-    """What the arm can do at one station of a path.
+    """What the arm can do at one station of a path, or at a pose and the ends of its straight lines.
 
     Attributes:
-        path: name of the path.
-        place: from its start, m.
+        step: name of the path or pose.
+        place: along the path from its start, or along the tool's z axis from the pose (negative before it), m.
         position: of the tool, (3,) m.
         solutions: number of solutions within the joint limits, over all samples of the free directions.
         best: largest distance of such a solution less the required clearance, m: the first positive one, or the best of
@@ -34,7 +43,7 @@ class StationReach:
         pair: the bodies that are nearest then.
     """
 
-    path: str
+    step: str
     place: float
     position: tuple[float, float, float]
     solutions: int
@@ -53,48 +62,83 @@ class StationReach:
         return "" if self.free else f"{' and '.join(self.pair)} are {-1e3 * self.best:.1f} mm too near"
 
 
-def path_reach(task: ProgramTask, observation: Observation, speed: float) -> tuple[StationReach, ...]:
-    """Return the reach of every station of the program's paths, in order.
+def program_reach(task: ProgramTask, observation: Observation, speed: float) -> tuple[StationReach, ...]:
+    """Return the reach of every station of the program's paths and poses, in order; a path and back counts once.
+
+    What was taken and put down before is where the program has it.
 
     Raises:
-        ImpossibleError: the board of the work was not found.
+        ImpossibleError: the board of the work was not found, or a part stands nowhere.
     """
-    goals = program_goals(task, T_base_work(task, observation))
-    paths = {goal.name: goal for goal in goals if goal.by == "path"}
-    return tuple(one for goal in paths.values() for one in _stations(task, observation, speed, goal))
+    T, parts = T_base_work(task, observation), program_parts(task, observation)
+    goals = tuple(program_goals(task, T, parts))
+    scene, options = program_scene(task, observation), program_options(task, speed)
+    limits = planned_limits(task.cell.limits, options, task.cell.unit)
+    worlds, done = AttachmentWorlds(scene, goals), set[str]()
+    found = list[StationReach]()
+    for number, goal in enumerate(goals):
+        if goal.q is not None or goal.name in done:
+            continue
+        done.add(goal.name)
+        if goal.by == "path":
+            world = worlds.on_lines(worlds.nominal_state(number), goal)
+            found += _of_path(
+                world, CurveGraph(worlds.robot, goal.curve, world, options.clearance, limits), goal.name
+            )
+        else:
+            found += _of_pose(worlds, number, limits, goal.clearance_on_lines(options))
+    return tuple(found)
 
 
 def require_reach(stations: tuple[StationReach, ...]) -> None:
     """Require that the arm can be at every station.
 
     Raises:
-        ImpossibleError: names the first one of each path where it cannot.
+        ImpossibleError: names the first one of each path and pose where it cannot.
     """
     blocked: dict[str, StationReach] = {}
     for station in stations:
         if not station.free:
-            blocked.setdefault(station.path, station)
+            blocked.setdefault(station.step, station)
     if blocked:
-        shown = "; ".join(f"{s.path!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in blocked.values())
-        raise ImpossibleError(f"the arm cannot follow {shown}; move the work, or free more directions")
+        shown = "; ".join(f"{s.step!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in blocked.values())
+        raise ImpossibleError(f"the arm cannot do {shown}; move the work, or free more directions")
 
 
-def _stations(
-    task: ProgramTask, observation: Observation, speed: float, goal: Target
-) -> Iterator[StationReach]:
-    scene, options = program_scene(task, observation), program_options(task, speed)
-    limits = planned_limits(task.cell.limits, options, task.cell.unit)
-    thread = None if goal.threaded is None else scene.thread(goal.threaded)
-    names = [body.name for body in scene.robot_open.bodies]
-    bodies = scene.bodies if thread is None else (*scene.bodies, thread.ray)
-    touching = goal.pairs | (frozenset() if thread is None else thread.exempt(names))
-    world = World(scene.robot_open, bodies, allowed=touching)
-    graph = CurveGraph(scene.robot_open, goal.curve, world, options.clearance, limits)
-    at = goal.curve.poses(graph.places)[:, :3, 3]
+def _of_path(world: World, graph: CurveGraph, name: str) -> Iterator[StationReach]:
+    at = graph.curve.poses(graph.places)[:, :3, 3]
     for place, position, reached, q in zip(graph.places, at, graph.reached, graph.q, strict=True):
-        best, pair = _best(world, q[reached], options.clearance)
-        x, y, z = (float(v) for v in position)
-        yield StationReach(goal.name, float(place), (x, y, z), int(reached.sum()), best, pair)
+        yield _station(name, float(place), position, world, q[reached], graph.clearance)
+
+
+def _of_pose(
+    worlds: AttachmentWorlds, number: int, limits: Limits, clearance: float
+) -> Iterator[StationReach]:
+    """Yield where the approach begins, the pose, and where the retract ends, as far as there are these lines.
+
+    A retract that ends where the approach began is listed once, with the world in which there is less room.
+    """
+    goal, options = worlds.targets[number], SearchOptions()
+    before, after = (worlds.on_lines(worlds.nominal_state(n), goal) for n in (number, number + 1))
+    ends = {-goal.approach: [before], 0.0: [before]}
+    if goal.retract:
+        ends.setdefault(-goal.retract, []).append(after)
+    poses = goal.poses
+    if goal.freedom:
+        poses = np.concatenate([goal.freedom.sampled(T, options.poses, options.seed) for T in poses])
+    for place, some in ends.items():
+        along = transform(t=(0.0, 0.0, place))
+        q = solve_ik(worlds.robot, mul(poses, along), limits.lower, limits.upper, goal.free, options).q
+        at = mul(goal.poses[0], along)[:3, 3]
+        found = [_station(goal.name, place, at, world, q, clearance) for world in some]
+        yield min(found, key=lambda one: -np.inf if one.best is None else one.best)
+
+
+def _station(name: str, place: float, at: Array, world: World, q: Array, clearance: float) -> StationReach:
+    """Return the reach of a station with solutions q (k, n)."""
+    best, pair = _best(world, q, clearance)
+    x, y, z = (float(v) for v in at)
+    return StationReach(name, place, (x, y, z), len(q), best, pair)
 
 
 def _best(world: World, q: Array, clearance: float) -> tuple[float | None, tuple[str, str]]:
