@@ -22,7 +22,7 @@ from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Body, Torus
-from arm.se3 import Array, Indices, cross, frozen
+from arm.se3 import Array, Bools, Indices, cross, frozen
 from plan.budget import DISTANCE_CHECKS, spend
 from plan.collision.bounds import Axes, DistanceBounds
 from plan.collision.narrow.coal_shapes import GJK_TOLERANCE, coal_shape
@@ -69,14 +69,9 @@ class Near:
     distance: Array
     gradient: Array
 
-    def below(self, limit: float) -> Near:
-        """Return those that are nearer than `limit` m."""
-        some = self.distance < limit
-        return (
-            self
-            if some.all()
-            else Near(self.row[some], self.pair[some], self.distance[some], self.gradient[some])
-        )
+    def chosen(self, some: Bools) -> Near:
+        """Return some (r,) of them."""
+        return Near(self.row[some], self.pair[some], self.distance[some], self.gradient[some])
 
 
 @dataclass(frozen=True)
@@ -211,15 +206,22 @@ class World:
         Raises:
             InputError: a name is not that of a body.
         """
+        robot, bodies, held, T_tool_held, allowed, padding = self._made_of
+        left_out = [frozenset(self.pair_names(i)) for i in np.flatnonzero(~self.pairs_of(names)).tolist()]
+        return World(robot, bodies, held, T_tool_held, (*allowed, *left_out), padding)
+
+    def pairs_of(self, names: Iterable[str]) -> Bools:
+        """Return which pairs (p,) contain a body of `names`.
+
+        Raises:
+            InputError: a name is not that of a body.
+        """
         wanted = set(names)
         unknown = sorted(wanted - set(self.names))
         if unknown:
             why = f"names: {unknown[0]!r}: must be one of {', '.join(self.names)}"
             raise InputError(why, name=unknown[0])
-        robot, bodies, held, T_tool_held, allowed, padding = self._made_of
-        others = [self.pair_names(i) for i in range(len(self.pairs))]
-        left_out = [frozenset(pair) for pair in others if not wanted & set(pair)]
-        return World(robot, bodies, held, T_tool_held, (*allowed, *left_out), padding)
+        return np.array([name in wanted for name in self.names], dtype=bool)[self.pairs].any(axis=1)
 
     def joint_of(self, name: str) -> int:
         """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""
@@ -259,18 +261,21 @@ class World:
         order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]
         return [self._witness(i, float(values[i]), results[i]) for i in order]
 
-    def near(self, q: npt.ArrayLike, limit: float) -> Near:
+    def near(self, q: npt.ArrayLike, limit: float | Array) -> Near:
         """Return every pair closer than `limit` m at configurations q (m, n) rad, with the gradient of its distance.
 
-        The gradient is the velocity of the outer body's witness point relative to the inner body, along the normal;
-        the bodies' curvature adds terms of second order only.
+        The limit is that of all pairs, or one for each (p,). The gradient is the velocity of the outer body's witness
+        point relative to the inner body, along the normal; the bodies' curvature adds terms of second order only.
         """
         q = self._configurations(q)
         at = self.volumes.placed(q)
-        open_ = self.volumes.open_pairs(at, limit)
-        found = self.witnesses(q, open_.row, open_.pair)
-        close = found.distance < limit
-        row, pair = open_.row[close], open_.pair[close]
+        limits = np.broadcast_to(limit, (len(self.pairs),))
+        open_ = self.volumes.open_pairs(at, float(limits.max(initial=-np.inf)))
+        chosen = open_.bound < limits[open_.pair]
+        row, pair = open_.row[chosen], open_.pair[chosen]
+        found = self.witnesses(q, row, pair)
+        close = found.distance < limits[pair]
+        row, pair = row[close], pair[close]
         normal, point = found.normal[close][:, None], found.point[close][:, None]
         axis_point, axis = at.point[row], at.axis[row]
         motion = np.where(self.volumes.revolute[:, None], cross(axis, point - axis_point), axis)

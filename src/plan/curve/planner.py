@@ -15,7 +15,7 @@ import numpy as np
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 from plan.cartesian.line import JointPath
 from plan.collision.bezier import curve_of_path
 from plan.collision.certificate import certify_curve
@@ -66,7 +66,8 @@ class CurvePlanner:
     ) -> None:
         self.name, self.robot, self.curve, self.world = name, robot, curve, world
         self.clearance = clearance
-        self.widened = None if widened is None else world.only(widened) if widened else world
+        self.every = np.ones(len(world.pairs), dtype=bool)
+        self.widened = None if widened is None else world.pairs_of(widened) if widened else self.every
         room = np.minimum(_ROOM, (limits.upper - limits.lower) / 4.0)
         self.limits = replace(limits, lower=frozen(limits.lower + room), upper=frozen(limits.upper - room))
 
@@ -101,8 +102,8 @@ class CurvePlanner:
         """
         seen: ImpossibleError | None = None
         for wider in _WIDER:
-            demand = Demand(self.world, self.clearance + LINE_MARGIN + wider)
-            smoothing = Smoothing(self.robot, self.curve, [demand], self.limits, fixed)
+            demand = Demand(self.clearance + LINE_MARGIN + wider, self.every)
+            smoothing = Smoothing(self.robot, self.curve, self.world, [demand], self.limits, fixed)
             coordinates = np.array(chain.coordinates)
             coordinates[:, 5] = _unwrapped(coordinates[:, 5])
             way = smoothing.at(chain.places, coordinates, chain.q)
@@ -119,12 +120,11 @@ class CurvePlanner:
         why = f"path {self.name!r}: the tool cannot be kept on it near {chain.branch}"
         raise seen or ImpossibleError(why, target=self.name, length_m=self.curve.length)
 
-    def _widened(self, smoothing: Smoothing, way: Followed, world: World) -> tuple[Smoothing, Followed]:
-        """Return the way with the largest least distance in a world, and a smoothing that keeps it."""
-        wide = smoothing.widened(way, _ROUNDS, world)
-        kept = Demand(world, smoothing.least(wide, world) - _GIVEN)
-        demands = [*smoothing.demands, kept]
-        return Smoothing(self.robot, self.curve, demands, self.limits, smoothing.fixed), wide
+    def _widened(self, smoothing: Smoothing, way: Followed, pairs: Bools) -> tuple[Smoothing, Followed]:
+        """Return the way with the largest least distance of pairs (p,), and a smoothing that keeps it."""
+        wide = smoothing.widened(way, _ROUNDS, pairs)
+        demands = [*smoothing.demands, Demand(smoothing.least(wide, pairs) - _GIVEN, pairs)]
+        return Smoothing(self.robot, self.curve, self.world, demands, self.limits, smoothing.fixed), wide
 
     def _certified(self, smoothing: Smoothing, way: Followed, shifts: bool) -> JointPath:
         # turns first: with all that is free at once, steps more often end in a slow way

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from arm.controller.unit import Limits
 from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
-from arm.se3 import Array, frozen
+from arm.se3 import Array, Bools, frozen
 from plan.budget import QP_CHECKS, spend
 from plan.collision.world import Near, World
 from plan.curve.step_program import Rows, StepProgram
@@ -33,8 +33,8 @@ _AIM = 3e-4  # m, added to the clearance where distances are linearised
 _NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
 _JOINT_ROOM = 1e-3  # rad (m) kept to joint limits: for a step's curvature and what is between stations
 _PROBE = 1e-6  # rad or m, of the derivative by the coordinates
-_WORTH = 2e-3  # least useful gain of a step, relative
-_WORTH_M = 5e-5  # m, least useful gain of distance
+_WORTH = 4e-3  # least useful gain of a step, relative
+_WORTH_M = 1.5e-4  # m, least useful gain of distance
 FARTHEST = 0.04  # m, distances beyond which more is no gain
 
 
@@ -60,10 +60,14 @@ class Followed:
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """A clearance that all pairs of a world have to keep, m."""
+    """A clearance, m, that pairs (p,) of the world have to keep."""
 
-    world: World
     clearance: float
+    pairs: Bools
+
+    def of(self, near: Near, beyond: float) -> Bools:
+        """Return which near pairs (r,) are its own, and nearer than the clearance and `beyond` m."""
+        return np.asarray(self.pairs[near.pair] & (near.distance < self.clearance + beyond))
 
 
 class Smoothing:
@@ -72,6 +76,7 @@ class Smoothing:
     Args:
         robot: the arm.
         curve: what the tool follows.
+        world: the arm and all bodies.
         demands: clearances to keep.
         limits: of the joints.
         fixed: whether the first station stays as it is.
@@ -81,18 +86,20 @@ class Smoothing:
         self,
         robot: Robot,
         curve: ToolCurve,
+        world: World,
         demands: Sequence[Demand],
         limits: Limits,
         fixed: bool = False,
     ) -> None:
         self.fixed = fixed
-        self.robot, self.curve, self.demands, self.limits = robot, curve, tuple(demands), limits
+        self.robot, self.curve, self.world, self.limits = robot, curve, world, limits
+        self.demands = tuple(demands)
         self.arm = product_of_exponentials(robot)
         self.columns = directions(curve)
         low, high = (some[self.columns] for some in curve.box())
         room = np.where(np.isinf(high), 0.0, _ROOM * (high - low))
         self.low, self.high, self.room, self.tilt = low, high, room, curve.freedom.tilt
-        self._near: dict[World, tuple[Followed, float, Near]] = {}
+        self._seen: tuple[Followed, Bools | None, Near] | None = None
 
     def at(self, places: Array, coordinates: Array, q: Array) -> Followed | None:
         """Return configurations near q (m, n) with these coordinates; None if there are none within limits."""
@@ -119,23 +126,28 @@ class Smoothing:
             swing = np.sqrt((coordinates[:, 3:5] ** 2).sum(axis=1, keepdims=True))
             coordinates[:, 3:5] *= np.minimum(1.0, tilt / np.maximum(swing, 1e-12))
 
-    def blocked(self, way: Followed) -> bool:
+    def blocked(self, way: Followed, widened: Bools | None = None) -> bool:
         """Return whether a station, or the middle between two, is too near to something."""
-        return any(
-            (self._pairs(way, demand.world, demand.clearance + _INFLUENCE).distance < demand.clearance).any()
-            for demand in self.demands
-        )
+        near = self._near(way, widened)
+        return any(demand.of(near, 0.0).any() for demand in self.demands)
 
-    def least(self, way: Followed, world: World) -> float:
-        """Return the least distance in a world at stations and middles, m, at most `FARTHEST`."""
-        return float(self._pairs(way, world, FARTHEST).distance.min(initial=FARTHEST))
+    def least(self, way: Followed, pairs: Bools) -> float:
+        """Return the least distance of pairs (p,) at stations and middles, m, at most `FARTHEST`."""
+        near = self._near(way, pairs)
+        return float(near.distance[pairs[near.pair]].min(initial=FARTHEST))
 
-    def _pairs(self, way: Followed, world: World, limit: float) -> Near:
-        """Return the pairs nearer than `limit` m at stations and middles; those of the last way are kept."""
-        known = self._near.get(world)
-        if known is None or known[0] is not way or known[1] < limit:
-            known = self._near[world] = way, limit, world.near(way.all_q, limit)
-        return known[2].below(limit)
+    def _near(self, way: Followed, widened: Bools | None) -> Near:
+        """Return the near pairs at stations and middles that demands or what is widened need; of the last way, kept."""
+        if self._seen is None or self._seen[0] is not way or self._seen[1] is not widened:
+            limits = (
+                np.full(len(self.world.pairs), -np.inf)
+                if widened is None
+                else np.where(widened, FARTHEST, -np.inf)
+            )
+            for demand in self.demands:
+                np.maximum(limits, demand.clearance + _INFLUENCE, out=limits, where=demand.pairs)
+            self._seen = way, widened, self.world.near(way.all_q, limits)
+        return self._seen[2]
 
     def time(self, way: Followed) -> float:
         """Estimate the time of a way, s."""
@@ -152,8 +164,8 @@ class Smoothing:
             way, rounds, None, turns_only, lambda at: -self.time(at), lambda value: _WORTH * -value
         )
 
-    def widened(self, way: Followed, rounds: int, of: World) -> Followed:
-        """Return a way with more distance between the pairs of a world, which also keeps all demands."""
+    def widened(self, way: Followed, rounds: int, of: Bools) -> Followed:
+        """Return a way with more distance between some pairs (p,), which also keeps all demands."""
         if not self.columns:
             return way
         return self._better(way, rounds, of, False, lambda at: self.least(at, of), lambda value: _WORTH_M)
@@ -162,7 +174,7 @@ class Smoothing:
         self,
         way: Followed,
         rounds: int,
-        widened: World | None,
+        widened: Bools | None,
         turns_only: bool,
         value_of: Callable[[Followed], float],
         worth: Callable[[float], float],
@@ -172,7 +184,7 @@ class Smoothing:
         Args:
             way: where to begin.
             rounds: largest number of quadratic programs.
-            widened: the world whose least distance is maximised; None: time is their aim.
+            widened: pairs (p,) whose least distance is maximised; None: time is their aim.
             turns_only: whether free positions stay as they are.
             value_of: what is maximised.
             worth: least useful gain at a value.
@@ -191,7 +203,7 @@ class Smoothing:
                 if trial is None:
                     continue
                 more = value_of(trial) - value
-                if more > worth(value) and not self.blocked(trial):
+                if more > worth(value) and not self.blocked(trial, widened):
                     way, value, program = trial, value + more, self._program(trial, widened)
                     region = min(1.0, 1.5 * part * region)
                     break
@@ -228,15 +240,15 @@ class Smoothing:
         ]
         return np.stack(columns, axis=-1)
 
-    def _program(self, way: Followed, widened: World | None) -> StepProgram:
-        """Return the program of steps from a way: the fastest, or those to the largest least distance in a world."""
-        D, rows = self._derivatives(way), []
+    def _program(self, way: Followed, widened: Bools | None) -> StepProgram:
+        """Return the program of steps from a way: the fastest, or those to the largest least distance of pairs (p,)."""
+        D, near, rows = self._derivatives(way), self._near(way, widened), []
         for demand in self.demands:
-            near = self._pairs(way, demand.world, demand.clearance + _INFLUENCE)
-            rows.append(Rows.of_distances(near, D, near.distance - (demand.clearance + _AIM), True))
+            own = near.chosen(demand.of(near, _INFLUENCE))
+            rows.append(Rows.of_distances(own, D, own.distance - (demand.clearance + _AIM), True))
         if widened is not None:
-            near = self._pairs(way, widened, FARTHEST)
-            rows.append(Rows.of_distances(near, D, near.distance, False))
+            own = near.chosen(widened[near.pair])
+            rows.append(Rows.of_distances(own, D, own.distance, False))
         if self.tilt > 0.0:
             rows.append(self._tilts(way))
         v = self.limits.velocity

@@ -130,7 +130,7 @@ def test_a_failed_certificate_is_tried_again_with_more_room(
     smoothing = planner_module.Smoothing
 
     def noted(*given):  # type: ignore[no-untyped-def]
-        rooms.append(given[2][0].clearance)
+        rooms.append(given[3][0].clearance)
         return smoothing(*given)
 
     monkeypatch.setattr(planner_module, "Smoothing", noted)

@@ -45,7 +45,9 @@ def way_along(robot: Robot, unit: Unit, curve: ToolCurve, bodies: list[Body]) ->
     """The smoothing of a curve, and its fastest chain as it begins."""
     world, limits = World(robot, [TABLE, *bodies]), unit.limits()
     chain = next(CurveGraph(robot, curve, world, CLEARANCE + MARGIN, limits).chains())
-    smoothing = Smoothing(robot, curve, [Demand(world, CLEARANCE)], limits)
+    smoothing = Smoothing(
+        robot, curve, world, [Demand(CLEARANCE, np.ones(len(world.pairs), dtype=bool))], limits
+    )
     coordinates = np.array(chain.coordinates)
     coordinates[:, 5] = np.unwrap(coordinates[:, 5])
     way = smoothing.at(chain.places, coordinates, chain.q)
@@ -63,7 +65,7 @@ def check(robot: Robot, smoothing: Smoothing, way: Followed) -> None:
     assert (way.q <= smoothing.limits.upper).all()
     for demand in smoothing.demands:
         for q in np.concatenate([way.q, 0.5 * (way.q[1:] + way.q[:-1])]):
-            assert demand.world.distance(q).value >= demand.clearance
+            assert smoothing.world.distance(q).value >= demand.clearance
 
 
 def test_a_smoothed_way_is_faster_on_the_curve_within_limits_and_clear(
@@ -86,11 +88,11 @@ def test_a_step_into_a_body_is_not_taken(robot: Robot, crs97: Unit, monkeypatch:
     whole = Rows.of_distances
 
     def none(near: Near, D: Array, room: Array, missing: bool) -> Rows:
-        return whole(near.below(-np.inf), D, room[:0], missing)
+        return whole(near.chosen(near.distance < -np.inf), D, room[:0], missing)
 
     monkeypatch.setattr(Rows, "of_distances", staticmethod(none))
     check(robot, smoothing, smoothing.smoothed(way, 8))
-    check(robot, smoothing, smoothing.widened(way, 4, smoothing.demands[0].world.only(["table"])))
+    check(robot, smoothing, smoothing.widened(way, 4, smoothing.world.pairs_of(["table"])))
 
 
 def test_a_step_that_does_not_help_is_not_taken(
@@ -99,7 +101,7 @@ def test_a_step_that_does_not_help_is_not_taken(
     """Every step leads the other way."""
     for case in (CASES["ranges"], (LOW, [])):
         smoothing, way = way_along(robot, crs97, *case)
-        step, of = smoothing._step, smoothing.demands[0].world
+        step, of = smoothing._step, smoothing.demands[0].pairs
         monkeypatch.setattr(smoothing, "_step", lambda *given, step=step, **named: -step(*given, **named))
         assert smoothing.time(smoothing.smoothed(way, 4)) <= smoothing.time(way)
         assert smoothing.least(smoothing.widened(way, 4, of), of) >= smoothing.least(way, of)
@@ -114,14 +116,14 @@ def test_a_widened_way_has_more_distance_and_keeps_what_is_asked_for(
 ) -> None:
     """Of all pairs, or of those of the table alone."""
     smoothing, way = way_along(robot, crs97, curve, bodies)
-    world = smoothing.demands[0].world
-    of = world.only(names) if names else world
+    of = smoothing.world.pairs_of(names) if names else smoothing.demands[0].pairs
+    alone = smoothing.world.only(names) if names else smoothing.world
     least = [smoothing.least(way, of)]
     for rounds in (1, 15):
         way = smoothing.widened(way, rounds, of)
         check(robot, smoothing, way)
         least.append(smoothing.least(way, of))
-        assert least[-1] == pytest.approx(min(of.distance(q).value for q in way.all_q), abs=1e-9)
+        assert least[-1] == pytest.approx(min(alone.distance(q).value for q in way.all_q), abs=1e-9)
     assert least == sorted(least)
     assert least[-1] > least[0] + 3e-3
 
@@ -154,7 +156,7 @@ def test_a_step_keeps_room_to_a_joint_limit_that_it_would_cross(
     bound = np.array(limits.upper if side > 0 else limits.lower)
     bound[joint] = side * limit
     limits = replace(limits, **{"upper" if side > 0 else "lower": frozen(bound)})
-    near = Smoothing(robot, smoothing.curve, smoothing.demands, limits)
+    near = Smoothing(robot, smoothing.curve, smoothing.world, smoothing.demands, limits)
     step = near._step(way, near._program(way, None), 1.0, False)
     assert step is not None
     then = way.q[:, joint] + (near._derivatives(way) @ step[..., None])[:, joint, 0]
@@ -220,7 +222,7 @@ def test_what_has_no_freedom_is_not_smoothed(robot: Robot, crs97: Unit) -> None:
 def test_a_way_is_refused_that_the_joints_cannot_follow(robot: Robot, crs97: Unit) -> None:
     smoothing, way = way_along(robot, crs97, *CASES["turning"])
     low = replace(smoothing.limits, upper=frozen(way.q.max(axis=0) - 0.01))
-    cramped = Smoothing(robot, smoothing.curve, [], low)
+    cramped = Smoothing(robot, smoothing.curve, smoothing.world, [], low)
     assert cramped.at(way.places, way.coordinates, way.q) is None
     turned = np.array(way.coordinates)
     turned[:, 5] += 1.0  # farther than a solution near q may be
@@ -231,9 +233,9 @@ class AllBut:
     """A world in which one configuration is too near to something, and no other."""
 
     def __init__(self, one: Array) -> None:
-        self.one = one
+        self.one, self.pairs = one, np.zeros((1, 2), dtype=np.intp)
 
-    def near(self, q: Array, limit: float) -> Near:
+    def near(self, q: Array, limits: Array) -> Near:
         row = np.flatnonzero((q == self.one).all(axis=1))
         return Near(row, np.zeros_like(row), np.full(len(row), CLEARANCE / 2.0), np.zeros((len(row), 6)))
 
@@ -242,10 +244,11 @@ def test_a_way_is_blocked_at_a_station_or_between_two(robot: Robot, crs97: Unit)
     smoothing, way = way_along(robot, crs97, *CASES["ranges"])
     assert not smoothing.blocked(way)
 
+    smoothing.demands = (Demand(CLEARANCE, np.ones(1, dtype=bool)),)
     for one, blocked in (
         (way.q[7], True),
         (0.5 * (way.q[7] + way.q[8]), True),
         (way.q[7] + 1e-6, False),
     ):
-        smoothing.demands = (Demand(AllBut(one), CLEARANCE),)  # type: ignore[arg-type]
+        smoothing.world, smoothing._seen = AllBut(one), None  # type: ignore[assignment]
         assert smoothing.blocked(way) == blocked

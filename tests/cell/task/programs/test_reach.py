@@ -87,7 +87,9 @@ def test_poses_are_reached_with_what_was_taken_and_put_down_before() -> None:
     low = np.array(put.T_work_tool)
     low[16:, 2, 3] -= 0.026  # the second layer would be put into the first
     steps = (*task.steps[:number], replace(put, T_work_tool=low), *task.steps[number + 1 :])
-    with pytest.raises(ImpossibleError, match=r"'put \(17\)': where part 17 is put down, it is 26.0 mm inside"):
+    with pytest.raises(
+        ImpossibleError, match=r"'put \(17\)': where part 17 is put down, it is 26.0 mm inside"
+    ):
         require_reach(program_reach(replace(task, steps=steps), Observation(), 0.5))
 
 
