@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from functools import lru_cache
 
@@ -54,9 +53,7 @@ def two_boards() -> Photographed:
 
 def test_two_boards_and_one_that_is_not_there() -> None:
     shot = two_boards()
-    started = time.process_time()
     seen = look(shot.images, CAMERA, [A, C, B], DICTIONARY, CUBE)
-    assert time.process_time() - started < 2.0
     assert [p.board.name for p in seen.poses] == ["01-02", "03-04"]
     assert seen.missing == {"05-06": "neither of its markers 5 and 6 is in view"}
     assert seen.half_seen == ()

@@ -19,6 +19,7 @@ from driver.emulator.line.uart import Wire
 from driver.emulator.unit.machine import Machine
 from driver.line.clock import Clock
 from emulated.connected_unit import connected
+from timed.relative import cost_s, interpreted
 from wire.client import Client
 
 UNIT = load_unit("crs93")
@@ -65,7 +66,7 @@ def test_2_every_line_is_one_write() -> None:
 
 
 def test_2_positions_are_answered_well_within_the_public_client_s_10_ms(unit: Unit) -> None:
-    """In the unit's time, and in what it takes of a processor."""
+    """In the unit's time, and with less of a processor's than a sum of 100 000 squares takes in Python."""
     with connected(unit, paced=False) as (emulator, client):
         costs = []
         for _ in range(50):
@@ -73,7 +74,7 @@ def test_2_positions_are_answered_well_within_the_public_client_s_10_ms(unit: Un
             assert client.ask("APA?") == "APA=0"
             costs.append(time.thread_time() - busy)
             assert emulator.clock.now() - begin <= 1e-3
-        assert statistics.median(costs) < 5e-3
+        assert statistics.median(costs) < cost_s(interpreted)
 
 
 def test_2_the_status_is_a_plain_number_of_at_most_18_bits() -> None:

