@@ -61,6 +61,7 @@ def streamed(
     return error, off_path_deg(unit, counts, curve) if len(counts) else 0.0, mars
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("latency_s", [0.0, 0.1])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("nth", "stops"), [(2, 0), (15, 2)])
@@ -76,6 +77,7 @@ def test_a_damaged_segment_never_begins(
     assert off_deg < OFF_DEG
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("echo_end", "echo_order"), [("LF", "before"), ("CRLF", "mixed")])
 @pytest.mark.parametrize("kind", ["lost", "doubled", "digit", "0.3 s"])
 @pytest.mark.parametrize("nth", [1, 9])
@@ -118,6 +120,7 @@ def test_the_message_shows_what_was_sent_what_came_back_and_the_column(
     assert f"column {column}" in str(error)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("kind", KINDS[:6])
 def test_damaged_answers_stop_nothing(unit: Unit, clock: SteppedClock, kind: Any) -> None:
     damage = Damage(kind, 6, seed=3, what=ANSWER)
@@ -131,6 +134,7 @@ STATUS = rb"ST=16(?=\r)"
 NUMBER = rb"(?<=COORDAP=)(\d+),(\d+)(?=,)"
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("echo", ["line", "none"])
 @pytest.mark.parametrize(
     ("answer", "wrong"),
@@ -164,6 +168,7 @@ def test_one_wrong_answer_is_asked_for_again(
     assert off_deg < OFF_DEG
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     "latency_s", [0.0, 0.2, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.016, 0.1))]
 )
@@ -192,6 +197,7 @@ def test_no_manners_of_a_unit_stop_a_sound_line(
     assert mars.link.takes_turns == (echo == "byte")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("latency_s", [0.0, 0.2])
 @pytest.mark.parametrize(("echo", "times"), [("line", 1), ("byte", 1), ("byte", 2), ("none", 1)])
 def test_the_end_of_a_motion_that_is_lost_on_the_line_is_asked_for_again_in_time(
@@ -274,6 +280,7 @@ def test_nothing_is_sent_behind_a_dwell_before_it_has_come_back(latency_s: float
     assert first - dwell >= 2e3 * latency_s + 1e3 * 100 / 1920  # there and back, and its some 50 bytes twice
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("line", "becomes"), [(b"REGACCF", b"REGACCB"), (b"REGPF", b"REGPB"), (b"REGMSF", b"REGMSB")]
 )

@@ -69,6 +69,7 @@ def test_a_session_has_about_so_many_answers() -> None:
     assert abs(session(load_unit("crs93"), 0, 0) - ANSWERS) < 30
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("nth", range(1, ANSWERS - 6, 3))
 def test_one_damaged_answer_stops_no_session(unit: Unit, nth: int) -> None:
     session(unit, nth, seed=5 * nth + 1)

@@ -46,6 +46,7 @@ def executed_since(emulator: Emulator, time_ms: int) -> tuple[np.ndarray, np.nda
     return record.time_ms[rows], record.counts[rows]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["crs93", "crs97"])
 def test_a_session_from_power_up_to_a_gripped_object(name: str, clock: SteppedClock, tmp_path: Path) -> None:
     unit = load_unit(name)

@@ -79,6 +79,7 @@ def test_spare_places_are_used_where_that_saves_time(case: Task2) -> None:
     assert [c["to"] for c in kept.task["cubes"]] == [far.name]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("speed", [0.25, 0.02, 0.01])
 def test_a_lower_speed_is_the_same_way_slower(case: Task2, speed: float) -> None:
     fast, slow = (

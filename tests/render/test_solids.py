@@ -14,6 +14,7 @@ from render.solids import BodySolid
 from vision.camera.model import Camera
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("seed", range(18))
 def test_a_hit_is_on_the_surface_and_nothing_is_before_it(seed: int, small: Camera) -> None:
     rng = np.random.default_rng(seed)

@@ -52,6 +52,7 @@ def test_a_rise_allows_for_the_noise_being_estimated():
     assert (ratio > largest_rise(1e-3, 18, 24.0)).mean() == pytest.approx(1e-3, rel=0.3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_quarter_of_twelve_markers_may_be_wrong(seed):
     rng = np.random.default_rng([seed, 12, 3])

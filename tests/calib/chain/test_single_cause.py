@@ -34,6 +34,7 @@ def test_a_gear_ratio_is_named_although_links_would_explain_the_images(plain: Ch
     assert any("if the scale of J3 is not as given" in remark for remark in plain.remarks)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("kind", "needed"), [("marker", True), ("charuco", False)])
 def test_whether_the_print_is_in_the_model_is_judged_anew_without_the_links(kind: str, needed: bool) -> None:
     c = calibrate_hand_eye(faulty("J3 geared 0.2 % otherwise", 2, 24, kind)[0]).chain

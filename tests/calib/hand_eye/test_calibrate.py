@@ -30,6 +30,7 @@ def prediction(found, truth, joints):
     return np.sqrt(np.mean(np.sum((T - truth.T_camera_target(joints))[:, :3, 3] ** 2, axis=1)))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("kind", "mount", "sampler", "limit"),
     [
@@ -103,6 +104,7 @@ def test_a_third_of_the_images_may_be_wrong(way):
     assert np.linalg.norm(found.camera_sigma[0]) > np.linalg.norm(clean.camera_sigma[0])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in (2, 3, 4))])
 def test_eight_markers_are_neither_refused_nor_left_out_by_chance(seed):
     recording, _, _ = drawn([seed, 8], 8, "marker")

@@ -23,6 +23,7 @@ def drawn(links: bool) -> tuple[HandEye, Truth]:
     ), truth
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("links", [False, True])
 def test_the_tool_misses_by_what_is_told(links: bool) -> None:
     found, truth = drawn(links)

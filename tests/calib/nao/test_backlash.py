@@ -65,6 +65,7 @@ def images(seed, hard, off=0.0, stances=24):
     return found, x, model
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("hard", "off"), [(False, 0.0), (True, 0.1)])
 def test_the_shape_of_play_is_found(hard, off):
     """Hard play with masses 10 % off too: chi2 is about 1 only with the right shape."""

@@ -68,6 +68,7 @@ def test_a_camera_in_the_gripper_is_the_same_with_the_inverse_poses():
     assert start.T_gripper_target == pytest.approx(TARGET, abs=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize("n", [30, 270])
 def test_wrong_poses_are_found_though_the_arms_zeros_are_wrong(n, share):

@@ -92,6 +92,7 @@ def test_a_target_whose_origin_is_its_corner_is_told():
     assert -2.0 < np.median([f.sizes["middle y"] for f in found]) < -0.7
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [0.1, 0.5])
 @pytest.mark.parametrize("flipped", [False, True])
 def test_wrong_pairs_have_no_weight_and_flipped_ones_keep_their_shift(share, flipped):

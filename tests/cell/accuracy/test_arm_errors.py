@@ -65,6 +65,7 @@ def test_an_uncalibrated_arm_or_no_sigmas_have_none(cell: Cell) -> None:
     assert np.diag(exact.covariance).max() < 1e-8
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("first", [0, 12])  # of d, a and alpha, or of alpha alone
 @pytest.mark.parametrize("seed", range(5))
 def test_no_error_of_the_links_within_the_sigmas_moves_a_point_further_than_the_shift(

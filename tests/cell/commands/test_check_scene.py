@@ -47,6 +47,7 @@ def test_coal_finds_what_the_file_expects(scene: SceneFile) -> None:
         assert bound.agrees
 
 
+@pytest.mark.few(6)
 def test_mujoco_finds_what_the_file_expects(scene: SceneFile) -> None:
     judge = MujocoScene(scene)
     for query in scene.queries:

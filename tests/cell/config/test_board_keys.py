@@ -125,6 +125,7 @@ class Folder:
         return self.images[:count]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("dictionary", ["DICT_6X6_250", "DICT_APRILTAG_36h11"])
 def test_a_look_with_boards_of_any_dictionary(scenes: Path, dictionary: str) -> None:
     """From the key in the cell file to the pose in the look file."""

@@ -40,6 +40,7 @@ def test_a_cube_is_carried_by_friction_and_guided_by_its_funnel() -> None:
     assert T_hole_cube[2, 3] == pytest.approx(0.012, abs=0.1e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("way", [1, 3, 5, 7])
 def test_jaws_that_lean_and_grip_higher_hold_a_cube_and_seat_it(way: int) -> None:
     """As where another cube leaves no room for straight ones: higher, and leaning by 10, 20 and 30 degrees."""

@@ -34,6 +34,7 @@ from typed.command_line import a465, replace_in
 FIXTURES = sorted(data_file("scenes/fixtures").glob("*.toml"))
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("path", FIXTURES, ids=lambda p: p.stem)
 def test_shipped_scenes_read_by_pinocchio_are_ours(path: Path, tmp_path: Path) -> None:
     require_same(surroundings_of_file(path, None), tmp_path / "out", seed=1)

@@ -16,6 +16,7 @@ from cell.foreign.judge import Asked, certified, first_lost, peaks_of, refusal_o
 from cell.foreign.trajectory_file import JointTrajectory
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("cubics", [True, False])
 def test_what_is_proved_no_sample_contradicts_and_what_is_refuted_has_a_witness(

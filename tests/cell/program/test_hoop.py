@@ -131,6 +131,7 @@ def _depths(points: Array, bodies: list[Body]) -> Array:
     return np.asarray(np.max(found, axis=0))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("wire", DRAWN)
 def test_a_program_threads_the_ring_over_the_free_end_and_leads_it_down(wire: str) -> None:
     task = read_program(data_file(f"scenes/hoop/{wire}.toml"))

@@ -61,6 +61,7 @@ def test_a_line_that_is_prolonged_stays_one_piece() -> None:
         outline.cut(0.1, 0.1)
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("chord_error", [5e-6, 1e-4])
 def test_chords_between_samples_stay_within_the_stated_error(seed: int, chord_error: float) -> None:

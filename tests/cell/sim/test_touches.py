@@ -66,6 +66,7 @@ def test_the_handle_touches_too_but_the_least_distance_is_the_rings() -> None:
     assert found.least == pytest.approx(0.1 - 0.0348 - 0.005, abs=1e-4)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_touches_are_those_of_every_millisecond(seed: int) -> None:
     rng = np.random.default_rng([11, seed])

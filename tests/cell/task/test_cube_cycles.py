@@ -17,6 +17,7 @@ def task2() -> Task:
     return read_task(data_file("scenes/task2.toml"))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("look_after", "looks"),
     [("each", [True] * 4), ("never", [False] * 4), (2, [False, True] * 2), (3, [False, False, True, True])],

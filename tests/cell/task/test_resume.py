@@ -216,6 +216,7 @@ def test_what_the_jaws_hold_is_where_they_closed_on_it(lasting: LastingCell) -> 
         assert at == pytest.approx(scene.cube(held.cube).T_base_body, abs=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("following_deg", [0.0, 0.08])
 def test_a_cube_in_the_jaws_is_set_down_only_if_it_enters_its_pocket(following_deg: float) -> None:
     """As certainly as from its hole, with the boards that are seen now; otherwise it stays in the jaws."""

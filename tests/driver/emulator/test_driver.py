@@ -42,6 +42,7 @@ def mars(emulated_mars: Mars) -> Mars:
     return emulated_mars
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["crs93", "crs97"])
 def test_home_from_power_up_to_soft_home(name: str, clock: SteppedClock) -> None:
     unit = load_unit(name)

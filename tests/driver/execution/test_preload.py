@@ -92,6 +92,7 @@ def test_everything_is_sent_before_the_arm_moves(unit: Unit, clock: SteppedClock
     assert loaded.told == []
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("nth", [pytest.param(1, marks=pytest.mark.slow), 19])
 def test_a_damaged_motion_is_sent_again_and_ends_where_it_should(

@@ -52,6 +52,7 @@ def judged(found: ClearLine, world: World, line: Line, free_axis: str | None) ->
     return min(world.distance(one).value for one in q)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_free_turn_passes_a_post_and_then_a_plate(robot: Robot, crs97: Unit, solver: str) -> None:
     """Seeds at which the blind follower is refused, with the turn held and with as little of it as it needs."""

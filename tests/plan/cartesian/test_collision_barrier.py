@@ -37,6 +37,7 @@ def test_rows_are_the_derivative_of_the_distance(robot: Robot, unit: Unit) -> No
     assert count > 50
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("padding", [0.0, 0.012])
 @pytest.mark.parametrize("signed", [-0.008, -0.002, 0.0, 0.002, 0.008])
 def test_rows_point_apart_in_overlap_and_within_the_padding(

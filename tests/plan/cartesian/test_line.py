@@ -29,6 +29,7 @@ def _random_lines(robot: Robot, unit: Unit, count: int, seed: int):  # type: ign
             yield choice, grasps[hole.hole][0]
 
 
+@pytest.mark.few(1)
 def test_random_lines_are_straight_at_and_between_way_points(robot: Robot, unit: Unit) -> None:
     limits, arm, count = unit.limits(), product_of_exponentials(robot), 0
     for choice, T in _random_lines(robot, unit, 40, seed=11):

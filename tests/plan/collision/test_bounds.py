@@ -33,6 +33,7 @@ def test_distances_are_never_above_coals(name: str) -> None:
     assert tightest < (0.01 if name == HULLS else 1e-4)  # the bound is not idle
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", [*ARMS, HULLS])
 def test_bodies_move_against_each_other_by_no_more_than_the_bound(name: str) -> None:
     """Points of the outer body in the inner body's frame, for steps of all joints at once."""
@@ -61,6 +62,7 @@ def test_bodies_move_against_each_other_by_no_more_than_the_bound(name: str) -> 
     assert tightest > 0.95
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", [*ARMS, HULLS])
 def test_planes_stay_between_the_bodies_over_the_whole_motion(name: str) -> None:
     """Random motions in the hull of some configurations, and a little beside it, whatever the normal is."""

@@ -228,6 +228,7 @@ def _worst(world: World, curve: Curve, errors: ArmErrors) -> float:
     return worst
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_error_inside_the_ellipsoid_comes_nearer_than_is_proved(seed: int) -> None:
     rng = np.random.default_rng(seed)

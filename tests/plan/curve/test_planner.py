@@ -49,6 +49,7 @@ def tools_of(robot: Robot, q: Array) -> Array:
     return np.stack([robot.T_base_tool(one) for one in q])
 
 
+@pytest.mark.few(3)
 def test_a_way_is_on_its_curve_at_1000_places(
     robot: Robot, crs97: Unit, followed: tuple[CurvePlanner, JointPath]
 ) -> None:
@@ -83,6 +84,7 @@ def test_a_way_keeps_its_clearance_at_small_steps(followed: tuple[CurvePlanner, 
     assert min(planner.world.distance(one).value for one in q) >= CLEARANCE
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", ["arc", "ranges"])
 def test_the_same_curve_gives_the_same_bytes(robot: Robot, crs97: Unit, case: str) -> None:
     made = []
@@ -101,6 +103,7 @@ def test_as_many_chains_as_asked_for(robot: Robot, crs97: Unit) -> None:
     assert [c.time for c in every] == sorted(c.time for c in every)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", ["arc", "ranges"])
 def test_a_path_may_begin_at_a_given_configuration(robot: Robot, crs97: Unit, case: str) -> None:
     """Within what is free there, between the samples."""

@@ -68,6 +68,7 @@ def check(robot: Robot, smoothing: Smoothing, way: Followed) -> None:
             assert smoothing.world.distance(q).value >= demand.clearance
 
 
+@pytest.mark.few(2)
 def test_a_smoothed_way_is_faster_on_the_curve_within_limits_and_clear(
     robot: Robot, begun: tuple[Smoothing, Followed], case: str
 ) -> None:
@@ -107,6 +108,7 @@ def test_a_step_that_does_not_help_is_not_taken(
         assert smoothing.least(smoothing.widened(way, 4, of), of) >= smoothing.least(way, of)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("curve", "bodies", "names"),
     [(*CASES["tilting"], ()), (LOW, [], ("table",))],

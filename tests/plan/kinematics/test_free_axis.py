@@ -43,6 +43,7 @@ def _near_an_end(intervals: tuple[FreeInterval, ...], angle: float) -> bool:
     return bool(len(ends) and np.abs(np.remainder(ends - angle + np.pi, 2 * np.pi) - np.pi).min() < 1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("room", [0.0, 0.7])
 def test_intervals_are_the_solutions_of_every_angle(robot: Robot, unit: Unit, room: float) -> None:
     """At random angles, the intervals that hold it are as many as the solutions there, and lie on them."""
@@ -72,6 +73,7 @@ def _gap(interval: FreeInterval, angle: float, q: np.ndarray) -> float:
     return float(np.abs(near - q).max())
 
 
+@pytest.mark.few(1)
 def test_a_pose_just_beyond_a_stop_violates_the_named_limit(robot: Robot, unit: Unit) -> None:
     named = set()
     for T, axis, intervals in _cases(robot, unit, unit.lower, unit.upper, seed=33):
@@ -106,6 +108,7 @@ def _broken(
     assert (q[joint] > unit.upper[joint]) if "upper" in stop else (q[joint] < unit.lower[joint])
 
 
+@pytest.mark.few(1)
 def test_samples_reach_their_poses_within_limits(robot: Robot, unit: Unit) -> None:
     for T, axis, intervals in _cases(robot, unit, unit.lower, unit.upper, seed=34):
         q, interval, _ = sample_free(robot, T, intervals, 40, axis)

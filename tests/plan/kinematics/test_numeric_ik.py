@@ -80,6 +80,7 @@ def _share_found(found, wanted: np.ndarray) -> float:  # type: ignore[no-untyped
     )
 
 
+@pytest.mark.few(1)
 def test_the_numeric_search_finds_the_closed_form_solutions(robot: Robot, unit: Unit) -> None:
     """At least 99 % are asked for; 3581 of 3587 were found on 300 poses of each unit (128 starts)."""
     _, T = _random(robot, unit.lower, unit.upper, 60, seed=41)

@@ -112,6 +112,7 @@ def test_jaws_that_close_count_as_closed_from_then_on(program: Program) -> None:
         plan_program(replace(program, scene=scene, goals=(replace(free, jaws=1.0), goals[1])))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("jaws", [None, 0.9])
 def test_the_file_says_what_is_attached_whether_jaws_close_or_not(
     program: Program, jaws: float | None

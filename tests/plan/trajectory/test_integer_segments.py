@@ -51,6 +51,7 @@ def test_segments_are_halved_where_the_motion_asks_for_shorter_ones(unit: Unit, 
         assert path.duration_s < trajectory.duration + 1.1e-3
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("speed", [1.0, 0.3, 0.1, 0.02])
 @pytest.mark.parametrize("share", [1.0, 0.15])
 def test_velocities_jump_at_joins_by_no_more_than_is_allowed(unit: Unit, speed: float, share: float) -> None:
@@ -90,6 +91,7 @@ def test_only_limits_that_are_exceeded_are_lowered_for_the_next_timing(unit: Uni
             np.testing.assert_allclose(getattr(slower.limits, name), asked)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("speed", [1.0, 0.5])
 def test_lines_stay_on_the_line_every_millisecond(robot: Robot, unit: Unit, speed: float) -> None:
     """The issue asks for 0.1 mm and 0.05 deg."""
@@ -157,6 +159,7 @@ def _legs(robot: Robot, limits: Limits, count: int) -> list[tuple[Line, Chained,
     return legs
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("room", [1.0, 0.5])
 def test_joined_motions_have_joins_at_their_marks(robot: Robot, unit: Unit, room: float) -> None:
     limits, arm, losses = unit.limits(), product_of_exponentials(robot), []

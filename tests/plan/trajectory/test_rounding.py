@@ -13,6 +13,7 @@ from plan.trajectory.integer_segments import (
 )
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("speed", "seed", "moves"),
     [

@@ -35,6 +35,7 @@ def test_a_free_transit_is_straight() -> None:
     assert np.array_equal(way, [RIGHT, LEFT])
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("obstacle", [LOW_WALL, PILLAR], ids=lambda b: b.name)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_transit_avoids_obstacles(obstacle: Body, seed: int) -> None:

@@ -6,10 +6,15 @@ import io
 import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
+from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
+import typer.main
+
 from cell.cli.main import main
+
+_command_of = cache(typer.main.get_command)  # which typer makes anew for each call of an app, in 0.1 s
 
 
 def replace_in(path: Path, old: str, new: str) -> None:
@@ -34,6 +39,7 @@ def _here(arguments: list[str], cwd: Path) -> tuple[int, str, str]:
         redirect_stdout(said),
         redirect_stderr(told),
         patch.object(sys, "argv", ["a465", *arguments]),
+        patch("typer.main.get_command", _command_of),
     ):
         try:
             main()

@@ -10,6 +10,7 @@ from pictures.boards import lab_board, random_pose, seen_corners
 from vision.boards.pose import assess_board
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("frames", "common_px", "bad", "size"),
     [

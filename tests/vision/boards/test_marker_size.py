@@ -35,6 +35,7 @@ def test_a_size_is_named_from_a_third_of_a_millimetre_on_and_covered_below(off_m
         assert np.linalg.norm(xi[:3]) < 0.5e-3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("off_mm", [-1.0, 1.0])
 def test_a_wrong_marker_size_is_refused_and_the_right_one_named(off_mm: float) -> None:
     for seed in range(20):

@@ -163,6 +163,7 @@ def test_a_board_as_bright_as_the_foam_is_refused() -> None:
     assert "does not confirm" in str(doubt)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("larger", [-2.5e-3, 2.5e-3])
 def test_a_plate_of_another_size_is_refused_with_the_side_that_is_off(larger: float) -> None:
     one = as_designed()

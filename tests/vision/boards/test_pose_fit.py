@@ -66,6 +66,7 @@ def test_frames_are_held_against_each_other_where_all_are_off_the_board() -> Non
         assert np.delete(fit.weights.ravel(), np.ravel_multi_index(bad, (5, 8))).min() > 0.3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("off_px", [2.5, 8.0])
 def test_a_corner_that_is_wrong_in_all_frames_is_left_out(off_px: float) -> None:
     """As where a finger hides it: the other seven give the pose; how far it is off stays in the residual."""

@@ -64,6 +64,7 @@ def test_what_the_set_says_is_bounded_and_turns_with_the_order() -> None:
     assert 0.0 < wide < 0.5 * MOST_SAY
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tilt_deg", [0.0, 4.0, 7.0, 11.0, 15.0])
 def test_no_pose_changes_and_no_board_is_refused_because_of_the_set(tilt_deg: float) -> None:
     for seed in range(25):

@@ -45,6 +45,7 @@ def outward(frames: list[list[Marker]], T: Array) -> Array:
     return ((seen - true) * away).sum(axis=-1).mean(axis=-1) / np.sqrt(2.0)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("of", HARD, ids=str)
 def test_light_gamma_and_blur_do_not_move_borders(of: Exposure) -> None:
     """Without the frame's width they were 0.26 to 1.9 px inwards: up to 1 mm of a marker of 36 mm."""
@@ -65,6 +66,7 @@ def test_a_rim_that_gleams_inside_a_side_does_not_turn_it(width_px: float) -> No
         assert np.abs(first.corners_px - true).max() < (0.27 if width_px < 3.0 else 0.13)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("of", HARD, ids=str)
 @pytest.mark.parametrize("print_scale", [0.995, 1.0, 1.005])
 def test_ordinary_photographs_are_not_refused_for_their_marker_size(of: Exposure, print_scale: float) -> None:

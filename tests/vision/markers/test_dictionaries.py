@@ -10,6 +10,7 @@ from pictures.markers import one_marker
 from vision.markers.detect import detect_markers
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("dictionary", DICTIONARIES)
 def test_every_dictionary(dictionary: str) -> None:
     """Right id, and corners in the order in which the marker is printed."""

@@ -32,6 +32,7 @@ def known(T_base_board: Array, name: str = "01-02") -> BoardPose:
     return BoardPose(lab_board(name), T_base_board, KNOWN, 0.0, 1e3)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("light", [0.35, 1.0])
 @pytest.mark.parametrize("tilt_deg", [0.0, 7.0, 15.0])
 def test_cubes_and_empty_holes_are_told_apart(tilt_deg: float, light: float) -> None:
@@ -55,6 +56,7 @@ def judged(seed: int, of: Conditions) -> list[tuple[str, Occupancy]]:
     return [(true, hole_occupancy(images, CAMERA, pose, i, CUBE)) for i, true in enumerate(scene.holes)]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_cubes_of_any_grey_under_any_light(condition: str) -> None:
     found = judged(40_000 + list(CONDITIONS).index(condition), CONDITIONS[condition])
@@ -72,6 +74,7 @@ def test_what_is_no_cube_in_its_seat_is_neither_cube_nor_empty() -> None:
     assert [o for true, o in found if true != "other" and o.state not in (true, "unsure")] == []
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("grey", [12.0, 150.0, 240.0])
 def test_the_light_does_not_say_what_is_in_a_hole(grey: float) -> None:
     """Empty pockets and cubes of one grey level each, right under the camera and at a slant."""

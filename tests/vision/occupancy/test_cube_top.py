@@ -51,6 +51,7 @@ def _std(top: CubeTop | None) -> float:
     return np.inf if width is None else width.std
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("grey", [30.0, 60.0, 205.0])
 def test_a_cube_of_any_grey_is_seated_and_measured_by_what_its_place_showed_empty(grey: float) -> None:
     sight, before, T = _looks(grey, T_hole_cube(CUBE), light=1.04)

@@ -46,6 +46,7 @@ def _sight(
     return Sight([with_noise(clean, rng, 2.0) for _ in range(3)], camera, NOMINAL), T_base_hole
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("tilt_deg", "hole"),
     [
@@ -67,6 +68,7 @@ def test_a_seated_cube_is_seated_and_its_width_known_to_a_twentieth_of_a_millime
     assert width.value == pytest.approx(CUBE, abs=5e-5)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("release", [r for r in RELEASES if r not in ("seated", "pushed")])
 @pytest.mark.parametrize(
     ("tilt_deg", "hole"),

@@ -19,6 +19,7 @@ def outlines_of(squares: np.ndarray) -> np.ndarray:
     return cv2.perspectiveTransform(flat, TILTED).reshape(-1, 4, 2)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("legacy", [False, True])
 @pytest.mark.parametrize(("columns", "rows"), [(5, 5), (7, 5), (6, 4), (10, 14), (9, 6)])
 def test_ids_are_in_the_squares_where_opencv_has_them(columns: int, rows: int, legacy: bool) -> None:

@@ -35,6 +35,7 @@ def test_corners_are_found_where_they_are(target, count):
     assert np.abs(pooled.mean(axis=0)).max() < 0.01
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("roll_deg", [0, 90, 180, 270])
 def test_a_checkerboard_is_told_from_its_half_turn(roll_deg):
     image, T = photograph(CHESS, 7, roll=float(np.radians(roll_deg)))

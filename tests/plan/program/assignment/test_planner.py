@@ -47,6 +47,7 @@ def test_all_paths_are_tried_if_there_are_few(monkeypatch: pytest.MonkeyPatch) -
     assert left == [0]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("blind", [("straight",), ("detours",), ("straight", "detours")])
 def test_what_samples_miss_is_mended_after_the_certificate(
     monkeypatch: pytest.MonkeyPatch, blind: tuple[str, ...]
@@ -153,6 +154,7 @@ def test_the_place_of_a_cube_that_is_blocked_goes_to_one_that_had_none() -> None
     assert "lid" in stays["reason"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("assignment", ["free", "given"])
 def test_a_place_that_is_blocked_stays_empty_and_one_cube_where_it_is(assignment: str) -> None:
     case = task2(cubes=3)

@@ -150,6 +150,7 @@ def straight_and_clear(search: TaskSearch, truth: Truth, ways: Ways) -> bool:
     return all(truth.clear(*leg) for leg in legs)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CASES)
 def test_no_straight_sequence_is_faster(name: str) -> None:
     """All orders, places, yaws and branches are tried, the fastest first, until one is proved leg by leg."""

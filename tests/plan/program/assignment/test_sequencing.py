@@ -120,6 +120,7 @@ SMALL = [
 ]
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("context", ["plain", "home", "crowded"])
 @pytest.mark.parametrize(("choices", "ways"), SMALL)
 def test_dynamic_programming_equals_exhaustive_search(choices: Choices, ways: int, context: str) -> None:
@@ -148,6 +149,7 @@ def given(choices: Choices, found: Ordered) -> None:
         assert picks == places
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("home_every", [None, 1, 2, 3])
 @pytest.mark.parametrize(
     "choices",

@@ -71,6 +71,7 @@ def timed(
     return time_curve(path.path, limits, path.caps).duration
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_no_motion_is_faster_than_its_bound(speed: str) -> None:
     """Straight across, and by random ways, which a bound must not rule out either."""

@@ -156,6 +156,7 @@ def test_lines_bend_in_the_world_of_their_time(
     assert seen == (expected if bends else [])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("seed", "solver"), [(2, "daqp"), (2, "osqp"), (5, "daqp")])
 def test_an_approach_turns_between_a_post_and_a_plate(
     robot: Robot, crs97: Unit, seed: int, solver: str, monkeypatch: pytest.MonkeyPatch

@@ -103,6 +103,7 @@ def test_the_same_list_gives_the_same_plan(drawn: Planned, robot: Robot, crs97: 
     assert [move.path for move in again.moves] == [move.path for move in drawn.moves]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("more", "bodies"),
     [
@@ -121,6 +122,7 @@ def test_the_tool_is_as_fast_as_allowed_and_no_faster(
     assert move.path.duration_s < 1.5 * target.curve.length / 0.05 + 1.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("options", [PlanOptions(speed=1.0, jerk_time=0.2), PlanOptions(speed=0.6)])
 def test_paths_follow_the_options_of_motions(robot: Robot, crs97: Unit, options: PlanOptions) -> None:
     target = Target("p", LINE, by="path", tilt=0.2, free="rz")
@@ -179,6 +181,7 @@ def test_paths_among_other_targets(robot: Robot, crs97: Unit) -> None:
     ]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("more", [{}, {"free": "rz", "tilt": 0.2}])
 def test_a_path_goes_on_where_the_one_before_ends(robot: Robot, crs97: Unit, more: dict[str, Any]) -> None:
     """Round a corner: the arm stops there, but needs no transit."""

@@ -53,6 +53,7 @@ def test_bounds_between_stops_are_those_from_rest_to_rest() -> None:
     assert (bounds + 1e-12 >= (np.abs(q[None] - q[:, None]) / LIMITS.velocity).max(axis=-1)).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("blend_radius", [0.0, 0.03])
 @pytest.mark.parametrize("dwell_s", [0.0, 3.0])
 def test_the_bound_of_a_list_is_close_to_its_plan_and_never_above(
