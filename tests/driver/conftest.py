@@ -170,7 +170,7 @@ def clock() -> SteppedClock:
     return SteppedClock()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def unit() -> Unit:
     return load_unit("crs93")
 

@@ -50,6 +50,7 @@ def free(robot: Robot, crs97: Unit) -> tuple[Planned, float]:
     return plan, meter.effort_s
 
 
+@pytest.mark.slow
 def test_a_budget_that_is_enough_changes_nothing(
     robot: Robot, crs97: Unit, free: tuple[Planned, float]
 ) -> None:

@@ -47,6 +47,7 @@ def test_an_arm_that_keeps_the_clearance_may_leave_and_arrive(robot: Robot, crs9
     assert caught.value.data["distance_m"] == pytest.approx(FAST.clearance + room, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_rounded_segments_stay_within_limits(robot: Robot, crs97: Unit) -> None:
     """A free turn that would end at a joint's limit ends a count before it."""
     wall = Body("wall", Box((0.4, 0.02, 0.3)), transform(t=(0.5, 0.0, 0.15)), "wall")

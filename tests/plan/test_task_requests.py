@@ -35,6 +35,7 @@ def test_a_look_after_every_second_cube(case: Task2, plan: Plan, direct: Plan) -
     assert direct.duration_s < some.duration_s < plan.duration_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look", [pytest.param("each", marks=pytest.mark.slow), "never"])
 def test_given_orders_and_destinations_are_kept_and_are_not_faster(
     look: str, case: Task2, plan: Plan, direct: Plan

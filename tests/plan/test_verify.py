@@ -122,6 +122,7 @@ def test_a_changed_move_is_found(
 ASKED = RequiredClearance(clearance=0.010, line_clearance=0.005, offset=0.100)
 
 
+@pytest.mark.slow
 def test_clearance_and_line_length_required_by_the_cell_are_checked(plan: Plan, scene: Scene) -> None:
     replay(plan, scene, UNIT, LIMITS, ASKED)
     for offset in (0.0996, 0.1004):  # a line may be left at speed, at the next whole millisecond

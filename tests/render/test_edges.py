@@ -53,6 +53,7 @@ def test_edges_get_many_rays_and_smooth_parts_one() -> None:
     assert np.flatnonzero(edge.any(axis=0)).tolist() == [5, 6]
 
 
+@pytest.mark.slow
 def test_sixteen_rays_are_enough(small: Camera) -> None:
     place, cubes = board_with_cubes((0, 1, 2))
     arm = load_a465(0.134112, 0.06).bodies_at(np.radians([0.0, 12.0, -105.0, 0.0, -40.0, 20.0]))

@@ -160,6 +160,7 @@ def test_what_lies_in_a_pocket_is_seen(camera: Camera, boards: list[PlacedBoard]
     assert image[v, u] > 120.0  # the floor around it has about 60
 
 
+@pytest.mark.slow
 def test_the_picture_moves_with_the_board(camera: Camera, boards: list[PlacedBoard]) -> None:
     before = found_markers(render(camera, [TABLE], boards))
     moved = PlacedBoard(boards[0].board, transform(t=(0.006, -0.004, 0.0)) @ boards[0].T_base_board)
@@ -182,6 +183,7 @@ def test_an_arm_over_a_marker_hides_that_marker_alone(camera: Camera, boards: li
     assert sorted(found_markers(render(camera, [TABLE, arm], boards))) == [2, 3, 4]
 
 
+@pytest.mark.slow
 def test_a_plate_among_the_bodies_is_drawn_once(camera: Camera, boards: list[PlacedBoard]) -> None:
     plates = [plate_body(b.board.name, b.T_base_board) for b in boards]
     assert np.array_equal(render(camera, [TABLE, *plates], boards), render(camera, [TABLE], boards))

@@ -101,6 +101,7 @@ def on_table(camera: Camera, points: np.ndarray, texture: Texture) -> np.ndarray
     return sampled(grey, at[:, 0].copy(), at[:, 1].copy())
 
 
+@pytest.mark.slow
 def test_texture_is_fixed_to_the_table(camera: Camera) -> None:
     """A camera that moves and turns sees the same scratches at the same places of the table."""
     points = np.random.default_rng(1).uniform((0.40, -0.10), (0.52, 0.08), (4000, 2))

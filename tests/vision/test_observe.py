@@ -123,6 +123,7 @@ def test_a_board_that_the_arm_may_cover_is_missing_with_its_reason() -> None:
     assert "marker size" in seen.missing[A.name]
 
 
+@pytest.mark.slow
 def test_a_board_outside_the_region_of_the_lens_is_refused() -> None:
     shot = two_boards()
     known = look(shot.images[:1], CAMERA, [A, B], DICTIONARY, CUBE)
@@ -233,6 +234,7 @@ def test_the_camera_s_shift_adds_to_covariance_and_repeatability_alike() -> None
     assert with_camera_uncertainty(replace(pose, repeatability=None), camera, shift).repeatability is None
 
 
+@pytest.mark.slow
 def test_a_hidden_marker_is_the_outline_s_matter_only_if_the_board_s_file_says_so() -> None:
     T = lying((0.46, 0.02, 0.034), 40.0, 7.0, 100.0)
     camera = view_of(corners_of(T))

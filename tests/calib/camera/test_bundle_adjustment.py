@@ -39,6 +39,7 @@ def test_lens_and_deviations_agree_with_opencv():
     assert sigmas == pytest.approx(std.reshape(-1)[:9], rel=0.02)
 
 
+@pytest.mark.slow
 def test_covariance_is_that_of_the_errors():
     scores, ratios = [], []
     for seed in range(24):

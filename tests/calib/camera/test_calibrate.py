@@ -28,6 +28,7 @@ def test_sound_views_are_accepted_and_the_lens_is_as_good_as_it_says():
     assert c.corner_sigma == pytest.approx(0.03, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_view_that_alone_reaches_an_edge_is_no_reason_to_refuse():
     c = calibrate_camera(
         photos(taken(5)), CHARUCO, SIZE
@@ -45,6 +46,7 @@ def test_a_bent_target_is_named_with_its_bend(sagitta):
     assert any("the target is bent by" in reason for reason in c.reasons)
 
 
+@pytest.mark.slow
 def test_a_target_that_was_printed_with_unequal_scales_is_named():
     c = calibrate_camera(photos(taken(3, shape=lambda p: p * (1.0, 1.004, 1.0))), CHARUCO, SIZE)
     assert not c.accepted
@@ -53,6 +55,7 @@ def test_a_target_that_was_printed_with_unequal_scales_is_named():
     assert any("rows are +0.39" in reason or "rows are +0.4" in reason for reason in c.reasons)
 
 
+@pytest.mark.slow
 def test_a_focus_that_changes_is_named():
     rng = np.random.default_rng(4)
     views = []
@@ -77,6 +80,7 @@ def test_wrong_markers_are_named_with_their_size():
     assert any("its markers measure 21.00 mm" in r and "has 22 mm" in r for r in c.reasons)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("worse", "word"),
     [
@@ -94,6 +98,7 @@ def test_bad_photographs_are_left_out_by_name(worse, word):
     assert all(word in c.views[i].why_not for i in (2, 7, 11))
 
 
+@pytest.mark.slow
 def test_a_view_that_shows_the_same_again_is_left_out():
     views = taken(10)
     again = seen(poses(10, 14)[3], np.random.default_rng(99))
@@ -102,6 +107,7 @@ def test_a_view_that_shows_the_same_again_is_left_out():
     assert "shows the target in the same place as 03.png" in c.views[14].why_not
 
 
+@pytest.mark.slow
 def test_views_of_a_target_that_moved_are_left_out():
     views = taken(11)
     rng = np.random.default_rng(12)
@@ -113,6 +119,7 @@ def test_views_of_a_target_that_moved_are_left_out():
     assert c.corner_sigma == pytest.approx(0.03, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_corner_that_was_mistaken_is_left_out_alone():
     views = taken(13)
     pixels = views[4].corners_px.copy()
@@ -124,6 +131,7 @@ def test_a_corner_that_was_mistaken_is_left_out_alone():
     assert not any(v.dropped.any() for i, v in enumerate(c.views) if i != 4)
 
 
+@pytest.mark.slow
 def test_of_many_views_the_best_are_used_and_the_rest_is_held_out():
     views = taken(14, 24)
     limits = CalibrationLimits(most_views=12)
@@ -141,6 +149,7 @@ def test_held_numbers_are_zero_and_not_called_undetermined():
     assert "k3" not in c.undetermined
 
 
+@pytest.mark.slow
 def test_numbers_that_the_views_say_little_of_are_named_with_the_view_that_tells():
     rng = np.random.default_rng(16)
     middle = [T for T in poses(16, 60) if abs(T[0, 3]) < 0.08 and abs(T[1, 3]) < 0.06][:10]

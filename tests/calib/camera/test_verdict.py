@@ -55,6 +55,7 @@ def test_views_in_the_middle_only_are_refused_with_the_view_that_helps():
     assert left == pytest.approx(promised, rel=0.5)
 
 
+@pytest.mark.slow
 def test_views_that_do_not_fill_the_corners_are_accepted_for_the_part_that_they_fill():
     """Refused for the whole image, with the option; the same fit is accepted for the region in which corners lie."""
     rng = np.random.default_rng(7)
@@ -93,6 +94,7 @@ def test_too_few_views_are_refused_with_what_became_of_each():
     assert any("5 views are usable, at least 8 are needed" in reason for reason in c.reasons)
 
 
+@pytest.mark.slow
 def test_views_over_hours_and_views_that_are_too_bright_are_remarked():
     given = [replace(p, taken_s=900.0 * i) for i, p in enumerate(photos(taken(17)))]
     given[5] = replace(given[5], quality=quality(saturated=0.2))
@@ -135,6 +137,7 @@ def test_corners_biased_inwards_are_told_and_in_the_standard_deviations():
     assert "+0.3" in lens_page(c, "biased")
 
 
+@pytest.mark.slow
 def test_distances_that_do_not_fit_the_work_are_remarked():
     far = calibrate_camera(photos(taken(19)), CHARUCO, SIZE, work=(0.9, 2.0))
     assert any("the working distance is 900 to 2000 mm" in remark for remark in far.remarks)
@@ -144,6 +147,7 @@ def test_distances_that_do_not_fit_the_work_are_remarked():
     assert any("show the target at more distances" in remark for remark in flat.remarks)
 
 
+@pytest.mark.slow
 def test_the_worst_work_point_decides():
     views = photos(taken(21))
     c = calibrate_camera(views, CHARUCO, SIZE)
@@ -152,6 +156,7 @@ def test_the_worst_work_point_decides():
     assert not calibrate_camera(views, CHARUCO, SIZE, limits=CalibrationLimits(work_mm=between)).accepted
 
 
+@pytest.mark.slow
 def test_a_lens_without_inverse_in_the_corners_is_a_verdict():
     """Corners in a fifth of the image: distortion that is extrapolated from there turns back on itself outside."""
     rng = np.random.default_rng(2)

@@ -114,6 +114,7 @@ def test_a_complete_model_predicts_to_the_noise(plain: ChainCalibration) -> None
     assert 0.0 < c.held_out.metres < 1e-4
 
 
+@pytest.mark.slow
 def test_a_model_that_lacks_the_links_does_not() -> None:
     c = found(links=True)
     free = c.problem.free.copy()

@@ -58,6 +58,7 @@ def test_exact_readings_give_the_unknowns_with_their_covariance():
     assert np.mean(chi2) == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_errors_of_readings_are_weighed_and_the_covariance_stays_honest():
     scores, plain_scores, better, chi2 = [], [], [], []
     for seed in range(12):

@@ -13,6 +13,7 @@ from recorded.arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 from recorded.real_arms import draw_real_arm
 
 
+@pytest.mark.slow
 def test_wrong_images_are_left_out_of_an_arm_that_scatters_and_no_others() -> None:
     rng = np.random.default_rng(61)
     truth = draw_truth(rng)

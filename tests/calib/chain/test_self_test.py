@@ -189,6 +189,7 @@ def test_a_sound_calibration_passes_with_every_seed(calibration: ChainCalibratio
     assert self_test(calibration, 4, 1) == tests[1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("times", "passes"), [(1.0, True), (2.0, False), (0.5, False)])
 def test_corners_that_are_better_or_worse_than_they_are_said_to_be_are_noticed(
     calibration: ChainCalibration, monkeypatch: pytest.MonkeyPatch, times: float, passes: bool

@@ -89,6 +89,7 @@ def test_a_cause_has_to_explain_nine_tenths_or_all_but_what_chance_does(
     assert trial.needed == (rise > 50.0 and not replaced)
 
 
+@pytest.mark.slow
 def test_a_print_of_another_size_is_in_the_model_again_when_links_stood_in_for_it() -> None:
     """Sway makes links seem needed, and with links the print's size is not: the size is no cause beside the model."""
     rng = np.random.default_rng(3)

@@ -135,6 +135,7 @@ def test_an_arm_that_scatters_is_told_and_widens_what_is_said(seed):
     assert np.median(widened) > 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [(0, 1), pytest.param((2, 3), marks=pytest.mark.slow)])
 def test_what_is_complete_has_no_excess(seeds):
     for seed in seeds:

@@ -85,6 +85,7 @@ def test_errors_of_links_are_taken_in_when_the_images_show_them_and_only_then():
     assert any("J" in a and "target" in b for a, b, _ in found.chain.correlations), "gauges are told"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "way", ["shifted", *(pytest.param(w, marks=pytest.mark.slow) for w in ("other", "turned"))]
 )
@@ -148,6 +149,7 @@ def test_what_determines_nothing_is_refused():
     assert reasons, "turned about one axis only, nothing is known along it"
 
 
+@pytest.mark.slow
 def test_the_same_recording_gives_the_same_bytes():
     recording, _, _ = drawn(9, 14)
     one, other = calibrate_hand_eye(recording), calibrate_hand_eye(recording)
@@ -167,6 +169,7 @@ def test_an_arm_that_no_cell_would_take_is_refused():
     assert "zero of J2 is off by 6 deg, at most 5 is plausible" in reason
 
 
+@pytest.mark.slow
 def test_small_errors_of_links_are_not_taken_for_scatter():
     """Scatter needs fewer unknowns, but the images do not fit without it; with the links they do."""
     rng = np.random.default_rng(1)
@@ -177,6 +180,7 @@ def test_small_errors_of_links_are_not_taken_for_scatter():
     assert found.chain.scattering is None
 
 
+@pytest.mark.slow
 def test_a_camera_that_sways_a_little_is_not_taken_for_wrong_links():
     """Links, with 18 unknowns, could take in what sways by 0.04 px, and with it a print that is 0.2 % small."""
     rng = np.random.default_rng(0)

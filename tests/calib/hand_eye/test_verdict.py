@@ -76,6 +76,7 @@ def with_lens(sigmas_off: float) -> ArmRecording:
     return replace(seen, camera=replace(LENS, K=K, lens_covariance=np.diag(SIGMA**2)))
 
 
+@pytest.mark.slow
 def test_a_lens_is_refined_within_its_covariance_and_refused_beyond() -> None:
     found = calibrate_hand_eye(with_lens(1.0))
     assert found.chain.accepted, found.chain.reasons

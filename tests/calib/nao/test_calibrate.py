@@ -71,6 +71,7 @@ def test_an_image_that_no_pose_explains_is_named():
         calibrate_nao(replace(recording, camera=lens))
 
 
+@pytest.mark.slow
 def test_exact_encoders_are_seen():
     recording, x = nao_recording(4, PAPER, 6, step=0.0)
     c = calibrate_nao(recording)

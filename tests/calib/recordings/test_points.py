@@ -31,6 +31,7 @@ def test_a_matrix_that_cannot_be_factored_is_a_refusal():
         np.linalg.inv(np.zeros((6, 6)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, pytest.param(1e-6, marks=pytest.mark.slow)])
 def test_points_in_another_unit_are_refused(scale, capfd):
     rng = np.random.default_rng(13)

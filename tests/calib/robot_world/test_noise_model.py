@@ -30,6 +30,7 @@ def test_pairs_that_are_not_used_are_as_if_they_had_not_been_given():
     assert one(sizes)[1] == pytest.approx(other(sizes)[1], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_an_arm_whose_errors_depend_on_its_pose_is_told_and_hurts_less():
     scores, with_it, without = [], [], []
     for seed in range(2):

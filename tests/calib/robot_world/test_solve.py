@@ -60,6 +60,7 @@ def test_exact_pairs_give_the_exact_poses_under_the_right_names(in_gripper):
     assert found.inliers.all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("in_gripper", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_errors_along_the_cameras_axes_are_told_and_the_covariance_is_honest(in_gripper):
     found = [calibrate_pose_pairs(drawn(seed, in_gripper=in_gripper)) for seed in range(4)]
@@ -84,6 +85,7 @@ def test_errors_of_a_targets_image_are_told_and_weighed_by_it(in_gripper):
     assert 0.5 < np.mean([nees(f) for f in found]) < 1.8
 
 
+@pytest.mark.slow
 def test_a_target_whose_origin_is_its_corner_is_told():
     found = [calibrate_pose_pairs(photographed(seed, middle=(0.05, -0.05))) for seed in (11, 12)]
     assert all(f.scatter.off_centre for f in found)
@@ -106,6 +108,7 @@ def test_wrong_pairs_have_no_weight_and_flipped_ones_keep_their_shift(share, fli
         assert nees(found) < 3.0
 
 
+@pytest.mark.slow
 def test_pairs_that_stray_are_told_and_have_less_weight():
     rng = np.random.default_rng(5)
     said, seen = views(rng, 60, False)

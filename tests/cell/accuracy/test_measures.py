@@ -177,6 +177,7 @@ def test_no_other_holes_are_offered_if_there_are_too_few_good_ones(task: Task, s
     assert frozenset(f"03-04/{n}" for n in (1, 2, 3, 4)) in refused
 
 
+@pytest.mark.slow
 def test_other_holes_are_tried_by_planning_and_the_task_file_then_says_so(
     task: Task, seen: Observation
 ) -> None:

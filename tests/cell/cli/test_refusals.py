@@ -97,6 +97,7 @@ def test_ports_that_are_not_a_mars_end_with_2(scenes: Path, silent_port: str) ->
         assert str(port) in told or "MARS" in told
 
 
+@pytest.mark.slow
 def test_photographs_of_the_cell_give_the_same_look_as_the_cell(tmp_path: Path) -> None:
     scenes = small_scenes(tmp_path)
     a465("render", scenes / "task2.toml", "-o", scenes / "photographs", "--count", 2)
@@ -118,6 +119,7 @@ def test_optimised_python_makes_the_same_plan(scenes: Path) -> None:
     assert (scenes / "plain.json").read_bytes() == (scenes / "optimised.json").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_hole_out_of_reach_ends_with_3_before_anything_moves(scenes: Path, tmp_path: Path) -> None:
     world = scenes / "task2.world.toml"
     replace_in(world, "centre_mm = [460, 110, 40]", "centre_mm = [460, 110, 80]")

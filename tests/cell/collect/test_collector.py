@@ -48,6 +48,7 @@ HAND = data_file("scenes/targets/hand.toml")
 TRUE_OFFSETS = np.radians([0.0, 0.3, -0.3, 0.3, -0.3, 0.0])
 
 
+@pytest.mark.slow
 def test_a_target_that_cannot_be_shown_is_told_with_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cell.collect.pose_pool, "_MOST_BATCHES", 15)
     known, hand = read_cell(data_file("scenes/cell.toml")), read_hand_target(HAND)

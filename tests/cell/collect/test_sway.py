@@ -42,6 +42,7 @@ def _grey_off(a: Image, b: Image) -> float:
     return float(np.abs(a[inner].astype(float) - b[inner]).max())
 
 
+@pytest.mark.slow
 def test_images_are_those_before_the_first_pose_also_in_a_continued_recording(scenes: Path) -> None:
     begun = _begun(scenes)
     first = TABLE.image(CAMERA, noise=1.0)
@@ -55,6 +56,7 @@ def test_images_are_those_before_the_first_pose_also_in_a_continued_recording(sc
     assert _grey_off(later.steadied([swayed])[0], begun.steadied([swayed])[0]) < 3.0
 
 
+@pytest.mark.slow
 def test_the_background_of_another_lens_is_refused(scenes: Path) -> None:
     begun = _begun(scenes)
     replace_in(scenes / "uncalibrated/camera.toml", "4746.48725", "4747.48725")

@@ -123,14 +123,11 @@ def test_a_bad_fault_file_is_one_line_and_exit_code_2(tmp_path: Path, content: s
     path = tmp_path / "faults.toml"
     if content is not None:
         path.write_text(content)
-    ended = subprocess.run(
-        [*COMMAND, "--fault", str(path)], capture_output=True, text=True, timeout=LONGEST_S
-    )
-    assert ended.returncode == 2
-    assert ended.stdout == ""
-    assert str(path) in ended.stderr
-    assert told in ended.stderr
-    assert len(ended.stderr.strip().splitlines()) == 1
+    said, refusal = a465("emulate", "--fault", path, code=2)
+    assert said == ""
+    assert str(path) in refusal
+    assert told in refusal
+    assert len(refusal.strip().splitlines()) == 1
 
 
 def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path: Path) -> None:

@@ -44,8 +44,6 @@ def file(planned: Planned, tmp_path: Path) -> Path:
 
 
 def test_check_proves_what_the_file_states(planned: Planned, file: Path) -> None:
-    said, _ = a465("check", file)
-    assert f"{len(planned.moves)} moves verified" in said
     told = json.loads(a465("check", file, "--json")[0])
     assert [m["name"] for m in told["moves"]] == [m.name for m in planned.moves]
     assert told["min_clearance_mm"] >= 1e3 * planned.clearance - 2e-3
@@ -168,6 +166,7 @@ def test_a_list_is_planned_from_an_arm_file(tmp_path: Path) -> None:
     a465("check", plan)  # which holds for the arm that it states
 
 
+@pytest.mark.slow
 def test_seven_joints_with_a_gripper_from_an_arm_file(tmp_path: Path) -> None:
     seven_joints(tmp_path)
     pairs = json.dumps([list(pair) for pair in (*OVERLAPPING, *((f"l{k}", f"l{k + 1}") for k in range(7)))])

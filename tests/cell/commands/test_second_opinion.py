@@ -25,6 +25,7 @@ def plan(scenes: Path, tmp_path: Path) -> Path:
     return tmp_path / "plan.json"
 
 
+@pytest.mark.slow
 def test_both_times_are_stated(scenes: Path, plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said, _ = a465("check", plan, scenes / "cell.toml")
     assert "second opinion on the time: along the same paths the library toppra needs " in said

@@ -93,6 +93,7 @@ def test_a_weak_grip_is_lost_and_the_jaws_tell_it() -> None:
     assert _events(driven)[-1] == "cube 2 placed"  # it slipped back into its own pocket
 
 
+@pytest.mark.slow
 def test_the_same_motion_has_the_same_bytes() -> None:
     def poses() -> bytes:
         driven = DrivenContact()
@@ -103,6 +104,7 @@ def test_the_same_motion_has_the_same_bytes() -> None:
     assert poses() == poses()
 
 
+@pytest.mark.slow
 def test_asking_more_often_changes_nothing() -> None:
     often, once = DrivenContact(), DrivenContact()
     for driven in (often, once):

@@ -26,6 +26,7 @@ from plans.other_arms import scara
 from wire.logged_session import logged_run
 
 
+@pytest.mark.slow
 def test_the_kinematics_of_the_page_are_the_robots(browser, page_file, preview_case) -> None:
     case = preview_case
     rng = np.random.default_rng(3)

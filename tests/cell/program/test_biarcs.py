@@ -16,7 +16,7 @@ def _unit(rng: np.random.Generator) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", range(60))
 def test_a_biarc_meets_both_ends_and_turns_nowhere_at_once(seed: int) -> None:
     rng = np.random.default_rng([4, seed])
     start, end, ahead = rng.normal(0.0, 0.1, 3), rng.normal(0.0, 0.1, 3), _unit(rng)

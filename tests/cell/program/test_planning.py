@@ -92,6 +92,7 @@ def test_a_plan_is_for_its_program_alone(made: tuple[ProgramTask, Plan], tmp_pat
         replayed(replace(task, T_on_work=moved.T_on_work), plan)
 
 
+@pytest.mark.slow
 def test_the_same_program_gives_the_same_plan(made: tuple[ProgramTask, Plan]) -> None:
     task, plan = made
     assert plan_of_program(task, Observation(), 1.0).sha256 == plan.sha256

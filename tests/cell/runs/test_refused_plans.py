@@ -144,6 +144,7 @@ def test_a_plan_file_that_was_tampered_with_is_refused(
     assert words in told
 
 
+@pytest.mark.slow
 def test_a_plan_is_not_executed_where_a_hole_holds_a_cube_by_now(scenes: Path) -> None:
     plan = scenes / "plan.json"
     replace_in(scenes / "task2.world.toml", "cubes = []", "cubes = [1]")
@@ -151,6 +152,7 @@ def test_a_plan_is_not_executed_where_a_hole_holds_a_cube_by_now(scenes: Path) -
     assert "hole 03-04/1 looks cube, planned was empty" in told
 
 
+@pytest.mark.slow
 def test_a_plan_whose_certificate_was_tampered_with_is_refused(scenes: Path) -> None:
     plan = json.loads((scenes / "plan.json").read_text())
     move = next(s for s in plan["steps"] if s["step"] == "move" and s["role"] == "transit")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from cell.files.task import read_task
 from cell.scene.build import build_scene
 from cell.task.planning import Rest, plan_rest
@@ -15,6 +17,7 @@ from tasks.true_look import true_look
 WALL = '\n[[walls]]\nname = "post"\ncentre_mm = [340, -365, 100]\nsize_mm = [30, 30, 200]\n'
 
 
+@pytest.mark.slow
 def test_a_wall_in_the_way_is_gone_around(scenes: Path) -> None:
     free = read_task(scenes / "task2.toml")
     (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALL)

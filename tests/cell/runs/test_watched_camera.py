@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from arm.errors import ImpossibleError
 from cell.commands.calibration.background import background_step
@@ -13,6 +14,7 @@ from tasks.whole_run import run_whole
 from watched.specked import specked_world
 
 
+@pytest.mark.slow
 def test_a_knocked_camera_is_refused_before_anything_moves(scenes: Path, tmp_path: Path) -> None:
     task = scenes / "task2.toml"
     background_step(task, scenes / "background.npz", True, Console(), world=specked_world(scenes))

@@ -64,6 +64,7 @@ def test_a_budget_that_is_spent_writes_nothing(tmp_path: Path, looked: tuple[Pat
     assert (tmp_path / "p.json").read_bytes() == (tmp_path / "free.json").read_bytes()
 
 
+@pytest.mark.slow
 def test_ctrl_c_with_a_complete_plan_writes_it_and_ends_with_4(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, looked: tuple[Path, Path]
 ) -> None:

@@ -44,6 +44,7 @@ def test_no_words_where_nothing_moved() -> None:
     assert shift_words(None) is None
 
 
+@pytest.mark.slow
 def test_a_board_that_is_partly_in_view_is_refused(scenes: Path) -> None:
     task = read_task(scenes / "task2.toml")
     world = specked_world(scenes)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from cell.sim.target_photos import TargetCamera, corners_in_view, photograph_target, random_poses, target_pose
 from pictures.rendered import changed, world_with
@@ -17,6 +18,7 @@ def test_poses_that_are_drawn_show_most_of_the_target():
     assert 0.6 <= min(shares) < 0.9
 
 
+@pytest.mark.slow
 def test_a_target_is_seen_by_the_true_camera_and_as_it_was_printed(tmp_path: Path):
     T = target_pose(CAMERA, BOARD, np.array([960.0, 600.0]), 1.1, np.array([0.2, 0.1]), 0.3)
     world = replace(world_with(tmp_path, ""), camera=None)

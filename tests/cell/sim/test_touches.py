@@ -37,6 +37,7 @@ def _judged(T: Array, time_ms: Array | None = None, ring: list[float] | None = R
     return TouchJudge(TOOL, ring, WIRE).judged(T, times.astype(np.int64))
 
 
+@pytest.mark.slow
 def test_a_ring_on_the_axis_of_the_bar_has_the_room_that_its_sizes_say() -> None:
     found = _judged(_moved(_aside([0.0] * 500)))
     assert (found.count, found.seconds) == (0, 0.0)

@@ -15,6 +15,7 @@ from cell.commands.steps import look_step
 from cell.console import Console
 
 
+@pytest.mark.slow
 def test_a_refused_look_writes_its_picture_and_warns_of_the_light(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,6 +8,8 @@ import threading
 import time
 import tracemalloc
 
+import pytest
+
 from arm.controller.unit import Unit
 from driver.emulator import Emulator, EmulatorOptions
 from driver.line.clock import Clock
@@ -34,6 +36,7 @@ def rubbish(seed: int, size: int) -> bytes:
     return b"".join(parts)[:size]
 
 
+@pytest.mark.slow
 def test_half_a_million_random_bytes_neither_stop_nor_fatten_it(unit: Unit) -> None:
     options = EmulatorOptions(paced=False, keep_lines=500, keep_ms=2000)
     held = []

@@ -24,6 +24,7 @@ from tasks.refused import request, slab_above
 from tasks.task2 import Q_START, task2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap_mm", "offered"), [pytest.param(23.1, 23, marks=pytest.mark.slow), (12.6, 12)])
 def test_the_largest_clearance_that_the_start_keeps_is_offered(gap_mm: float, offered: int) -> None:
     tool = task2().scene.robot_open.T_base_tool(Q_START)

@@ -155,6 +155,7 @@ def test_an_elbow_gives_way_where_no_turn_is_free(tmp_path: Path) -> None:
     assert solved >= 4
 
 
+@pytest.mark.slow
 def test_the_end_has_more_clearance_where_it_is_asked_for(robot: Robot, crs97: Unit) -> None:
     """Out of a hole: a transit goes on from the end of the line."""
     limits, more = crs97.limits(), 0

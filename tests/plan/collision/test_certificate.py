@@ -150,6 +150,7 @@ def test_decide_is_cheaper_than_tight_and_agrees() -> None:
     assert cost[False] <= cost[True]
 
 
+@pytest.mark.slow
 def test_a_move_of_many_segments_is_proved_whole() -> None:
     rng = np.random.default_rng(12)
     world = crowded_world(rng)

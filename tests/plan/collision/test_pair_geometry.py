@@ -30,7 +30,7 @@ def agree(world: World, configurations: int) -> int:
     return near
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("count", [1, 6, 80])
 @pytest.mark.parametrize("name", ARMS)
 def test_too_near_is_what_distances_say(name: str, count: int) -> None:

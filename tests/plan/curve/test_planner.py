@@ -126,6 +126,7 @@ def test_what_was_asked_for_is_named_when_nothing_is_clear(robot: Robot, crs97: 
     assert error.value.data["clearance_m"] == CLEARANCE
 
 
+@pytest.mark.slow
 def test_a_failed_certificate_is_tried_again_with_more_room(
     robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch
 ) -> None:

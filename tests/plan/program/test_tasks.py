@@ -209,6 +209,7 @@ def test_mujoco_finds_no_penetration(case: Task2, plan: Plan, walled: Task2, wal
     assert penetrations(walled, walled_plan) == set()
 
 
+@pytest.mark.slow
 def test_mujoco_would_find_one(walled: Task2, plan: Plan) -> None:
     """The plan that knows nothing of the wall runs into it."""
     found = penetrations(walled, plan)

@@ -165,6 +165,7 @@ def test_what_the_limit_of_one_joint_leaves_undone_another_does(seed: int) -> No
     assert np.array_equal(trial[[0, -1]], path[[0, -1]])
 
 
+@pytest.mark.slow
 def test_a_path_with_many_corners_is_left_as_it_is() -> None:
     """Its quadratic program would take seconds."""
     optimiser, path = rough_paths()[0]
@@ -175,6 +176,7 @@ def test_a_path_with_many_corners_is_left_as_it_is() -> None:
     assert long.path is fine
 
 
+@pytest.mark.slow
 def test_settled_paths_are_free_between_the_samples_of_the_steps() -> None:
     grazed = 0
     for optimiser, path in rough_paths():

@@ -39,6 +39,7 @@ def test_the_rotation_is_measured_and_its_covariance_is_honest(
     assert 0.1 < np.mean(nees) < 2.5
 
 
+@pytest.mark.slow
 def test_a_camera_that_stands_still_is_never_said_to_have_moved(
     background: Background, table: ScratchedTable, camera: Camera
 ) -> None:

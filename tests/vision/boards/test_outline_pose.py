@@ -126,6 +126,7 @@ def test_a_board_without_tolerance_has_a_pose_from_corners_of_unknown_light() ->
     assert np.linalg.norm(twist_between(pose.T_base_board, taken.T)[3:]) < np.radians(2.0)
 
 
+@pytest.mark.slow
 def test_a_less_exact_outline_leaves_the_pose_less_certain() -> None:
     taken, spreads = shot(3, 7.0), []
     for within in (1e-4, 5e-4, 2e-3):

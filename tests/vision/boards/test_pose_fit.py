@@ -39,6 +39,7 @@ def test_clean_corners_lose_nothing_to_robustness(common_px: float) -> None:
     assert np.sqrt(ours / least) < 1.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", [pytest.param(0.2, marks=pytest.mark.slow), 0.6])
 def test_bad_corners_in_some_of_the_frames(bad: float) -> None:
     t = trials(60, bad=bad)
@@ -46,6 +47,7 @@ def test_bad_corners_in_some_of_the_frames(bad: float) -> None:
     assert t.worst_turn < np.radians(2.0)
 
 
+@pytest.mark.slow
 def test_two_frames_tell_which_of_them_has_the_bad_corner() -> None:
     t = trials(60, frames=2, bad=0.4)
     assert max(t.over_bound.hole, t.over_bound.turn) < 1.2

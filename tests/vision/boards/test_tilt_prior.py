@@ -109,6 +109,7 @@ def is_ambiguous(seen: BoardAssessment) -> bool:
     return any("its tilt cannot be distinguished" in str(d) for d in seen.doubts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [15.0, pytest.param(11.0, marks=pytest.mark.slow)])
 def test_the_set_is_asked_where_photographs_do_not_decide(tilt_deg: float) -> None:
     """It can decide for a board of the set, but accepts no board the other way round than photographs alone have it.

@@ -65,6 +65,7 @@ def test_a_known_cube_and_one_too_far_away_are_not_located() -> None:
     assert isinstance(_located(scene, 0.6 * away), NotLocated)
 
 
+@pytest.mark.slow
 def test_what_the_images_of_the_empty_place_show_too_is_no_cube() -> None:
     scene = loose_scene(1, "aside")
     empty = EmptyPlace(scene.images, scene.camera, scene.T_base_place)
@@ -88,6 +89,7 @@ def test_a_height_that_the_width_does_not_tell_is_not_claimed() -> None:
     assert "too uncertain" in found.reason
 
 
+@pytest.mark.slow
 def test_a_leaning_cube_is_not_taken_for_a_wedged_one() -> None:
     """Its top fits a wedged cube's, but less well than that of one does: it was located 5 degrees off."""
     s = loose_scene(300_082, "half", "realistic", False, 12e-6, with_empty=False)

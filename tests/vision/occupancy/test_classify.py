@@ -56,7 +56,7 @@ def judged(seed: int, of: Conditions) -> list[tuple[str, Occupancy]]:
     return [(true, hole_occupancy(images, CAMERA, pose, i, CUBE)) for i, true in enumerate(scene.holes)]
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_cubes_of_any_grey_under_any_light(condition: str) -> None:
     found = judged(40_000 + list(CONDITIONS).index(condition), CONDITIONS[condition])
@@ -107,6 +107,7 @@ def covered(pose: BoardPose, hole: int, at: tuple[float, float, float], cube: bo
     return hole_occupancy(shot.images, CAMERA, pose, hole, CUBE).state
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cube", [True, False])
 def test_something_across_a_hole_makes_it_unsure(cube: bool) -> None:
     pose = known(leaning((0.44, -0.015, 0.05), 20.0, 0.0, 0.0))

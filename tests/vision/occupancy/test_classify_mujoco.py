@@ -17,6 +17,7 @@ CAMERA = smaller(lab_camera(), 0.5)
 pytestmark = pytest.mark.skipif(bool(why_no_opengl()), reason=f"MuJoCo cannot render: {why_no_opengl()}")
 
 
+@pytest.mark.slow
 def test_its_boards_are_where_they_should_be() -> None:
     """Both renderers have one convention: pixel centres, lens and frames."""
     for seed in range(50_000, 50_002):

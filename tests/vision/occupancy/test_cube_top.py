@@ -62,6 +62,7 @@ def test_a_cube_of_any_grey_is_seated_and_measured_by_what_its_place_showed_empt
     assert _std(with_it) < 3e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grey", [pytest.param(30.0, marks=pytest.mark.slow), 205.0])
 def test_a_cube_four_millimetres_high_is_told_with_and_without_an_empty_place(grey: float) -> None:
     sight, before, T = _looks(grey, transform(t=(0.0, 0.0, 4e-3)) @ T_hole_cube(CUBE), light=0.97)
@@ -94,6 +95,7 @@ def test_a_turned_cube_beside_narrow_faces_and_borders_is_confirmed_as_it_is(see
     assert abs(found.lift) < 3.0 * found.lift_std
 
 
+@pytest.mark.slow
 def test_the_pocket_is_the_cells_own() -> None:
     """A cube that wedges 1 mm less deep in a narrower pocket sits there, and stands high in the usual one."""
     sight, before, T = _looks(205.0, transform(t=(0.0, 0.0, 1e-3)) @ T_hole_cube(CUBE))

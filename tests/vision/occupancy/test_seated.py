@@ -68,7 +68,7 @@ def test_a_seated_cube_is_seated_and_its_width_known_to_a_twentieth_of_a_millime
     assert width.value == pytest.approx(CUBE, abs=5e-5)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("release", [r for r in RELEASES if r not in ("seated", "pushed")])
 @pytest.mark.parametrize(
     ("tilt_deg", "hole"),
@@ -91,6 +91,7 @@ def test_a_wider_cube_is_told_from_a_higher_one_by_its_own_width() -> None:
     assert known.value == pytest.approx(wide, abs=5e-5)
 
 
+@pytest.mark.slow
 def test_a_width_that_is_not_known_is_not_sure() -> None:
     sight, T_base_hole = _sight(T_hole_cube(CUBE), tilt_deg=0.0, hole=3)
     assert seating(sight.in_hole(T_base_hole), CubeWidth(CUBE, 1e-4)).state == "unsure"
@@ -226,6 +227,7 @@ def test_a_width_is_told_only_by_what_sits_and_shows() -> None:
     assert width_of(_top(out=(-1.1e-3, 0.0, 1.1e-3, 0.0)), NOMINAL) is None
 
 
+@pytest.mark.slow
 def test_a_cube_on_the_table_is_measured_too_and_its_place_is_in_view_or_not() -> None:
     T_base_place = transform(rot_z(0.0), (0.45, -0.15, 0.0))
     camera = _view(T_base_place)

@@ -69,6 +69,7 @@ def test_no_target_is_none_and_another_dictionary_is_named():
     assert finder.seen_instead(empty) == ""
 
 
+@pytest.mark.slow
 def test_a_legacy_board_is_read_with_its_key_and_named_without_it():
     """Nothing of it is read by a finder of the other layout; the message names every key that differs."""
     legacy = Target("charuco", 6, 4, 0.030, 0.022, "DICT_5X5_100", legacy=True)
@@ -96,6 +97,7 @@ def test_a_legacy_board_is_read_with_its_key_and_named_without_it():
     )
 
 
+@pytest.mark.slow
 def test_a_target_that_is_a_part_of_a_larger_print_is_told():
     image, _ = photograph(BOARD, 4)
     part = TargetFinder(replace(BOARD, rows=3))

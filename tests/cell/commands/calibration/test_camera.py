@@ -93,6 +93,7 @@ def test_a_lens_without_a_place_cannot_be_mistaken_for_a_camera(photographs: Pat
     assert read_camera(again).digest == placed.digest
 
 
+@pytest.mark.slow
 def test_a_refusal_writes_the_report_and_no_camera(photographs: Path, tmp_path: Path) -> None:
     few = tmp_path / "few"
     few.mkdir()

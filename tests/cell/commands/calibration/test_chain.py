@@ -67,6 +67,7 @@ def test_hand_eye_prints_writes_and_reports(truth: Truth, recording: Path, tmp_p
     assert "camera in base" in told
 
 
+@pytest.mark.slow
 def test_truth_and_noise_of_a_file_are_never_read(recording: Path, tmp_path: Path) -> None:
     value = json.loads(recording.read_text())
     value["poses"] = value["poses"][:10]
@@ -80,6 +81,7 @@ def test_truth_and_noise_of_a_file_are_never_read(recording: Path, tmp_path: Pat
     assert results[0] == results[1]
 
 
+@pytest.mark.slow
 def test_a_target_of_another_size_is_refused_and_nothing_is_written(truth: Truth, tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     joints = wide(truth, TARGETS["charuco"], 24, rng)

@@ -84,6 +84,7 @@ def test_wrong_motions_of_every_kind_are_refused(kind: str) -> None:
         assert not (wrong and _accepted(of, q))
 
 
+@pytest.mark.slow
 def test_the_oracles_distance_is_that_of_the_ring_and_the_bar() -> None:
     of = _right()
     middle = len(of.q) // 2

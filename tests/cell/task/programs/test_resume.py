@@ -31,6 +31,7 @@ def _planned() -> tuple[ProgramTask, Plan]:
     return task, plan_of_program(task, Observation(), SPEED)
 
 
+@pytest.mark.slow
 def test_the_report_beside_a_plan_says_in_which_step_it_was_stopped(tmp_path: Path) -> None:
     _, plan = _planned()
     file = tmp_path / "report.json"

@@ -64,6 +64,7 @@ def test_a_ring_led_along_its_wire_never_touches_it(tmp_path: Path) -> None:
     assert found.least < true_ring.least < found.least + 0.0045  # tori are thicker than the ring
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "keys",
     [

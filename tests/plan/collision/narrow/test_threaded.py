@@ -55,6 +55,7 @@ def test_collision_checks_answer_what_distances_say() -> None:
     assert {(True, True), (False, True)} <= set(seen)
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_the_distance() -> None:
     """Of pairs with the ring as the outer and as the inner body, moving or standing."""
     rng = np.random.default_rng(3)
