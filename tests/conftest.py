@@ -77,6 +77,15 @@ def scenes(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def no_devices_of_the_host() -> Iterator[None]:
+    """No test finds the port or the camera of whoever runs it."""
+    with pytest.MonkeyPatch.context() as patch:
+        for variable in ("A465_PORT", "A465_CAMERA"):
+            patch.delenv(variable, raising=False)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def interrupts_are_heard() -> Iterator[None]:
     """A shell that starts tests in the background makes them deaf to SIGINT; tests of interrupts need to hear it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

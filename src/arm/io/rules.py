@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import unicodedata
 from collections.abc import Callable
 from pathlib import Path
@@ -244,6 +245,27 @@ def path(exists: bool = True) -> Rule[Path]:
         if exists and not found.is_file():
             raise node.error(f"names a file that does not exist: {found}")
         return found
+
+    return Rule("a string", read)
+
+
+def port_fault(url: str) -> str:
+    """Return the rule that the name of a serial port breaks, "" if none; whether it is there is not asked."""
+    if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
+        return "must be socket://HOST:PORT, such as socket://127.0.0.1:4650"
+    if "://" in url and not url.startswith("socket://"):
+        return "must be a device, or socket://HOST:PORT"
+    return "" if url.strip() else "must be a device, such as /dev/mars, or socket://HOST:PORT"
+
+
+def port() -> Rule[str]:
+    """The name of a serial port: a device, relative to the file that names it, or a URL of a socket."""
+
+    def read(node: Node) -> str:
+        url = line().read(node)
+        if fault := port_fault(url):
+            raise node.error(fault)
+        return url if "://" in url else str(node.file.parent / url)
 
     return Rule("a string", read)
 

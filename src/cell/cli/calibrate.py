@@ -153,9 +153,11 @@ def calibrate_hand_eye(
         from cell.commands.calibration.chain import ChainOptions
         from cell.commands.calibration.collect import CollectFiles, collect_step
         from cell.session.connection import WhichCell
+        from cell.session.ports import choose_port
         from cell.task.approval import Consent
         from cell.task.free_cell import FreeCell
 
+    port = None if port is None else choose_port(port, collect, console)
     confirm = None if port is None else FreeCell(Consent(unseen, console), port, homed or free, console)
     hand = target or data_file("scenes/targets/hand.toml")
     files = CollectFiles(data, collect, hand, folder, apply)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
@@ -15,13 +14,18 @@ from cell.cli.calibrate import app as calibrate_app
 from cell.cli.ending import fail, finish
 from cell.cli.groups import GroupedCommands
 from cell.cli.manual import manual
-from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given, refuse_swapped
+from cell.cli.options import (
+    NO_PORT,
+    WITH_PORT,
+    answering,
+    examples,
+    refuse,
+    refuse_given,
+    refuse_swapped,
+    watched,
+)
 from cell.cli.tools import tools
-from cell.console import Console
 from driver.line.signals import interruptible
-
-if TYPE_CHECKING:
-    from cell.session.observer import RunObserver
 
 app = typer.Typer(
     name="a465",
@@ -92,14 +96,16 @@ def run(
         from cell.commands.run import run_task
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
+        from cell.session.ports import choose_port
         from cell.task.approval import Consent
         from cell.task.free_cell import FreeCell
 
     allowed = budget_of(budget, give_up)
+    port = None if port is None else choose_port(port, task, console)
     confirm = None if port is None else FreeCell(Consent(unseen, console), port, homed or free, console)
     contact = cell == shared.CellKind.MUJOCO
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
-    with _watched(console, live, live_port) as watcher:
+    with watched(console, live, live_port) as watcher:
         finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
 
 
@@ -351,6 +357,7 @@ def execute(
         from cell.commands.run import execute_plan, resume_plan
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
+        from cell.session.ports import choose_port
         from cell.task.approval import Approval
         from cell.task.free_cell import FreeCell
 
@@ -362,26 +369,18 @@ def execute(
 
     confirm = None
     if port is not None:
+        port = choose_port(port, task, console)
         approval = Approval(plan, yes, console, resumes=resume)
         confirm = FreeCell(approval, port, homed or resume or free, console)
     contact = cell == shared.CellKind.MUJOCO
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
-    with _watched(console, live, live_port) as watcher:
+    with watched(console, live, live_port) as watcher:
         if resume:
             allowed = budget_of(budget, give_up)
             result = resume_plan(plan, task, console, where, None, confirm, watcher, allowed)
         else:
             result = execute_plan(plan, task, console, where, None, confirm, watcher)
         finish(console, result)
-
-
-def _watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[RunObserver | None]:
-    """Return a live view if `live` or a port is given."""
-    if not live and port is None:
-        return nullcontext()
-    from cell.live.view import live_view
-
-    return live_view(console, port or 0)
 
 
 app.registered_commands += manual.registered_commands + tools.registered_commands

@@ -13,8 +13,12 @@ from cell.cli.options import answering, examples
 from cell.console import Console
 
 manual = typer.Typer()  # `cell.cli.main` registers these commands
-_PORT = "Serial port of the controller, such as /dev/mars or socket://..."
-_Port = Annotated[str, Argument(help=_PORT, metavar="PORT")]
+_PORT = (
+    "Port of the controller, such as /dev/mars or socket://...; default: A465_PORT, or port of the cell file."
+)
+_Port = Annotated[str | None, Argument(help=_PORT, metavar="[PORT]", show_default=False)]
+_PORT_OR_CELL = f"{_PORT} Or the cell or task file that names it."
+_PortOrCell = Annotated[str | None, Argument(help=_PORT_OR_CELL, metavar="[PORT|CELL]", show_default=False)]
 _CELL = "Cell or task file: the unit, its calibration and the tool; default: the unit by its gripper's axis."
 _Place = Annotated[Path, Argument(help="Cell or task file, such as scenes/cell.toml.", metavar="CELL")]
 _SPEED = "Fraction of what the speed registers allow, 0.01 to 1; default: 0.2, or motion.speed of the cell if less."
@@ -34,7 +38,7 @@ _Cell = Annotated[Path | None, Option("--cell", help=_CELL, metavar="CELL")]
     "while another a465 has the port, its log is read instead.",
     epilog=examples("a465 status /dev/mars --cell scenes/cell.toml"),
 )
-def status(port: _Port, cell: _Cell = None, as_json: shared.Json = False) -> None:
+def status(port: _PortOrCell = None, cell: _Cell = None, as_json: shared.Json = False) -> None:
     console = Console(as_json)
     from cell.commands.manual.status import status_step
 
@@ -47,7 +51,7 @@ def status(port: _Port, cell: _Cell = None, as_json: shared.Json = False) -> Non
     "Ctrl-C, and ends. The arm stays under power. The emergency stop is the button, not this command.",
     epilog=examples("a465 stop /dev/mars"),
 )
-def stop(port: _Port, as_json: shared.Json = False) -> None:
+def stop(port: _PortOrCell = None, as_json: shared.Json = False) -> None:
     console = Console(as_json)
     from cell.commands.manual.stop import stop_step
 
@@ -62,7 +66,7 @@ def stop(port: _Port, as_json: shared.Json = False) -> None:
 )
 def home(
     place: _Place,
-    port: _Port,
+    port: _Port = None,
     speed: _Speed = None,
     free: Annotated[bool, Option("--free", help=_FREE)] = False,
     as_json: shared.Json = False,
@@ -83,7 +87,7 @@ def home(
 )
 def park(
     place: _Place,
-    port: _Port,
+    port: _Port = None,
     look: _Look = None,
     speed: _Speed = None,
     unseen: _Unseen = False,
@@ -108,7 +112,7 @@ def park(
 )
 def move(
     place: _Place,
-    port: _Port,
+    port: _Port = None,
     q: Annotated[
         str | None, Option(help="J1 to J6 in deg, as in --q=-60,-40,-80,0,-60,0.", metavar="Q")
     ] = None,
@@ -150,7 +154,7 @@ def move(
 def gripper(
     action: Annotated[str, Argument(help="open, close, or a width in mm.", metavar="open|close|WIDTH")],
     place: _Place,
-    port: _Port,
+    port: _Port = None,
     unseen: _Unseen = False,
     as_json: shared.Json = False,
 ) -> None:
@@ -167,7 +171,7 @@ def gripper(
     epilog=examples("a465 release /dev/mars"),
 )
 def release(
-    port: _Port,
+    port: _PortOrCell = None,
     supported: Annotated[bool, Option("--supported", help=_SUPPORTED)] = False,
     as_json: shared.Json = False,
 ) -> None:
@@ -186,7 +190,7 @@ def release(
 def teach(
     pose_list: Annotated[Path, Argument(help="List of poses: JSON.", metavar="LIST")],
     place: _Place,
-    port: _Port,
+    port: _Port = None,
     name: Annotated[str | None, Option(help='Name of the pose; default: the next "taught N".')] = None,
     as_json: shared.Json = False,
 ) -> None:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from enum import StrEnum
 from pathlib import Path
 from textwrap import wrap
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Argument, Option
 
 from arm.errors import ImpossibleError, InputError
 from cell.console import Console, say_on_stderr
+
+if TYPE_CHECKING:
+    from cell.session.observer import RunObserver
 
 TaskFile = Annotated[Path, Argument(help="Task file, such as scenes/task2.toml.", metavar="TASK")]
 PlanFile = Annotated[Path, Argument(help="Plan file, as written by a465 plan.", metavar="PLAN")]
@@ -39,7 +42,8 @@ Speed = Annotated[float | None, Option(help=f"{_FRACTION}motion.speed of the cel
 LowerSpeed = Annotated[float | None, Option(help=f"{_FRACTION}the plan's speed, which it can only lower.")]
 _WORLD = "Ground truth of the simulated cell; default: beside TASK, such as scenes/task2.world.toml."
 WorldFile = Annotated[Path | None, Option(help=_WORLD)]
-Port = Annotated[str | None, Option(help="Serial port of the controller, such as /dev/mars or socket://...")]
+_PORT = "Serial port of the controller, such as /dev/mars or socket://..., or cell for A465_PORT or the cell file's."
+Port = Annotated[str | None, Option(help=_PORT)]
 Images = Annotated[Path | None, Option(help="Folder of images, in place of a camera.")]
 SELECTORS = (
     "name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS (Basler), "
@@ -113,6 +117,15 @@ def answering(what: str, as_json: bool) -> Iterator[Console]:
     console = Console(as_json)
     with console.doing(what):
         yield console
+
+
+def watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[RunObserver | None]:
+    """Return a live view if `live` or a port is given."""
+    if not live and port is None:
+        return nullcontext()
+    from cell.live.view import live_view
+
+    return live_view(console, port or 0)
 
 
 def refuse_given(context: typer.Context, names: tuple[str, ...], rule: str) -> None:

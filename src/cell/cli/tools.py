@@ -13,6 +13,9 @@ from cell.cli.options import SELECTORS, TRIED, answering, examples, refuse, refu
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
+_DOCTOR_PORT = (
+    "Identify the controller on this port, or on the cell's (cell), sending only ECHO, STAMP and VER."
+)
 _LOG = "Log to write: every line received and sent, faults and protocol violations."
 _EXPORTED = "Log of a run, or plan, scene, cell, task or arm file; recognised by its content."
 _FORM = "csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
@@ -250,9 +253,7 @@ def new_cell(
     epilog=examples("a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93"),
 )
 def doctor(
-    port: Annotated[
-        str | None, Option(help="Identify the controller on this port, sending only ECHO, STAMP and VER.")
-    ] = None,
+    port: Annotated[str | None, Option(help=_DOCTOR_PORT)] = None,
     camera: Annotated[
         str | None, Option(help=f"Take an image with this camera: {SELECTORS} {TRIED}", metavar="SELECTOR")
     ] = None,
@@ -264,6 +265,10 @@ def doctor(
     from cell.doctor.doctor import doctor_step
 
     console = Console(as_json)
+    if port is not None:
+        from cell.session.ports import choose_port
+
+        port = choose_port(port, cell, console)
     report = doctor_step(port, camera, cell, console)
     console.result(report)
     if report["wrong"]:

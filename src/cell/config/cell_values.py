@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from arm.io.keys import Keys, key
-from arm.io.rules import integer, number, numbers, rule_of, text
+from arm.io.rules import integer, number, numbers, port, rule_of, text
 from arm.se3 import Array
 from cell.config.board_keys import DICTIONARY
 from plan.options import LEAST_CLEARANCE, SOLVERS, TIMINGS, PlanOptions
@@ -23,6 +23,7 @@ class JawValues(Keys):
 class CellValues(Keys):
     """Values of a cell, in m, s and rad; `cell/texts/keys.toml` explains each key."""
 
+    port: str | None = key("port", port(), None)
     q_start: Array = key("q_start_deg", numbers(6, "deg", -360, 360))
     arm_padding: float = key("arm_padding_mm", number("mm", 0, 100), ARM_PADDING_MM)
     arm_compared: str = key(

@@ -14,7 +14,7 @@ from arm.io.storage import canonical_json, sha256
 Inputs = Mapping[str, Any]
 # Keys that do not affect a plan, or that are compared separately (unit, camera, registers).
 LEFT_OUT = (
-    *("unit", "camera", "calibration", "background"),
+    *("unit", "port", "camera", "calibration", "background"),
     *("tool.least_certain_mm", "tool.least_certain_height_mm"),
     *("boards.files", "boards.tilts_deg", "boards.made_within_mm"),
     *("look.photographs", "look.camera_moved_mm", "look.basler.", "look.video."),

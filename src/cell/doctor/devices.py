@@ -126,9 +126,9 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
         CameraError: the camera delivers no image.
     """
     from cell.config.camera_keys import OF_CELL
-    from cell.session.cameras import camera_by
+    from cell.session.cameras import camera_by, device_of
 
-    device = selector if selector != OF_CELL else None if cell is None else cell.live_camera.device
+    device = selector if selector != OF_CELL else device_of(None if cell is None else cell.live_camera)
     if device is None:
         why = f"--camera {OF_CELL} needs --cell FILE whose [look.basler] or [look.video] names a device"
         raise InputError(why, camera=selector)

@@ -1,7 +1,8 @@
-"""The camera of a real cell, selected by cell file and command line."""
+"""The camera of a real cell: of the command line, else of the environment, else of the cell file."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,8 @@ from vision.camera.basler import BaslerCamera
 from vision.camera.basler_devices import read_selector
 from vision.camera.video.camera import VideoCamera
 from vision.camera.video.selector import is_video, read_video
+
+VARIABLE = "A465_CAMERA"
 
 
 def require_one_camera(images: Path | None, camera: str | None) -> None:
@@ -79,20 +82,26 @@ def camera_by(
     return BaslerCamera(selector, live.basler, size, tell)
 
 
+def device_of(live: CellCamera | None) -> str | None:
+    """The selector that the environment names, or else the cell file; None if neither does."""
+    return os.environ.get(VARIABLE) or (None if live is None else live.device)
+
+
 def selected(cell: Cell, camera: str | None) -> str:
     """The selector of the command line, or else the one of the cell file.
 
     Args:
         cell: names a device in its file, or not.
-        camera: the selector of ``--camera``; None and `OF_CELL` select the device of the cell file.
+        camera: the selector of ``--camera``; None and `OF_CELL` select that of `device_of`.
 
     Raises:
         InputError: the cell file has no device.
     """
-    selector = cell.live_camera.device if camera in (None, OF_CELL) else camera
+    selector = device_of(cell.live_camera) if camera in (None, OF_CELL) else camera
     if selector is None:
         raise InputError(
-            f"--camera {OF_CELL}: {cell.file} names no camera; write device = ... under [look.basler] or [look.video]",
+            f"--camera {OF_CELL}: {cell.file} names no camera; write device = ... under [look.basler] or [look.video], "
+            f"or set {VARIABLE}",
             file=str(cell.file),
             key="look.basler.device",
         )

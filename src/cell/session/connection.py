@@ -21,7 +21,7 @@ from cell.config.camera_keys import OF_CELL
 from cell.console import say_on_stderr
 from cell.files.task import Task
 from cell.program.program_file import ProgramTask
-from cell.session.cameras import open_camera, require_live, require_one_camera
+from cell.session.cameras import device_of, open_camera, require_live, require_one_camera
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
@@ -201,10 +201,10 @@ def require_openable(task: Task, where: WhichCell) -> None:
         pass
     elif images is not None:
         NewImageFolder(images)
-    elif (selector := live.device if camera in (None, OF_CELL) else camera) is None:
+    elif (selector := device_of(live) if camera in (None, OF_CELL) else camera) is None:
         raise InputError(
-            "--port needs a camera: name one with --camera or in the cell file (device under [look.basler] or "
-            "[look.video]), or give a folder of images with --images",
+            "--port needs a camera: name one with --camera, with A465_CAMERA or in the cell file (device under "
+            "[look.basler] or [look.video]), or give a folder of images with --images",
             port=port,
         )
     else:

@@ -6,7 +6,6 @@ import contextlib
 import errno
 import fcntl
 import os
-import re
 import select
 import termios
 import threading
@@ -18,6 +17,7 @@ import serial
 
 from arm.errors import InputError
 from arm.io.claim import Claim, Holder, holder_of
+from arm.io.rules import port_fault
 from driver.line.protocol import BAUD
 
 PORT_ERRORS = (OSError, termios.error)  # what using a port can raise; pyserial's own errors are OSErrors
@@ -163,10 +163,8 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     Raises:
         InputError: the port does not exist, is not a serial line, is in use, or is not permitted.
     """
-    if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
-        raise InputError(f"port {url}: must be socket://HOST:PORT, such as socket://127.0.0.1:4650", port=url)
-    if "://" in url and not url.startswith("socket://"):
-        raise InputError(f"port {url}: must be a device, or socket://HOST:PORT", port=url)
+    if fault := port_fault(url):
+        raise InputError(f"port {url}: {fault}", port=url)
     try:
         port = serial.serial_for_url(
             url, baudrate=BAUD, rtscts=True, timeout=0, write_timeout=write_timeout_s, exclusive=True

@@ -25,7 +25,7 @@ from cell.config.inputs import changes
 from cell.console import Console
 from cell.files.task import read_task
 from cell.files.world import read_world
-from cell.session.cameras import require_live
+from cell.session.cameras import VARIABLE, device_of, require_live
 from cell.session.connection import WhichCell, open_cell, simulated_cell
 from driver.emulator import Emulator
 from driver.line.clock import Clock
@@ -89,7 +89,7 @@ def test_a_live_look_sees_what_the_photographs_show(place: Path) -> None:
         (["look", "TASK", "--camera", "video:rtsp://me:x@h/1", "--images", "y"], "--camera video:rtsp://***@h/1: give"),
         (["look", "--detections", "x.json", "--camera", "y"], "--camera cannot be combined with --detections"),
         (["run", "TASK", "--camera", "x"], "--camera needs --port: the simulated cell has its own camera"),
-        (["run", "TASK", "--port", "/dev/none"], "--port needs a camera: name one with --camera or in"),
+        (["run", "TASK", "--port", "/dev/none"], "--port needs a camera: name one with --camera, with A465_CAMERA or in"),
         (["run", "TASK", "--port", "/dev/none", "--camera", "x"], "no photographs: camera x: not found; connected"),
         (["run", "TASK", "--port", "p", "--camera", "x", "--images", "y"], "give only one source of images"),
     ],
@@ -281,3 +281,11 @@ def test_a_camera_that_fails_on_the_way_stops_the_run(
     told = capsys.readouterr()
     assert f"--port {port} --camera {SERIAL} --resume" in told.out
     assert "image 1 of 2 was damaged and is retaken" in told.err
+
+
+def test_the_environment_names_a_camera_before_the_cell_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    live = CellCamera(device="name:of-file")
+    assert device_of(live) == "name:of-file"
+    assert device_of(None) is None
+    monkeypatch.setenv(VARIABLE, "name:of-variable")
+    assert device_of(live) == device_of(None) == "name:of-variable"

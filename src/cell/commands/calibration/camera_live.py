@@ -80,8 +80,15 @@ def open_source(
         InputError: not exactly one of them is given.
         CameraError: the camera cannot be opened.
     """
+    from cell.session.cameras import VARIABLE, camera_by, device_of
+
+    if simulated is None:
+        selector = selector or device_of(None)
     if (selector is None) == (simulated is None):
-        raise InputError("--live needs --camera SELECTOR, or --simulated TASK to try it without a camera")
+        why = (
+            f"--live needs --camera SELECTOR (or {VARIABLE}), or --simulated TASK to try it without a camera"
+        )
+        raise InputError(why)
     if simulated is not None:
         from cell.files.task import read_task
         from cell.session.connection import target_camera
@@ -91,8 +98,6 @@ def open_source(
         hand = SimulatedHand(target_camera(task, None, rng), target, rng)
         yield hand, hand
         return
-    from cell.session.cameras import camera_by
-
     with camera_by(str(selector), tell=console.say) as camera:
         yield camera, None
 

@@ -45,13 +45,15 @@ def target_width(action: str, gripper: Gripper) -> float:
     return 1e-3 * width
 
 
-def gripper_step(action: str, place: Path, port: str, unseen: bool, console: Console) -> dict[str, Any]:
+def gripper_step(
+    action: str, place: Path, port: str | None, unseen: bool, console: Console
+) -> dict[str, Any]:
     """Move the jaws once a person has agreed; no joint is commanded to move.
 
     Args:
         action: open, close, or a width in mm.
         place: cell or task file.
-        port: of the controller.
+        port: of the controller; see `cell.session.ports.choose_port`.
         unseen: whether nothing is asked.
         console: output.
 

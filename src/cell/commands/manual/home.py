@@ -17,6 +17,7 @@ from cell.config.calibration_state import calibration_lines
 from cell.console import Console
 from cell.files.task import read_place
 from cell.session.homed import may_be_real
+from cell.session.ports import choose_port
 from cell.task.approval import ABOUT_HOMING
 from cell.task.run import TaskRun
 
@@ -26,12 +27,14 @@ QUESTION = (
 )
 
 
-def home_step(place: Path, port: str, speed: float | None, free: bool, console: Console) -> dict[str, Any]:
+def home_step(
+    place: Path, port: str | None, speed: float | None, free: bool, console: Console
+) -> dict[str, Any]:
     """Home the arm on a port, open its jaws, and take it to q_start by a certified motion around the zone for boards.
 
     Args:
         place: cell or task file.
-        port: of the controller.
+        port: of the controller; see `cell.session.ports.choose_port`.
         speed: of the motion to q_start; homing has the unit's own.
         free: the command line states that the arm can home freely.
         console: output.
@@ -42,6 +45,7 @@ def home_step(place: Path, port: str, speed: float | None, free: bool, console: 
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
     task = read_place(place)
+    port = choose_port(port, place, console)
     said, low = free or not may_be_real(port), manual_speed(task.cell, speed)
     require_person(said, FREE, "that the cell is clear for homing, which has no collision checks")
 

@@ -118,7 +118,13 @@ def goal_entry(goal: Goal, cell: Cell, q: Array) -> dict[str, Any]:
 
 
 def move_step(
-    goal: Goal, place: Path, port: str, look: Path | None, speed: float | None, unseen: bool, console: Console
+    goal: Goal,
+    place: Path,
+    port: str | None,
+    look: Path | None,
+    speed: float | None,
+    unseen: bool,
+    console: Console,
 ) -> dict[str, Any]:
     """Plan a motion from where the arm is to a goal, write its preview, ask for its code, and execute it.
 

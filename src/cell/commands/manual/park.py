@@ -22,13 +22,13 @@ from cell.task.run import TaskRun
 
 
 def park_step(
-    place: Path, port: str, look: Path | None, speed: float | None, unseen: bool, console: Console
+    place: Path, port: str | None, look: Path | None, speed: float | None, unseen: bool, console: Console
 ) -> dict[str, Any]:
     """Plan a motion from where the arm is to q_start, write its preview, ask for its code, and execute it.
 
     Args:
         place: cell or task file.
-        port: of the controller.
+        port: of the controller; see `cell.session.ports.choose_port`.
         look: detected boards, which stand there still; None: the whole zone for boards counts as occupied.
         speed: see `manual_speed`.
         unseen: whether the code of the preview is not asked for.

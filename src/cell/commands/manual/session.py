@@ -24,6 +24,7 @@ from cell.scene.build import build_scene, unseen_scene
 from cell.session.connection import WhichCell
 from cell.session.dialogue import at_terminal, require_word, typed
 from cell.session.grasp_monitor import grip_fault
+from cell.session.ports import choose_port
 from cell.session.speed import planning_speed
 from cell.task.approval import Approval
 from cell.task.planning import plan_motion, require_above_table
@@ -75,7 +76,7 @@ def require_consent(said: bool, option: str, console: Console, question: str, wo
 @contextmanager
 def beside(
     task: Task,
-    port: str,
+    port: str | None,
     console: Console,
     verb: str,
     speed: float,
@@ -86,11 +87,12 @@ def beside(
 
     Args:
         task: with the cell.
-        port: of the controller.
+        port: of the controller; see `cell.session.ports.choose_port`.
         speed: see `manual_speed`.
         confirm: asks the person; until it returns, the unit gets queries only.
         homed: whether the unit must have been homed since it was switched on.
     """
+    port = choose_port(port, task.cell.file, console)
     where = WhichCell(port, speed=speed, homed=homed, blind=True)
     with opened(task, console, where, speed, None, Control(), confirm, name=verb) as run:
         yield run

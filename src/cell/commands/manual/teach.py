@@ -20,6 +20,7 @@ from cell.doctor.devices import FIRMWARE
 from cell.files.pose_list import Reading as Interpretation
 from cell.files.pose_list import read_pose_list
 from cell.files.task import cell_of
+from cell.session.ports import choose_port
 from driver.mars.identity import identified
 from driver.mars.refusals import refuse_unhomed
 
@@ -29,13 +30,15 @@ LONGEST_NAME = 100
 DIGITS = 5  # of angles in deg; a count is 0.0009 deg
 
 
-def teach_step(pose_list: Path, place: Path, port: str, name: str | None, console: Console) -> dict[str, Any]:
+def teach_step(
+    pose_list: Path, place: Path, port: str | None, name: str | None, console: Console
+) -> dict[str, Any]:
     """Append where the arm is to a JSON list of poses, which is created if there is none. Nothing is set or moved.
 
     Args:
         pose_list: the list; all that it has stays.
         place: cell or task file.
-        port: of the controller.
+        port: of the controller; see `cell.session.ports.choose_port`.
         name: of the entry; None: the next ``pose N``.
         console: output.
 
@@ -45,6 +48,7 @@ def teach_step(pose_list: Path, place: Path, port: str, name: str | None, consol
         ExecutionStopped: the arm moves, or the unit does not answer.
     """
     cell = cell_of(place)
+    port = choose_port(port, place, console)
     _read(pose_list, name)  # a list that cannot be extended is refused before the port is opened
     with console.doing("asking"), identified(port, FIRMWARE) as (link, _):
         reading = read_arm(link, cell)

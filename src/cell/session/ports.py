@@ -1,0 +1,84 @@
+"""The controller's port: of the command line, else of the environment, else of the cell file.
+
+No port is ever chosen for a command that would otherwise use the simulated cell: such a command needs ``--port``.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from arm.errors import InputError
+from arm.io.node import Node
+from arm.io.rules import path, port, port_fault
+from cell.config.camera_keys import OF_CELL
+from cell.console import Console
+from cell.files.task import task_or_cell
+
+VARIABLE = "A465_PORT"
+KEY = "port"
+EXAMPLE = 'port = "/dev/mars"'
+
+
+@dataclass(frozen=True)
+class PortAndPlace:
+    """What a command that takes ``PORT`` and ``--cell CELL`` was given; each may be missing.
+
+    Attributes:
+        port: see `choose_port`.
+        place: cell, task or program file.
+    """
+
+    port: str | None
+    place: Path | None
+
+
+def port_or_place(argument: str | None, place: Path | None) -> PortAndPlace:
+    """Return what an argument names, a port or a cell file, beside the file of ``--cell``.
+
+    Raises:
+        InputError: it is a cell file, and so is `place`.
+    """
+    if argument is None or not (argument.endswith(".toml") or os.path.isfile(argument)):
+        return PortAndPlace(argument, place)
+    if place is not None:
+        why = f"{argument} and --cell {place}: give one cell file; a port is a device, or socket://HOST:PORT"
+        raise InputError(why, argument=argument, cell=str(place))
+    return PortAndPlace(None, Path(argument))
+
+
+def choose_port(given: str | None, place: Path | None, console: Console) -> str:
+    """Return the port to open; say where it comes from, unless the command line names it.
+
+    Args:
+        given: of the command line; None or `OF_CELL`: that of the environment, or else of `place`.
+        place: cell, task or program file, of which only the port is read, so that a cell with another fault can be
+            stopped; None: none is known.
+        console: output.
+
+    Raises:
+        InputError: there is none, or it is not well-formed.
+    """
+    if given not in (None, OF_CELL):
+        return given
+    if url := os.environ.get(VARIABLE, ""):
+        if fault := port_fault(url):
+            raise InputError(f"{VARIABLE} = {url!r}: {fault}", variable=VARIABLE, value=url)
+        console.say(f"port: {url}, of {VARIABLE}")
+        return url
+    file = None if place is None else _cell_file(task_or_cell(place))
+    found: str | None = None if file is None else file.get(KEY, port(), None)
+    if file is None or found is None:
+        written = "" if file is None else f", or write {EXAMPLE} in {file.file}"
+        raise InputError(
+            f"no port is named: give PORT, such as /dev/mars, set {VARIABLE}{written}", port=None
+        )
+    console.say(f"port: {found}, of {file.file}")
+    return found
+
+
+def _cell_file(root: Node) -> Node:
+    """The cell file that a task or program names, or the file itself."""
+    named = root.value.get("cell") if isinstance(root.value, dict) else None
+    return Node.of_toml(root["cell"].read(path())) if isinstance(named, str) else root
