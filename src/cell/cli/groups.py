@@ -10,7 +10,7 @@ GROUPS = {
     "Set up": ("new-cell", "doctor", "calibrate"),
     "See": ("look", "snap", "status", "view", "compare"),
     "Plan": ("reach", "plan", "plan-poses", "check", "preview", "certify", "teach"),
-    "Move": ("run", "execute", "home", "park", "move", "gripper", "release", "stop"),
+    "Move": ("run", "execute", "home", "park", "move", "jog", "gripper", "release", "stop"),
     "Tools": ("emulate", "render", "report", "export"),
 }
 

@@ -144,6 +144,27 @@ def move(
 
 
 @manual.command(
+    short_help="Move the arm by keys, one small certified step each.",
+    help="Move the arm by keys of the terminal: a press moves a joint or the tool by one step, and a held key goes on. "
+    "Each step is certified before it is sent, and the arm is at rest 0.4 s after the last key. It asks for the arm's "
+    "name once; the unit must have been homed since it was switched on. Esc stops, q ends.",
+    epilog=examples("a465 jog scenes/cell.toml /dev/mars", "a465 jog scenes/cell.toml --deg 0.05 --mm 0.2"),
+)
+def jog(
+    place: _Place,
+    port: _Port = None,
+    look: _Look = None,
+    deg: Annotated[float, Option(help="Step of a joint, 0.01 to 1 deg.")] = 0.1,
+    mm: Annotated[float, Option(help="Step of the tool, 0.05 to 5 mm.")] = 0.5,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("starting", as_json) as console:
+        from cell.commands.jog.command import jog_step
+
+    console.result(jog_step(place, port, look, deg, mm, console))
+
+
+@manual.command(
     short_help="Open or close the jaws, or bring them to a width.",
     help="Open or close the jaws, or bring them to a width, where the arm stands. No joint is commanded to move. It "
     "asks first; the unit must have been homed since it was switched on.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -210,6 +210,7 @@ def opened(
     confirm: Confirm | None = None,
     watcher: RunObserver | None = None,
     name: str | None = None,
+    keys: bool = True,
 ) -> Iterator[TaskRun]:
     """Open a cell and yield a run in it. A report is written to the run folder however the run ends.
 
@@ -220,6 +221,7 @@ def opened(
         control: control of the execution.
         confirm: called before anything moves, to ask the operator; raises on refusal.
         name: of a new run folder; None: that of the task.
+        keys: whether keys act on the control.
     """
     with (
         console.heard(),
@@ -239,8 +241,8 @@ def opened(
             if confirm is not None:
                 confirm(run)
                 permitted = True
-            with keyboard(control) as keys:
-                if keys:
+            with keyboard(control) if keys else nullcontext(False) as heard:
+                if heard:
                     console.say(HELP)
                     run.hint = lambda running: hint(control, running)
                 yield run

@@ -63,6 +63,23 @@ def interrupt_main() -> None:
 @contextmanager
 def keyboard(control: Control) -> Iterator[bool]:
     """Let keys act on the control of an execution; yield whether there is a keyboard. Ctrl-C remains a signal."""
+
+    def deliver(data: bytes) -> None:
+        if not data.startswith(b"\x1b"):  # arrow and function keys are several characters
+            for character in data.decode("latin-1"):
+                on_key(character, control, interrupt_main)
+
+    with reading_keys(deliver) as keys:
+        yield keys
+
+
+@contextmanager
+def reading_keys(deliver: Callable[[bytes], None]) -> Iterator[bool]:
+    """Pass what the terminal delivers, key by key and without echo, to a function; yield whether there is a terminal.
+
+    Args:
+        deliver: called in a thread of its own, at the end of the terminal with no bytes.
+    """
     descriptor = foreground_terminal()
     if descriptor is None:
         yield False
@@ -70,7 +87,7 @@ def keyboard(control: Control) -> Iterator[bool]:
     before = termios.tcgetattr(descriptor)
     wake_reader, wake = os.pipe()
     reader = threading.Thread(
-        target=_read, args=(descriptor, wake_reader, control), name="keyboard", daemon=True
+        target=_read, args=(descriptor, wake_reader, deliver), name="keyboard", daemon=True
     )
     try:
         tty.setcbreak(descriptor, termios.TCSANOW)
@@ -86,18 +103,14 @@ def keyboard(control: Control) -> Iterator[bool]:
         os.close(wake_reader)
 
 
-def _read(descriptor: int, wake: int, control: Control) -> None:
-    while True:
+def _read(descriptor: int, wake: int, deliver: Callable[[bytes], None]) -> None:
+    data = b"..."
+    while data:
         ready, _, _ = select.select([descriptor, wake], [], [])
         if wake in ready:
             return
         try:
             data = os.read(descriptor, 64)
         except OSError:
-            return  # the terminal is gone; SIGHUP is handled elsewhere
-        if not data:
-            return
-        if data.startswith(b"\x1b"):
-            continue  # arrow and function keys are several characters
-        for character in data.decode("latin-1"):
-            on_key(character, control, interrupt_main)
+            data = b""  # the terminal is gone; SIGHUP is handled elsewhere
+        deliver(data)

@@ -89,7 +89,7 @@ def test_a_live_look_sees_what_the_photographs_show(place: Path) -> None:
         (["look", "TASK", "--camera", "video:rtsp://me:x@h/1", "--images", "y"], "--camera video:rtsp://***@h/1: give"),
         (["look", "--detections", "x.json", "--camera", "y"], "--camera cannot be combined with --detections"),
         (["run", "TASK", "--camera", "x"], "--camera needs --port: the simulated cell has its own camera"),
-        (["run", "TASK", "--port", "/dev/none"], "--port needs a camera: name one with --camera, with A465_CAMERA or in"),
+        (["run", "TASK", "--port", "/dev/none"], "--port needs a camera: name one with --camera, with A465_CAMERA"),
         (["run", "TASK", "--port", "/dev/none", "--camera", "x"], "no photographs: camera x: not found; connected"),
         (["run", "TASK", "--port", "p", "--camera", "x", "--images", "y"], "give only one source of images"),
     ],

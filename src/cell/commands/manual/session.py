@@ -82,6 +82,7 @@ def beside(
     speed: float,
     confirm: Callable[[TaskRun], None],
     homed: bool = True,
+    keys: bool = True,
 ) -> Iterator[TaskRun]:
     """Open the cell on a port without a camera, with a run folder named after the verb; see `cell.commands.run.opened`.
 
@@ -91,10 +92,11 @@ def beside(
         speed: see `manual_speed`.
         confirm: asks the person; until it returns, the unit gets queries only.
         homed: whether the unit must have been homed since it was switched on.
+        keys: whether keys pause and abort.
     """
     port = choose_port(port, task.cell.file, console)
     where = WhichCell(port, speed=speed, homed=homed, blind=True)
-    with opened(task, console, where, speed, None, Control(), confirm, name=verb) as run:
+    with opened(task, console, where, speed, None, Control(), confirm, name=verb, keys=keys) as run:
         yield run
 
 
