@@ -78,13 +78,12 @@ def hand_eye_state(cell: Cell) -> CalibrationState:
     return CalibrationState(f"{found} and this lens: {accuracy}", "", data)
 
 
-def calibration_lines(cell: Cell) -> tuple[str, str]:
-    """Say which calibration and which lens a cell uses, to a person who lets an arm move by them."""
+def calibration_lines(cell: Cell, camera: bool = True) -> tuple[str, ...]:
+    """Say which calibration a cell uses, and with a camera which lens, to a person who lets an arm move by them."""
     hand_eye, lens = hand_eye_state(cell), lens_state(cell)
-    return (
-        f"NOT CALIBRATED: {hand_eye.doubt}" if hand_eye.data["id"] is None else f"calibration: {hand_eye}",
-        f"lens: {'PLACEHOLDER, as shipped: ' if lens.doubt == PLACEHOLDER_LENS else ''}{lens}",
-    )
+    arm = f"NOT CALIBRATED: {hand_eye.doubt}" if hand_eye.data["id"] is None else f"calibration: {hand_eye}"
+    placeholder = "PLACEHOLDER, as shipped: " if lens.doubt == PLACEHOLDER_LENS else ""
+    return (arm, f"lens: {placeholder}{lens}") if camera else (arm,)
 
 
 def _placeholder() -> Camera:

@@ -27,6 +27,13 @@ def may_be_real(port: str) -> bool:
     return not os.path.realpath(port).startswith("/dev/pts/")
 
 
+def which_arm(port: str) -> str:
+    """Name the arm on a port, for a person who lets it move."""
+    if may_be_real(port):
+        return "the real arm"
+    return f"the arm on {port} (an emulated one, unless that line leads to a real arm)"
+
+
 def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too: bool = True) -> None:
     """Check an arm that was homed before; nothing moves.
 
@@ -51,7 +58,7 @@ def initialise_without_homing(mars: Mars, cell: Cell, console: Console, jaws_too
         )
     degrees = ", ".join(f"{d:.1f}" for d in np.degrees(cell.unit.positions(counts)))
     console.step(
-        "homing skipped: that the unit was homed since power-up (--homed) cannot be verified; it is "
+        "not homed again: that the unit was homed since it was switched on cannot be verified; it is "
         f"powered, without fault, and at [{degrees}] deg by its counters: compare with the arm"
     )
 

@@ -16,7 +16,9 @@ from arm.errors import InputError
 from arm.plan_file import Plan, read_plan
 from cell.config.calibration_state import calibration_lines
 from cell.console import Console
+from cell.session.connection import NoImages
 from cell.session.dialogue import asked, at_terminal, require_word, typed
+from cell.session.homed import which_arm
 from cell.session.overview import overview
 from cell.task.run import TaskRun
 from driver.mars.refusals import is_unhomed
@@ -24,8 +26,8 @@ from driver.mars.stopping import farthest
 
 ABOUT_GOING_ON = "the arm will not be homed: it continues from where it stands; keep clear"
 ABOUT_KEPT = (
-    "the arm will not be homed again: --homed states that it was; compare the joint angles with the arm, and "
-    "keep clear"
+    "the arm will not be homed again: that it was homed since it was switched on cannot be verified; compare the joint "
+    "angles with the arm, and keep clear"
 )
 ABOUT_HOMING = "first the controller homes the arm: every axis moves, without collision checks; keep clear"
 
@@ -102,10 +104,10 @@ class Approval:
         cubes, lasts = len(plan.task["cubes"]), f"{plan.duration_s / factor:.0f} s of motion"
         what = f"{cubes} cube{'s' if cubes > 1 else ''}" if cubes else "the plan"
         if self.resumes:
-            say(f"this moves the real arm: the rest of {what}, at most {lasts}")
+            say(f"this moves {_arm(run)}: the rest of {what}, at most {lasts}")
             say("the table is for the whole plan; the rest of it is replanned, within the same limits:")
         else:
-            say(f"this moves the real arm: {f'{what}, ' if cubes else ''}{lasts}")
+            say(f"this moves {_arm(run)}: {f'{what}, ' if cubes else ''}{lasts}")
         limits = cell.unit.limits(plan.speed_registers, plan.acceleration_registers).velocity
         fastest = factor * of.fastest
         columns = (of.lowest, of.highest, of.travel)
@@ -126,7 +128,7 @@ class Approval:
             f"tool: at most {1e3 * factor * of.tool:.0f} mm/s; clearance: at least {1e3 * of.clearance:.1f} mm"
             + (f" ({near})" if near else "")
         )
-        for line in (cell.arm_shape(), *calibration_lines(cell)):
+        for line in (cell.arm_shape(), *calibration_lines(cell, _looks(run))):
             say(line)
         say(f"the arm: {_place(run)}")
         say(ABOUT_GOING_ON if self.resumes else ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
@@ -160,16 +162,25 @@ class Consent:
             )
         name, say = run.task.cell.unit.name, self.console.say
         say(
-            f"this moves the real arm, {name}, by plans made as the command runs: certified, but without a preview"
+            f"this moves {_arm(run)}, {name}, by plans made as the command runs: certified, but without a preview"
         )
         say(f"speed: {100 * run.speed:.0f} % of the cell file's registers; the arm: {_place(run)}")
-        for line in calibration_lines(run.task.cell):
+        for line in calibration_lines(run.task.cell, _looks(run)):
             say(line)
         say(ABOUT_KEPT if run.homed_before else ABOUT_HOMING)
         if self.said:
             return
         question = f"type {name} to let it move:"
         require_word(self.console, question, name, self._answer or typed, "nothing moved", "--unseen")
+
+
+def _arm(run: TaskRun) -> str:
+    return which_arm(run.connection.mars.link.url)
+
+
+def _looks(run: TaskRun) -> bool:
+    """Whether the run has a camera, whose lens counts."""
+    return not isinstance(run.connection.frames, NoImages)
 
 
 def _is_at_start(run: TaskRun, plan: Plan) -> bool:

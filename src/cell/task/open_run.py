@@ -30,7 +30,7 @@ from cell.scene.build import cube_name
 from cell.session.camera_watch import shift_words
 from cell.session.connection import Connection
 from cell.session.grasp_monitor import GraspMonitor
-from cell.session.homed import initialise_arm
+from cell.session.homed import initialise_arm, may_be_real
 from cell.session.observer import RunObserver
 from cell.task.look import look_and_save
 from driver.execution.control import Control
@@ -98,7 +98,8 @@ class OpenRun:
 
     def introduce(self) -> None:
         """Report the task, the cell and the speed, and identify the controller."""
-        simulated, where = self.connection.simulated, "the real cell"
+        simulated, url = self.connection.simulated, self.connection.mars.link.url
+        where = "the real cell" if may_be_real(url) else f"the unit on {url}"
         if simulated is not None:
             where = f"{simulated.kind}, time scale {self.connection.time_scale:g}"
         speed = f"speed {self.speed * self.control.ceiling:g}"

@@ -20,6 +20,7 @@ from typed.command_line import replace_in
 def test_without_a_calibration_that_is_told_first(scenes: Path) -> None:
     cell = read_cell(scenes / "cell.toml")
     hand_eye, lens = calibration_lines(cell)
+    assert calibration_lines(cell, camera=False) == (hand_eye,)
     assert hand_eye == (
         "NOT CALIBRATED: the camera's pose is that of lab.toml (the shipped placeholder), the arm's zeros are nominal"
     )

@@ -18,7 +18,7 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.console import Console
 from cell.session.connection import WhichCell
-from cell.session.homed import initialise_arm, initialise_without_homing, may_be_real
+from cell.session.homed import initialise_arm, initialise_without_homing, may_be_real, which_arm
 from driver.emulator import Emulator
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
@@ -81,7 +81,7 @@ def test_a_unit_that_was_homed_is_kept_and_told(
     assert _homings(emulator) == homings
     assert mars.counts() == before
     told = capsys.readouterr().out
-    assert "homing skipped: that the unit was homed since power-up (--homed) cannot be verified" in told
+    assert "not homed again: that the unit was homed since it was switched on cannot be verified" in told
     assert "-45.0" in told  # where it stands, to compare
 
 
@@ -157,3 +157,9 @@ def test_nothing_is_sent_to_the_jaws_of_an_arm_without_them(
             with pytest.raises(InputError, match="crs93: the arm carries no gripper"):
                 act()
     assert "jaws" not in capsys.readouterr().err
+
+
+def test_an_arm_on_a_line_of_this_machine_is_not_called_real() -> None:
+    assert which_arm("/dev/mars") == which_arm("socket://unit.lab:4650") == "the real arm"
+    for port in ("/dev/pts/7", "socket://127.0.0.1:4650"):
+        assert which_arm(port) == f"the arm on {port} (an emulated one, unless that line leads to a real arm)"

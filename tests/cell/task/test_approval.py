@@ -87,7 +87,7 @@ def run(preview_case, tmp_path: Path) -> Iterator[Any]:
         yield SimpleNamespace(
             task=SimpleNamespace(cell=cell),
             control=Control(ceiling=0.5),
-            connection=SimpleNamespace(mars=mars),
+            connection=SimpleNamespace(mars=mars, frames=None),
             wire=tmp_path / "wire.jsonl",
             homed_before=False,
         )

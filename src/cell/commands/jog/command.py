@@ -28,7 +28,7 @@ from cell.config.calibration_state import calibration_lines
 from cell.console import Console
 from cell.files.task import read_place
 from cell.session.dialogue import at_terminal
-from cell.session.homed import home_or_check
+from cell.session.homed import home_or_check, which_arm
 from cell.session.keyboard import reading_keys
 from cell.task.run import TaskRun
 from driver.execution.jog import REST_S, Jog
@@ -204,10 +204,9 @@ def jog_step(
         q = q_now(run)
         makers.append(StepMaker(cell, scene_now(run, look)))
         degrees = ", ".join(f"{d:.1f}" for d in np.degrees(q) + 0.0)
-        console.say(
-            f"this moves the real arm, {cell.unit.name}, step by step, without a preview; it is at [{degrees}]"
-        )
-        for line in calibration_lines(cell):
+        arm = f"{which_arm(run.connection.mars.link.url)}, {cell.unit.name}"
+        console.say(f"this moves {arm}, step by step, without a preview; it is at [{degrees}]")
+        for line in calibration_lines(cell, camera=False):
             console.say(line)
         console.say(
             f"each step keeps {1e3 * cell.clearance:g} mm of clearance to what the cell file has"

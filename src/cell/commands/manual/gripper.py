@@ -19,7 +19,7 @@ from cell.commands.manual.session import (
 )
 from cell.console import Console
 from cell.files.task import read_place
-from cell.session.homed import home_or_check
+from cell.session.homed import home_or_check, which_arm
 from cell.task.run import TaskRun
 
 OPEN, CLOSE = "open", "close"
@@ -68,9 +68,9 @@ def gripper_step(
     require_person(unseen, UNSEEN, "that the jaws may move")
 
     def ask(run: TaskRun) -> None:
-        width = jaws_width(run) or 0.0
+        mars, width = run.connection.mars, jaws_width(run) or 0.0
         console.say(
-            f"this moves the jaws of the real arm, {cell.unit.name}, from {1e3 * width + 0.0:.1f} to "
+            f"this moves the jaws of {which_arm(mars.link.url)}, {cell.unit.name}, from {1e3 * width + 0.0:.1f} to "
             f"{1e3 * target:.1f} mm: keep your fingers away"
         )
         if target > width and holds_cube(cell, width):

@@ -16,7 +16,7 @@ from cell.commands.manual.session import (
 from cell.config.calibration_state import calibration_lines
 from cell.console import Console
 from cell.files.task import read_place
-from cell.session.homed import may_be_real
+from cell.session.homed import may_be_real, which_arm
 from cell.session.ports import choose_port
 from cell.task.approval import ABOUT_HOMING
 from cell.task.run import TaskRun
@@ -51,8 +51,8 @@ def home_step(
 
     def ask(run: TaskRun) -> None:
         for line in (
-            f"this moves the real arm, {task.cell.unit.name}",
-            *calibration_lines(task.cell),
+            f"this moves {which_arm(port)}, {task.cell.unit.name}",
+            *calibration_lines(task.cell, camera=False),
             ABOUT_HOMING,
         ):
             console.say(line)
