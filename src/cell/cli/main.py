@@ -14,16 +14,7 @@ from cell.cli.calibrate import app as calibrate_app
 from cell.cli.ending import fail, finish
 from cell.cli.groups import GroupedCommands
 from cell.cli.manual import manual
-from cell.cli.options import (
-    NO_PORT,
-    WITH_PORT,
-    answering,
-    examples,
-    refuse,
-    refuse_given,
-    refuse_swapped,
-    watched,
-)
+from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given
 from cell.cli.tools import tools
 from driver.line.signals import interruptible
 
@@ -105,7 +96,7 @@ def run(
     confirm = None if port is None else FreeCell(Consent(unseen, console), port, homed or free, console)
     contact = cell == shared.CellKind.MUJOCO
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
-    with watched(console, live, live_port) as watcher:
+    with shared.watched(console, live, live_port) as watcher:
         finish(console, run_task(task, console, where, output, advice, confirm, watcher, allowed))
 
 
@@ -271,7 +262,7 @@ def check(
     ] = None,
     as_json: shared.Json = False,
 ) -> None:
-    refuse_swapped("check", file, task)
+    shared.refuse_swapped("check", file, task)
     with answering("checking", as_json) as console:
         from cell.commands.check import check_step
 
@@ -306,7 +297,7 @@ def preview(
     ] = None,
     as_json: shared.Json = False,
 ) -> None:
-    refuse_swapped("preview", file, task)
+    shared.refuse_swapped("preview", file, task)
     with answering("drawing", as_json) as console:
         from cell.commands.preview import preview_file
 
@@ -339,6 +330,7 @@ def execute(
     yes: Annotated[
         str | None, Option(help="With --port: the code shown in the plan's preview; default: ask.")
     ] = None,
+    unseen: shared.UnseenRest = False,
     homed: shared.Homed = False,
     free: shared.Free = False,
     preload: shared.Preload = False,
@@ -346,11 +338,14 @@ def execute(
     live_port: shared.LivePort = None,
     as_json: shared.Json = False,
 ) -> None:
-    refuse_swapped("execute", plan, task)
+    shared.refuse_swapped("execute", plan, task)
     if not resume:
         refuse_given(context, ("budget", "give_up"), "needs --resume: executing a plan needs no search")
+        refuse_given(
+            context, ("unseen",), "needs --resume: a whole plan is executed by the code of its preview"
+        )
     if port is None:
-        refuse_given(context, ("yes", "homed", "free"), NO_PORT)
+        refuse_given(context, ("yes", "unseen", "homed", "free"), NO_PORT)
     else:
         refuse_given(context, ("cell",), WITH_PORT)
     with answering("starting", as_json) as console:
@@ -370,11 +365,11 @@ def execute(
     confirm = None
     if port is not None:
         port = choose_port(port, task, console)
-        approval = Approval(plan, yes, console, resumes=resume)
+        approval = Approval(plan, yes, console, resumes=resume, unseen=unseen)
         confirm = FreeCell(approval, port, homed or resume or free, console)
     contact = cell == shared.CellKind.MUJOCO
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
-    with watched(console, live, live_port) as watcher:
+    with shared.watched(console, live, live_port) as watcher:
         if resume:
             allowed = budget_of(budget, give_up)
             result = resume_plan(plan, task, console, where, None, confirm, watcher, allowed)

@@ -87,6 +87,8 @@ LiveFlag = Annotated[bool, Option("--live", help="Serve a page on this machine t
 LivePort = Annotated[int | None, Option(help="Port of the live view on 127.0.0.1; default: any free port.")]
 _UNSEEN = "With --port: do not ask for the unit's name before executing plans that nobody has previewed."
 Unseen = Annotated[bool, Option("--unseen", help=_UNSEEN)]
+_REST = "With --resume: do not ask for the code of the plan whose rest is executed."
+UnseenRest = Annotated[bool, Option("--unseen", help=_REST)]
 _HOMED = (
     "With --port: do not home. You state that the unit was homed since power-up, which cannot be verified."
 )

@@ -41,6 +41,7 @@ class Approval:
         console: for output and questions.
         answer: returns a typed line, or None if nobody can type; default: the terminal.
         resumes: whether only the rest of the plan is executed, from where the arm is.
+        unseen: whether nothing is asked.
 
     Raises:
         InputError: the code is wrong, or there is neither a code nor a terminal.
@@ -53,15 +54,16 @@ class Approval:
         console: Console,
         answer: Callable[[], str | None] | None = None,
         resumes: bool = False,
+        unseen: bool = False,
     ) -> None:
         self.plan_file, self.plan, self.console = plan_file, read_plan(plan_file), console
         self.resumes = resumes
         self._answer = answer or typed
-        self._known = code is not None
+        self._known = code is not None or unseen
         if code is not None and not self._is_right(code):
             why = f"--yes {code!r}: is not the code shown by the preview of {plan_file}; {self._where()}"
             raise InputError(why, option="--yes", value=code)
-        if code is None and answer is None and not at_terminal():
+        if not self._known and answer is None and not at_terminal():
             raise InputError(
                 f"no terminal to confirm {plan_file} on a real arm: give --yes CODE, the code shown by its preview; "
                 f"{self._where()}",

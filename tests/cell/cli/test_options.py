@@ -14,6 +14,7 @@ from cell.cli.options import examples
 EXECUTE, COLLECT = ("execute", "PLAN", "TASK"), ("calibrate", "hand-eye", "DATA", "--collect", "TASK")
 NO_PLANNING = "needs --resume: executing a plan needs no search"
 WITH_PORT = "cannot be combined with --port: it is for the simulated cell"
+UNSEEN_PLAN = "needs --resume: a whole plan is executed by the code of its preview"
 NO_PORT = "needs --port: the simulated cell asks for no confirmation"
 
 
@@ -38,6 +39,8 @@ def _refused(*arguments: str) -> str:
         (EXECUTE, "--yes CODE", NO_PORT),
         (EXECUTE, "--homed", NO_PORT),
         (EXECUTE, "--free", NO_PORT),
+        ((*EXECUTE, "--resume"), "--unseen", NO_PORT),
+        ((*EXECUTE, "--port", "P"), "--unseen", UNSEEN_PLAN),
         ((*EXECUTE, "--port", "P"), "--cell ideal", WITH_PORT),
         (("run", "TASK", "--port", "P"), "--cell mujoco", WITH_PORT),
         (("run", "TASK"), "--unseen", NO_PORT),

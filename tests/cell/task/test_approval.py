@@ -145,6 +145,16 @@ def test_of_what_goes_on_nothing_is_said_to_be_homed(
     assert "the plan's start" not in told
 
 
+def test_the_rest_of_a_plan_goes_on_unseen(
+    plan_file: Path, plan: Plan, run: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """There is no terminal, and nobody has typed the code; a report is printed all the same."""
+    with pytest.raises(InputError, match="no terminal to confirm"):
+        Approval(plan_file, None, Console(), resumes=True)
+    Approval(plan_file, None, Console(), resumes=True, unseen=True)(run, plan)
+    assert "the rest of" in capsys.readouterr().out
+
+
 def test_where_a_homed_arm_stands_is_told(
     plan_file: Path, plan: Plan, preview_case, run: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
