@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +116,7 @@ def _of_files(first: Path, second: Path, file: str) -> Iterator[Change]:
     """Yield the keys that differ, then what differs in the files that both name."""
     then, now = Node.of_toml(first), Node.of_toml(second)
     for change in _of_keys(config_inputs(then.value), config_inputs(now.value)):
-        if change.what not in FOLLOWED:
+        if change.what not in FOLLOWED and not _same_files(change, first.parent, second.parent):
             yield replace(change, file=file)
     for name in FOLLOWED:
         if isinstance(then.value.get(name), str) and isinstance(now.value.get(name), str):
@@ -123,6 +124,17 @@ def _of_files(first: Path, second: Path, file: str) -> Iterator[Change]:
             yield from differences(before, after, after.name)
         elif then.value.get(name) != now.value.get(name):
             yield Change(name, then.value.get(name), now.value.get(name), file=file)
+
+
+def _same_files(change: Change, first: Path, second: Path) -> bool:
+    """Whether two values name files, or lists of files, of the same content, seen from two folders."""
+    then, now = ([value] if isinstance(value, str) else value for value in (change.first, change.second))
+    if not (isinstance(then, list) and isinstance(now, list) and len(then) == len(now) > 0):
+        return False
+    if not all(isinstance(name, str) for name in (*then, *now)):
+        return False
+    files = [(first / a, second / b) for a, b in zip(then, now, strict=True)]
+    return all(a.is_file() and b.is_file() and cmp(a, b, shallow=False) for a, b in files)
 
 
 def _of_keys(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[Change]:

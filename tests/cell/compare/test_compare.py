@@ -88,6 +88,18 @@ def test_keys_of_cells_and_of_the_files_that_they_name(tmp_path: Path) -> None:
     assert f"{len(found)} differences" in said
 
 
+def test_files_of_other_names_and_the_same_content_are_no_difference(scenes: Path) -> None:
+    own = scenes / "own/cell.toml"
+    shutil.copytree(scenes / "boards", scenes / "own/plates")
+    shutil.copytree(scenes / "cameras", scenes / "own/cameras")
+    shutil.copy(scenes / "cell.toml", own)
+    own.write_text(own.read_text().replace('"boards/', '"plates/'))
+    assert list(differences(scenes / "cell.toml", own)) == []
+    plate = next((scenes / "own/plates").glob("*01-02.csv"))
+    plate.write_text(plate.read_text() + "\n")
+    assert [change.what for change in differences(scenes / "cell.toml", own)] == ["boards.files"]
+
+
 def test_plans_differ_by_what_they_are_made_for_and_by_their_motions(tmp_path: Path) -> None:
     entries = [{"q_deg": [0, -10, -90, 0, -70, 0]}, {"q_deg": [20, -10, -90, 0, -70, 0]}]
     (tmp_path / "list.json").write_text(json.dumps({"frame": "tool", "entries": entries}))
