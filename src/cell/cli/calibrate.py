@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from arm.errors import CalibrationRefused
+from arm.errors import CalibrationRefused, InputError
 from cell.cli import options as shared
 from cell.cli.options import NO_PORT, answering, examples, refuse, refuse_given
 
@@ -40,6 +40,7 @@ _LIFT = (
 )
 _CAMERA = "With --live: camera, such as name:camera-crs93, video:0@1280x720 or video:clip.mp4."
 _COLLECT = "Record DATA first, in the cell of this task file: simulated, or real with --port."
+_HAND_EYE_DATA = "Recorded images and joints (JSON, docs/hand-eye.md); with --collect default: the name of -o, .recorded.json."
 _RECIPE = "Use the fixed poses of the course report instead of the most informative ones."
 _WORK = "Nearest and farthest working distance from the camera; default: as in the views."
 _LIVE = "Take the images now, with advice on where to hold the target, until the views suffice."
@@ -105,9 +106,7 @@ def calibrate_lens(
 )
 def calibrate_hand_eye(
     context: typer.Context,
-    data: Annotated[
-        Path, Argument(help="Recorded images and joints (JSON, docs/hand-eye.md).", metavar="DATA")
-    ],
+    data: Annotated[Path | None, Argument(help=_HAND_EYE_DATA, metavar="[DATA]")] = None,
     collect: Annotated[Path | None, Option(help=_COLLECT)] = None,
     target: Annotated[
         Path | None, Option(help="Target in the gripper; default: scenes/targets/hand.toml.")
@@ -135,6 +134,13 @@ def calibrate_hand_eye(
     encoder_step_deg: _EncoderStep = None,
     as_json: shared.Json = False,
 ) -> None:
+    if data is None:
+        if collect is None or output is None:
+            rule = (
+                "DATA is missing: give the recording, or --collect TASK -o FILE, which records it beside FILE"
+            )
+            raise InputError(rule, option="DATA")
+        data = output.with_suffix(".recorded.json")
     if collect is None:
         refuse_given(context, _OF_COLLECT, "needs --collect TASK; without it, DATA is only read")
         with answering("calibrating", as_json) as console:

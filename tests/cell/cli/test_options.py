@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -77,6 +79,27 @@ def test_recorded_corners_need_no_images(option: str) -> None:
 def test_what_only_a_collection_needs_is_refused_without_one(option: str) -> None:
     told = _refused("calibrate", "hand-eye", "DATA", *option.split())
     assert told == f"{option.split()[0]} needs --collect TASK; without it, DATA is only read"
+
+
+def test_the_recording_of_a_collection_is_beside_its_output(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    recorded: list[Path] = []
+
+    def collected(files: Any, *_: Any) -> dict[str, Any]:
+        recorded.append(files.recording)
+        return {"reasons": []}
+
+    monkeypatch.setattr("cell.commands.calibration.collect.collect_step", collected)
+    whole = ["calibrate", "hand-eye", "--collect", "TASK", "-o", str(tmp_path / "made.toml")]
+    app(whole, standalone_mode=False)
+    app([*whole[:2], "own.json", *whole[2:]], standalone_mode=False)
+    assert recorded == [tmp_path / "made.recorded.json", Path("own.json")]
+    for some in (whole[:2], whole[:4], [*whole[:2], *whole[4:]]):
+        with pytest.raises(
+            InputError, match="DATA is missing: give the recording, or --collect TASK -o FILE"
+        ):
+            app(some, standalone_mode=False)
 
 
 def test_an_example_in_a_help_text_is_the_same_command_when_it_is_wrapped() -> None:
