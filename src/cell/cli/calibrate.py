@@ -40,7 +40,9 @@ _LIFT = (
 )
 _CAMERA = "With --live: camera, such as name:camera-crs93, video:0@1280x720 or video:clip.mp4."
 _COLLECT = "Record DATA first, in the cell of this task file: simulated, or real with --port."
-_HAND_EYE_DATA = "Recorded images and joints (JSON, docs/hand-eye.md); with --collect default: the name of -o, .recorded.json."
+_HAND_EYE_DATA = (
+    "Recorded images and joints (JSON, docs/hand-eye.md); with --collect default: as -o, .recorded.json."
+)
 _RECIPE = "Use the fixed poses of the course report instead of the most informative ones."
 _WORK = "Nearest and farthest working distance from the camera; default: as in the views."
 _LIVE = "Take the images now, with advice on where to hold the target, until the views suffice."
