@@ -139,7 +139,8 @@ _KINDS = {GripperStep: "gripper", LookStep: "look", Pause: "pause"}  # of steps 
 
 def _step_to_json(step: Step) -> dict[str, Any]:
     if not isinstance(step, Move):
-        return {"step": _KINDS[type(step)], **vars(step)}
+        left_out = ("cube",) if isinstance(step, LookStep) and step.cube is None else ()
+        return {"step": _KINDS[type(step)]} | {k: v for k, v in vars(step).items() if k not in left_out}
     left_out = (
         "path",
         "allowed_collisions",
@@ -240,7 +241,7 @@ def _step(node: Node, counts: Rule[tuple[int, ...]]) -> Step:
     kind, name = node.get("step", text()), node.get("name", text())
     match kind:
         case "look":
-            return LookStep(name)
+            return LookStep(name, node.get("cube", _CUBE) if "cube" in node else None)
         case "pause":
             return Pause(
                 name,

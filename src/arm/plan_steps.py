@@ -65,9 +65,16 @@ class GripperStep:
 
 @dataclass(frozen=True)
 class LookStep:
-    """Look again from rest; execution compares the result with the observation that the plan is based on."""
+    """Look again from rest; execution compares the result with the observation that the plan is based on.
+
+    Attributes:
+        name: of the step.
+        cube: of a second look, on the way into a place: index of the task's cube that is about to be put there; None
+            for looks after which nothing is in the jaws.
+    """
 
     name: str
+    cube: int | None = None
 
 
 @renamed_arguments(target="name")

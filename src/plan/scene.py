@@ -220,8 +220,11 @@ class Transfer:
     Attributes:
         cube: its name.
         pick, place: its present station and its destination.
+        look_before: the arm comes to rest this far before its destination, on the approach, for a second look, m; 0 for
+            none.
     """
 
     cube: str
     pick: Station
     place: Station
+    look_before: float = 0.0

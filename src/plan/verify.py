@@ -16,7 +16,7 @@ from arm.controller.segments import CountPath, chain
 from arm.controller.unit import Limits, Unit
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
-from arm.plan_file import GripperStep, Motion, Move, Pause, Plan, Step, touching_pairs
+from arm.plan_file import GripperStep, LookStep, Motion, Move, Pause, Plan, Step, touching_pairs
 from arm.robot.jaws import after_closing
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
@@ -232,7 +232,7 @@ def replay(
     peaks = [_peaks(move, unit, scaled, jump, joints) for move in plan.moves]
     for motion in plan.motions:
         _require_meetings(motion, unit, jump, joints)
-    replayed = []
+    replayed, lines = [], _whole_approaches(plan)
     for (move, world, _), peak in zip(move_scenes(plan, scene, unit), peaks, strict=True):
         if move.threaded is not None:
             begin = unit.positions(move.path.start)
@@ -240,7 +240,7 @@ def replay(
         if asked is not None:
             _require_clearances(move, asked)
             if asked.offset is not None:
-                _require_line(move, scene, unit, asked.offset)
+                _require_line(move, scene, unit, asked.offset, lines.get(id(move)))
         erring = None
         if errors is not None:
             erring = certify_move(world, move.path, unit, 0.0, errors=errors)
@@ -288,12 +288,25 @@ def _require_clearances(move: Move, asked: RequiredClearance) -> None:
         raise ImpossibleError(why, step=move.name, stated_m=move.clearance, asked_m=least)
 
 
-def _require_line(move: Move, scene: Scene, unit: Unit, offset: float) -> None:
+def _whole_approaches(plan: Plan) -> dict[int, CountPath]:
+    """Return the whole line of approaches that a second look divides, by the `id` of either part."""
+    found: dict[int, CountPath] = {}
+    for before, look, after in zip(plan.steps, plan.steps[1:], plan.steps[2:], strict=False):
+        if isinstance(look, LookStep) and look.cube is not None:
+            parts = [step for step in (before, after) if isinstance(step, Move)]
+            found |= {id(part): chain([part.path for part in parts]) for part in parts}
+    return found
+
+
+def _require_line(
+    move: Move, scene: Scene, unit: Unit, offset: float, whole: CountPath | None = None
+) -> None:
     """Require that approach and retract are straight along the tool axis, over the offset, and not past the station."""
     if move.role not in ON_LINES:
         return
-    times = np.linspace(0.0, move.path.duration_s, max(3, int(move.path.duration_s / LINE_SAMPLE_S)))
-    poses = [scene.robot_open.T_base_tool(q) for q in unit.positions(move.path.at(times))]
+    path = whole or move.path
+    times = np.linspace(0.0, path.duration_s, max(3, int(path.duration_s / LINE_SAMPLE_S)))
+    poses = [scene.robot_open.T_base_tool(q) for q in unit.positions(path.at(times))]
     station = poses[-1] if move.role == "approach" else poses[0]
     relative = np.stack([mul(inverse(station), T) for T in poses])
     aside = float(np.hypot(relative[:, 0, 3], relative[:, 1, 3]).max())

@@ -33,6 +33,7 @@ def _plan() -> Plan:
             GripperStep("close", "close", 0, 0.4, 1.0),
             Move("back", "retract", 0, second, "cube 1", 0.04, 0.02, ("palm", "wall"), True, (), (0.02,)),
             LookStep("look"),
+            LookStep("second look", cube=0),
         ),
         provenance={"seed": 0},
     )

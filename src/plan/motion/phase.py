@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
+
 from arm.se3 import Array, frozen
 from plan.cartesian.line import JointPath, Line
 from plan.collision.world import World
@@ -31,6 +33,21 @@ class LinearPath:
         """Return it from its end to its start."""
         path = JointPath(frozen(self.path.q[::-1]), frozen(self.path.s[-1] - self.path.s[::-1]))
         return replace(self, line=self.line.reversed(), path=path)
+
+    def split(self, before_end: float) -> tuple[Self, Self]:
+        """Return its two parts; the second one is `before_end` m long."""
+        end = float(self.path.s[-1])
+        at = end - before_end
+        start, middle, goal = self.line.poses(np.array([0.0, at / end, 1.0]))
+
+        def path(first: float, last: float) -> JointPath:
+            s = np.linspace(first, last, len(self.path.s))
+            return JointPath(frozen(self.path.spline(s)), frozen(s - first))
+
+        return (
+            replace(self, line=Line(frozen(start), frozen(middle)), path=path(0.0, at)),
+            replace(self, line=Line(frozen(middle), frozen(goal)), path=path(at, end)),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
 """The grammar of plans that may be executed: every cube is picked, carried and placed in order, and nothing else.
 
 The order of the file is the order of execution, so that what is executed is what was certified. Cubes come in the order
-of ``task.cubes``; an optional look ends the steps of a cube. A plan without cubes may only move, dwell, look, and open
-and close the jaws.
+of ``task.cubes``; an optional look ends the steps of a cube. A second look may divide the approach to its place. A plan
+without cubes may only move, dwell, look, and open and close the jaws.
 """
 
 from __future__ import annotations
@@ -11,8 +11,12 @@ from arm.errors import ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan, Step
 
 # Steps of one cube. A transit is missing if its ends coincide; the move home is missing before another cube.
-_ORDER = ("transit", "approach", "close", "retract", "transit", "approach", "open", "retract", "home")
+_ORDER = (
+    *("transit", "approach", "close", "retract", "transit"),
+    *("approach", "look", "approach", "open", "retract", "home"),
+)
 _OPTIONAL = ("transit", "home")
+_LOOK = 6  # index in `_ORDER` of a second look; without it, one approach leads to the place
 
 
 def require_grammar(plan: Plan) -> None:
@@ -31,7 +35,7 @@ def require_grammar(plan: Plan) -> None:
             if cubes:
                 raise _refused(f"step {step.name!r} serves no cube")
             continue
-        if isinstance(step, LookStep):
+        if isinstance(step, LookStep) and step.cube is None:
             if cubes and not (groups[at] and _ended(groups[at])):
                 raise _refused(f"step {step.name!r} looks before a cube is set down and left")
             over = True
@@ -65,7 +69,8 @@ def _ended(group: list[Step]) -> bool:
 
 
 def _require_group(index: int, group: list[Step], cube: str) -> None:
-    wanted = list(_ORDER)
+    looks = any(isinstance(step, LookStep) for step in group)
+    wanted = [*_ORDER] if looks else [*_ORDER[:_LOOK], *_ORDER[_LOOK + 2 :]]
     for step in group:
         found = (
             step.role if isinstance(step, Move) else step.action if isinstance(step, GripperStep) else "look"

@@ -1,7 +1,8 @@
 """Recovery motions after a stopped run, as programs.
 
 If the jaws hold a cube: retract from where the cube is, carry it to its place, release it there, and return to the
-start. If the jaws closed on nothing: retract along the approach.
+start. If the jaws closed on nothing: retract along the approach. If the arm rests on the approach to a place that has
+moved: go on to where it is now, or return to the start with the cube.
 """
 
 from __future__ import annotations
@@ -72,26 +73,100 @@ def place_held_object(
         ImpossibleError: `target` is out of reach, or no path was found; names the bodies and their distance.
     """
     setting = Setting(scene, unit, limits, options)
-    start = setting.at_counts("q", q)
     reach_stations(setting.robot, setting.planned, [target], options).require()
+    goals = (_placing(target, held.cube, options), _home(q_home, held))
+    program = _holding(setting, q, held, goals, provenance, task)
+    return _planned_clear_of(program, held, f"cannot be brought to {target.name}", to=target.name)
+
+
+def return_held_object(
+    scene: Scene,
+    q: npt.ArrayLike,
+    held: InJaws,
+    q_home: npt.ArrayLike,
+    unit: Unit,
+    limits: Limits,
+    options: PlanOptions,
+    provenance: Mapping[str, Any] | None = None,
+    task: Mapping[str, Any] | None = None,
+) -> Plan:
+    """Plan from rest at `q` (6,) rad to `q_home`, with the cube in the jaws; arguments as of `place_held_object`.
+
+    Raises:
+        ImpossibleError: no path was found; names the bodies and their distance.
+    """
+    setting = Setting(scene, unit, limits, options)
+    program = _holding(setting, q, held, (_home(q_home, held),), provenance, task)
+    return _planned_clear_of(program, held, "cannot be taken back to the start")
+
+
+def finish_placement(
+    scene: Scene,
+    q: npt.ArrayLike,
+    held: InJaws,
+    target: Station,
+    approach: float,
+    q_home: npt.ArrayLike,
+    unit: Unit,
+    limits: Limits,
+    options: PlanOptions,
+    provenance: Mapping[str, Any] | None = None,
+    task: Mapping[str, Any] | None = None,
+) -> Plan:
+    """Plan from rest on the approach to a place that has moved since: straight to the approach where it is now.
+
+    Args:
+        scene, q, held, q_home, unit, limits, options, provenance, task: see `place_held_object`.
+        target: the place, with the one pose of the tool at its release.
+        approach: length of the new approach, along the tool's axis there, m.
+
+    Raises:
+        ImpossibleError: no such motion is clear, or the arm cannot follow it; names the bodies and their distance.
+    """
+    setting = Setting(scene, unit, limits, options)
+    (T_base_tool,) = target.T_base_tool
+    goals = (
+        Target("where it is", q=setting.at_counts("q", q), cube=0, subject=held.cube),
+        replace(_placing(target, held.cube, options), T_base_tool=T_base_tool, by="line", approach=approach),
+        _home(q_home, held),
+    )
+    return plan_program(_holding(setting, q, held, goals, provenance, task)).plan()
+
+
+def _holding(
+    setting: Setting,
+    q: npt.ArrayLike,
+    held: InJaws,
+    goals: tuple[Target, ...],
+    provenance: Mapping[str, Any] | None,
+    task: Mapping[str, Any] | None,
+) -> Program:
+    """Return the program that begins at rest at `q` with a cube in the jaws."""
+    start, scene = setting.at_counts("q", q), setting.scene
     cube = scene.cube(held.cube).at(mul(setting.robot.T_base_tool(start), held.T_tool_cube))
     others = tuple(c for c in scene.cubes if c.name != held.cube)
-    program = Program(
+    return Program(
         replace(scene, cubes=(*others, cube)),
-        (
-            _placing(target, held.cube, options),
-            Target("home", q=np.asarray(q_home), role="home", cube=0, subject=held.cube),
-        ),
+        goals,
         start,
-        unit,
-        limits,
-        options,
+        setting.unit,
+        setting.limits,
+        setting.options,
         state=AttachmentState(held.cube, held.T_tool_cube, ()),
         provenance=provenance or {},
         task=task or {},
     )
-    bodies = (*scene.bodies, *others)
-    world = World(scene.robot_holding, bodies, cube, held.T_tool_cube)
+
+
+def _planned_clear_of(program: Program, held: InJaws, failed: str, **data: Any) -> Plan:
+    """Plan a program that begins with a cube in the jaws, after a retract if the cube is too near to something.
+
+    Raises:
+        ImpossibleError: there is no plan; its message begins with the cube, and what `failed`.
+    """
+    scene, start, options = program.scene, program.q_start, program.options
+    others = (*scene.bodies, *(c for c in scene.cubes if c.name != held.cube))
+    world = World(scene.robot_holding, others, scene.cube(held.cube), held.T_tool_cube)
     free = not world.in_collision(start, options.clearance)
     failures: list[str] = []
     out = {
@@ -109,11 +184,15 @@ def place_held_object(
             failures.append(str(error))
     reasons = list(dict.fromkeys(failures))
     raise ImpossibleError(
-        f"{held.cube}, which is in the jaws, cannot be brought to {target.name}: {'; '.join(reasons[:2])}",
+        f"{held.cube}, which is in the jaws, {failed}: {'; '.join(reasons[:2])}",
         cube=held.cube,
-        to=target.name,
         rejected=reasons,
+        **data,
     )
+
+
+def _home(q_home: npt.ArrayLike, held: InJaws) -> Target:
+    return Target("home", q=np.asarray(q_home), role="home", cube=0, subject=held.cube)
 
 
 def _retract(name: str, q: npt.ArrayLike, length: float, options: PlanOptions, **more: Any) -> Target:

@@ -15,6 +15,7 @@ from plan.program.goals.linear_move import LinearMove
 from plan.program.goals.target import Target
 from plan.program.setting import Setting
 
+LAST = ", the last part"  # of the name of an approach after a second look
 _SENT = 3e-4  # m, largest loss of clearance at a near end by rounding to counts
 
 
@@ -65,6 +66,16 @@ class MotionWriter:
             for item in step.chain.items:
                 target = self.targets[item.target]
                 if isinstance(item, LinearMove):
+                    if item.role == "approach" and target.look_before > 0.0:
+                        upto, item = item.split(target.look_before)
+                        motion.add(number, self._line(upto, target, state), self.targets)
+                        steps += motion.written(self.builder)
+                        motion = _Motion()
+                        steps.append(
+                            LookStep(f"{target.prefix}second look at {target.name}", cube=target.cube)
+                        )
+                        motion.add(number, self._line(item, target, state, LAST), self.targets)
+                        continue
                     motion.add(number, self._line(item, target, state), self.targets)
                     continue
                 motion.at = target
@@ -95,12 +106,12 @@ class MotionWriter:
             world = self.worlds.world(state)
             yield MotionPhase(which, target.role, world, clearance, path, target.cube, state.held)
 
-    def _line(self, item: LinearMove, target: Target, state: AttachmentState) -> MotionPhase:
+    def _line(self, item: LinearMove, target: Target, state: AttachmentState, part: str = "") -> MotionPhase:
         arm = {body.name for body in self.worlds.robot.bodies}
         touched = [pair - {state.held} for pair in target.pairs if state.held in pair]
         pairs = frozenset(pair for pair in target.pairs if state.held not in pair and pair & arm)
         return MotionPhase(
-            f"{target.prefix}{_line_name(item.role, target)}",
+            f"{target.prefix}{_line_name(item.role, target)}{part}",
             item.role,
             self.worlds.on_lines(state, target),
             target.clearance_on_lines(self.options),

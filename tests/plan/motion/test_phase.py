@@ -55,3 +55,18 @@ def test_a_reversed_line_leads_back_over_the_same_configurations(robot: Robot, c
     assert back.path.s[0] == 0.0
     np.testing.assert_array_equal(back.line.T_end, start)
     assert back.reversed().line.length == there.line.length
+
+
+def test_a_split_line_goes_on_where_it_was_left(robot: Robot, crs97: Unit) -> None:
+    q = np.radians([0, -35, -85, 0, -60, 0])
+    start = robot.T_base_tool(q)
+    end = start @ transform(t=(0.0, 0.0, -0.05))
+    whole = LinearPath(Line(start, end), follow_line(robot, q, start, end, crs97.limits()), 0.1)
+    first, last = whole.split(0.017)
+    assert last.line.length == pytest.approx(0.017, abs=1e-9)
+    assert first.line.length == pytest.approx(0.033, abs=1e-9)
+    np.testing.assert_array_equal(first.line.T_end, last.line.T_start)
+    np.testing.assert_allclose(first.path.q[-1], last.path.q[0], atol=1e-15)
+    np.testing.assert_allclose(robot.T_base_tool(last.path.q[0]), last.line.T_start, atol=1e-6)
+    np.testing.assert_allclose(last.path.q[-1], whole.path.q[-1], atol=1e-15)
+    assert (first.path.s[0], last.path.s[0]) == (0.0, 0.0)

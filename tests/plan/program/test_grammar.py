@@ -142,3 +142,34 @@ def test_the_way_home_comes_before_the_look() -> None:
     changed = Plan(plan.task, plan.unit, plan.speed, (1,) * 6, (1,) * 6, tuple(steps), {})
     with pytest.raises(ImpossibleError, match="serves cube 0 after the look that ends it"):
         require_grammar(changed)
+
+
+def _looking(cube: int, *names: str) -> Plan:
+    """A plan with second looks at a cube, each on the way into the place of a cube in `names`."""
+    plan = _plan(ORDER, (True, True, True), (True, True, True))
+    steps: list[Step] = []
+    for step in plan.steps:
+        steps.append(step)
+        if step.name in [f"{name}: approach" for name in names] and getattr(step, "held", None):
+            steps += [LookStep("second look", cube), replace(step, name="the last part")]
+    return replace(plan, steps=tuple(steps))
+
+
+def test_a_second_look_divides_the_approach_to_a_place() -> None:
+    require_grammar(_looking(0, "cube 01-02/3"))
+
+
+@pytest.mark.parametrize(
+    ("plan", "why"),
+    [
+        (_looking(1, "cube 01-02/3"), "out of order"),  # it serves another cube
+        (_looking(0, "cube 01-02/1"), "out of order"),
+        (replace(_looking(0, "cube 01-02/3"), steps=tuple(
+            s for s in _looking(0, "cube 01-02/3").steps if s.name != "the last part")), "out of order"),
+        (replace(_looking(0, "cube 01-02/3"), steps=tuple(
+            s for s in _looking(0, "cube 01-02/3").steps if s.name != "second look")), "out of order"),
+    ],
+)  # fmt: skip
+def test_a_second_look_elsewhere_is_refused(plan: Plan, why: str) -> None:
+    with pytest.raises(ImpossibleError, match=why):
+        require_grammar(plan)

@@ -9,7 +9,7 @@ import pytest
 
 from arm.controller.unit import load_unit
 from arm.errors import ImpossibleError
-from arm.plan_file import GripperStep, touching_pairs
+from arm.plan_file import GripperStep, Plan, touching_pairs
 from arm.robot.shapes import Body, Box
 from arm.se3 import frozen, inverse, transform
 from plan.cartesian.reachability import reach
@@ -18,8 +18,17 @@ from plan.collision.world import World
 from plan.options import PlanOptions
 from plan.program import recovery
 from plan.program.program import Program
-from plan.program.recovery import BESIDE, InJaws, place_held_object, plan_retreat
+from plan.program.recovery import (
+    BESIDE,
+    InJaws,
+    finish_placement,
+    place_held_object,
+    plan_retreat,
+    return_held_object,
+)
+from plan.scene import Station, scene_from_json
 from plan.trajectory.extremes import segment_extremes
+from plan.verify import scenes_of_moves
 from tasks.task2 import CUBE, JAW_OPENING, Q_START, Task2, task2
 
 UNIT = load_unit("crs93")
@@ -168,3 +177,53 @@ def test_the_retreat_is_as_clear_as_lines(case: Task2, q_place: np.ndarray, aske
         plan_retreat(case.scene, q_place, UNIT, UNIT.limits(), OPTIONS)
     (goal,) = asked[0].goals
     assert (goal.retract, goal.line_clearance) == (OPTIONS.offset, OPTIONS.line_clearance - BESIDE)
+
+
+def above_place(case: Task2, before: float) -> tuple[np.ndarray, InJaws, Station]:
+    """Cube 2 in the jaws, `before` m from its place; the place has the one pose of its release there."""
+    _, held = half_out(case, 1.0)
+    place = case.transfers[1].place
+    table = reach(case.scene.robot_open, UNIT.limits(), {place.name: place.T_base_tool}, OPTIONS.offset)
+    grasp = table[place.name].feasible()[0]
+    q = grasp.q_line[round(before / OPTIONS.offset * (len(grasp.q_line) - 1))]
+    release = case.scene.robot_open.T_base_tool(grasp.q_hole)
+    held = InJaws(held.cube, held.T_tool_cube, place.touches)
+    return UNIT.positions(UNIT.counts(q)), held, replace(place, T_base_tool=(release,))
+
+
+def _require_proved(case: Task2, plan: Plan, held: InJaws) -> None:
+    scene = scene_from_json(plan.scene, case.scene.robot_open, case.scene.robot_holding)
+    for of in scenes_of_moves(plan, scene, UNIT, held.cube):
+        assert certify_move(of.world(), of.move.path, UNIT, of.move.clearance - 1e-6).proved
+
+
+@pytest.mark.parametrize("aside", [(0.0, 0.0), (0.003, -0.002)])
+def test_the_last_part_leads_straight_to_where_the_place_is_now(
+    case: Task2, aside: tuple[float, float]
+) -> None:
+    """Beside the new place first, and then in along the tool: never sideways while the cube is in the pocket."""
+    q, held, place = above_place(case, 0.02)
+    (before,) = place.T_base_tool
+    now = frozen(before @ transform(t=(*aside, 0.0)))
+    place = replace(place, T_base_tool=(now,))
+    limits, robot = UNIT.limits(), case.scene.robot_open
+    plan = finish_placement(case.scene, q, held, place, 0.015, Q_START, UNIT, limits, OPTIONS)
+    roles = [m.role for m in plan.moves]
+    assert roles == ["line", "approach", "retract", "home"]
+    line, approach, *_ = plan.moves
+    assert plan.start == tuple(UNIT.counts(q))
+    np.testing.assert_allclose(robot.T_base_tool(UNIT.positions(approach.path.end)), now, atol=5e-5)
+    down = [inverse(now) @ robot.T_base_tool(p) for p in UNIT.positions(approach.path.sample(0.01))]
+    assert max(np.hypot(T[0, 3], T[1, 3]) for T in down) < 1e-4
+    assert down[0][2, 3] == pytest.approx(-0.015, abs=1e-4)
+    over = [inverse(now) @ robot.T_base_tool(p) for p in UNIT.positions(line.path.sample(0.01))]
+    assert max(T[2, 3] for T in over) < -0.0149
+    _require_proved(case, plan, held)
+
+
+def test_a_cube_is_taken_back_to_the_start_in_the_jaws(case: Task2) -> None:
+    q, held, _ = above_place(case, 0.005)
+    plan = return_held_object(case.scene, q, held, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    assert [(m.role, m.held) for m in plan.moves] == [("retract", held.cube), ("home", held.cube)]
+    np.testing.assert_allclose(UNIT.positions(list(plan.moves)[-1].path.end), Q_START, atol=1e-4)
+    _require_proved(case, plan, held)

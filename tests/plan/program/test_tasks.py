@@ -13,17 +13,19 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import load_unit
+from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import GripperStep, Move, Plan
+from arm.plan_file import GripperStep, LookStep, Move, Plan
 from arm.se3 import Array, angle_between, inverse, transform
 from arms.mujoco_cell import MujocoCell
 from plan.budget import allowed
 from plan.options import PlanOptions
+from plan.program.grammar import require_grammar
 from plan.program.tasks import plan_task
 from plan.scene import scene_from_json
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.time_estimates import straight_time
-from plan.verify import replay
+from plan.verify import RequiredClearance, replay
 from tasks.task2 import CUBE, Q_START, Task2, task2
 
 UNIT = load_unit("crs93")
@@ -240,3 +242,30 @@ def test_every_processor_gives_the_same_bytes(plan: Plan) -> None:
         run = [sys.executable, "-c", program]
         done = subprocess.run(run, env=environment, capture_output=True, text=True, check=True, timeout=120)
         assert done.stdout.strip() == plan.sha256, core
+
+
+def test_a_second_look_divides_the_approach_and_nothing_else() -> None:
+    """The arm rests on the approach; each part is certified, and the rest of the plan is the same."""
+    case, before = task2(), 0.017
+    plain = plan_task(case.scene, case.transfers[:1], Q_START, UNIT)
+    looking = plan_task(case.scene, [replace(case.transfers[0], look_before=before)], Q_START, UNIT)
+    at = next(i for i, s in enumerate(looking.steps) if isinstance(s, LookStep))
+    upto, look, last = looking.steps[at - 1 : at + 2]
+    assert isinstance(upto, Move)
+    assert isinstance(look, LookStep)
+    assert isinstance(last, Move)
+    assert (look.cube, upto.role, last.role) == (0, "approach", "approach")
+    assert looking.steps[:4] == plain.steps[:4]  # until the jaws have closed: then the motion ends elsewhere
+    assert looking.steps[at + 2 :] == plain.steps[at:]
+    for velocity in (upto.path.segments[-1].derivative(1.0), last.path.segments[0].derivative(0.0)):
+        assert np.abs(velocity).max() == 0.0
+    tool = case.scene.robot_open.T_base_tool
+    there, end = (tool(UNIT.positions(counts)) for counts in (last.path.start, last.path.end))
+    assert (inverse(end) @ there)[2, 3] == pytest.approx(-before, abs=1e-4)
+    scene = scene_from_json(looking.scene, case.scene.robot_open, case.scene.robot_holding)
+    asked = RequiredClearance(0.010, 0.005, 0.100)
+    assert len(replay(looking, scene, UNIT, LIMITS, asked)) == len(list(looking.moves))
+    require_grammar(looking)
+    short = replace(looking, steps=tuple(s for s in looking.steps if s is not look))
+    with pytest.raises(ImpossibleError, match=r"is not a line of 100 mm"):
+        replay(short, scene, UNIT, LIMITS, asked)

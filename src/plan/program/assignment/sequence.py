@@ -23,7 +23,7 @@ def task_targets(
         first_cube: index of the first cube in the whole program.
     """
     targets: list[Target] = []
-    number, cube = first_cube - 1, ""
+    number, cube, look_before = first_cube - 1, "", 0.0
     for planned in found.legs:
         site, grasp = planned.leg.goal.site, planned.grasp
         if grasp is None:
@@ -32,7 +32,8 @@ def task_targets(
             continue
         station, picks = worlds.station(site), not site.placed
         if picks:
-            number, cube = number + 1, worlds.transfers[site.number].cube
+            transfer = worlds.transfers[site.number]
+            number, cube, look_before = number + 1, transfer.cube, transfer.look_before
         targets.append(
             Target(
                 station.name,
@@ -41,6 +42,7 @@ def task_targets(
                 retract=options.offset,
                 attach=cube if picks else None,
                 detach=not picks,
+                look_before=0.0 if picks else look_before,
                 allowed_collisions=[(cube, name) for name in sorted(station.touches)],
                 jaws=options.fraction_closed if picks else 0.0,
                 settle_s=options.settle_s,

@@ -36,7 +36,7 @@ _KINDS: tuple[tuple[str, Any, str], ...] = (
     ("subject", str, "must be a name"),
     ("threaded", (str, NoneType), "must be the name of a thread, or None"),
 )
-_LENGTHS = ("approach", "retract", "blend_radius", "dwell_s", "attach_within", "settle_s")
+_LENGTHS = ("approach", "retract", "blend_radius", "dwell_s", "attach_within", "settle_s", "look_before")
 _NUMBERS = (
     *((key, 0.0, 100.0, "must not be negative, and at most 100") for key in _LENGTHS),
     ("speed", 1e-6, 100.0, "must be above 0, and at most 100 m/s"),
@@ -89,6 +89,8 @@ class Target:
         jaws: fraction by which the jaws close, 0 open to 1 shut; None: unchanged.
         settle_s: minimum wait after the jaws have moved, s.
         look: whether images are taken.
+        look_before: the arm rests this far before the pose, on the approach, and images are taken there, m; less than
+            `approach`. 0: it does not.
         role: role in the plan of the transit to the target: ``transit`` or ``home``.
         cube, subject: index and name of the cube that is moved; None and "" for none.
     """
@@ -113,6 +115,7 @@ class Target:
     jaws: float | None = None
     settle_s: float = 0.0
     look: bool = False
+    look_before: float = 0.0
     role: str = "transit"
     cube: int | None = None
     subject: str = ""
@@ -143,6 +146,9 @@ class Target:
         if self.by == "path" and (self.approach > 0.0 or self.retract > 0.0):
             key = "approach" if self.approach > 0.0 else "retract"
             raise self.error(key, getattr(self, key), "must be 0 if by='path'; begin the path further out")
+        if self.look_before > 0.0 and self.look_before >= self.approach:
+            rule = f"must be less than approach, {shown(self.approach)} m, on which the arm rests to look"
+            raise self.error("look_before", self.look_before, rule)
         pairs = checked_pairs(f"target {self.name!r}: allowed_collisions", self.allowed_collisions)
         for key, value in (
             ("free", tuple(n for n in FREE if n in names)),
