@@ -142,16 +142,22 @@ def _more_photographs(cell: Cell, seen: Observation) -> Iterator[tuple[str, Cell
     Its variance is itself estimated from the images, so more of them have to suffice for one that is larger by a
     standard deviation of this estimate (sqrt(2 / (n - 1)) of it, if all corners of an image are off together).
     """
-    noisier = 1.0 + float(np.sqrt(2.0 / max(cell.photographs - 1, 1)))
+    noisier = noisier_by(cell.photographs)
     for times in _MORE_PHOTOGRAPHS:
         count = times * cell.photographs
         if count <= _MOST_PHOTOGRAPHS:
-            boards = tuple(_averaged(board, noisier / times) for board in seen.boards)
+            boards = tuple(averaged(board, noisier / times) for board in seen.boards)
             words = f"look with {count} images (look.photographs = {count}) instead of {cell.photographs}"
             yield words, cell, replace(seen, boards=boards)
 
 
-def _averaged(board: ObservedBoard, share: float) -> ObservedBoard:
+def noisier_by(photographs: int) -> float:
+    """Factor by which the variance of the noise of so many images may be larger than they say."""
+    return 1.0 + float(np.sqrt(2.0 / max(photographs - 1, 1)))
+
+
+def averaged(board: ObservedBoard, share: float) -> ObservedBoard:
+    """A board with `share` of the variance that is drawn anew in every look."""
     pose = board.pose
     if pose.repeatability is None:
         return board

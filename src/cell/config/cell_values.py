@@ -9,6 +9,7 @@ from cell.config.board_keys import DICTIONARY
 from plan.options import LEAST_CLEARANCE, SOLVERS, TIMINGS, PlanOptions
 
 ARM_PADDING_MM = 10.0  # default; of links whose bodies were not compared with the real arm
+SECOND_LOOKS = ("asked", "each", "never")
 _FRACTION = number("", 0.01, 1.0)
 
 
@@ -39,6 +40,8 @@ class CellValues(Keys):
     moved: float = key("look.moved_mm", number("mm", 0.01, 100))
     turned: float = key("look.moved_deg", number("deg", 0.01, 90))
     camera_moved: float = key("look.camera_moved_mm", number("mm", 0.05, 20), 2)
+    second_look: str = key("look.second", text(*SECOND_LOOKS), "asked")
+    second_look_height: float = key("look.second_mm", number("mm", 2, 25), 10)
     offset: float = key("motion.offset_mm", number("mm", 45, 300))
     clearance: float = key("motion.clearance_mm", number("mm", 0, 100))
     least_clearance: float = key(

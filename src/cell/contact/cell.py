@@ -15,9 +15,10 @@ from cell.contact.model import STEP_S
 from cell.contact.physics import Physics
 from cell.contact.resting import resting
 from cell.contact.tool_track import NODE_MS, ToolTrack
-from cell.files.world import World
+from cell.files.world import TrueBoard, World
 from cell.scene.bodies import stand_body
-from cell.sim.cell import SimulatedCell, SimulatedCube
+from cell.sim.cell import SimulatedCell
+from cell.sim.cubes import SimulatedCube, cubes_on
 
 NODE_STEPS = round(NODE_MS / 1e3 / STEP_S)
 NEAR = 0.03  # m between the hand and cubes or plates from which on it is simulated: 60 ms at 0.5 m/s
@@ -149,6 +150,14 @@ class ContactCell(SimulatedCell):
             if self._physics.at_rest:
                 break
             self._physics.follow(T_base_tool, NODE_STEPS)
+
+    def _shift(self, board: TrueBoard, T_shift: Array) -> None:
+        on_it = [self._cubes[number].name for number in cubes_on(board, self._cubes)]
+        super()._shift(board, T_shift)
+        self._physics.shift([plate_name(board.board.name), *on_it], T_shift)
+        self._told = [
+            c.T_base_cube if c.name in on_it else T for c, T in zip(self._cubes, self._told, strict=True)
+        ]
 
     def _read_poses(self) -> None:
         """Take over where cubes and boards are, unless nothing was simulated."""

@@ -19,7 +19,7 @@ from arm.se3 import Array, inverse, transform
 from cell.contact.plate import plate_pieces
 from cell.files.world import TrueBoard
 from cell.files.world_errors import ContactKeys
-from cell.sim.cell import SimulatedCube
+from cell.sim.cubes import SimulatedCube
 
 STEP_S = 0.002
 SPARE = 5e-4  # m, by which fingers can open further than their ADC reads

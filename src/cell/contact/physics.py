@@ -15,7 +15,7 @@ from arm.se3 import Array, transform
 from cell.contact.model import HAND_INERTIA, HAND_MASS, STEP_S, Builder, load_mujoco
 from cell.files.world import TrueBoard
 from cell.files.world_errors import ContactKeys
-from cell.sim.cell import SimulatedCube
+from cell.sim.cubes import SimulatedCube
 
 JAW_SPEED = 0.12  # m/s of the opening
 STILL_JAWS = 5e-4  # m/s
@@ -114,6 +114,18 @@ class Physics:
             twist[:3] = mul(hand.reshape(3, 3).T, position - self._target[0])
             self._mj.mju_subQuat(twist[3:], quat, self._target[1])
         return twist
+
+    def shift(self, names: Sequence[str], T_shift: Array) -> None:
+        """Move bodies by T_shift (4, 4) in the base frame; they are at rest then."""
+        for name in names:
+            body = self._model.body(name)
+            at, moves = (
+                int(of[int(body.jntadr[0])]) for of in (self._model.jnt_qposadr, self._model.jnt_dofadr)
+            )
+            position, quat = self._pose(mul(T_shift, self.pose(name)))
+            self._data.qpos[at : at + 3], self._data.qpos[at + 3 : at + 7] = position, quat
+            self._data.qvel[moves : moves + 6] = 0.0
+        self._mj.mj_forward(self._model, self._data)
 
     def gripped(self, cube: str) -> bool:
         """Whether both fingers touch a cube."""

@@ -24,7 +24,7 @@ class Resting:
 
     Attributes:
         what: the event of a cube released there: placed, unseated, set down or fallen.
-        where: pocket, table or fallen, as of `cell.sim.cell.SimulatedCube`.
+        where: pocket, table or fallen, as of `cell.sim.cubes.SimulatedCube`.
         place: name of the hole in or beside which it is, or empty.
         detail: one phrase.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from arm.io.node import Node, Rule
 from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, tables
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
-from arm.se3 import Array, rot_z, rotation, transform
+from arm.se3 import Array, frozen, inverse, rot_z, rotation, transform
 from cell.config.plain_board import read_board
 from cell.files.world_errors import (
     ArmKeys,
@@ -44,6 +44,9 @@ class TrueBoard:
         cubes: holes (0 to 3) that hold a cube.
         stand: footprint of what it stands on, m; None: that of the cell file.
         prints: how its markers were printed and glued.
+        shift: by which it slides in its plane during the run, with its cubes: x and y in m, rotation about its middle
+            in rad.
+        shifts_after: number of grasps of the run after which it does.
     """
 
     board: Board
@@ -51,6 +54,20 @@ class TrueBoard:
     cubes: tuple[int, ...]
     stand: tuple[float, float] | None = None
     prints: tuple[Print, Print] = (Print(), Print())
+    shift: tuple[float, float, float] | None = None
+    shifts_after: int = 1
+
+    def shifted(self, T_shift: Array) -> TrueBoard:
+        """Return the board after a motion T_shift (4, 4) in the base frame."""
+        return replace(self, T_base_board=frozen(mul(T_shift, self.T_base_board)))
+
+    @property
+    def T_shift(self) -> Array:
+        """Its motion after `shifts_after` grasps, (4, 4) in the base frame."""
+        x, y, turn = self.shift or (0.0, 0.0, 0.0)
+        T_base_middle = mul(self.T_base_board, transform(t=(*self.board.plate.centre, 0.0)))
+        slid = mul(T_base_middle, transform(rot_z(turn), (x, y, 0.0)))
+        return frozen(mul(slid, inverse(T_base_middle)))
 
 
 class WorldValues(Keys):
@@ -127,6 +144,9 @@ class TrueBoardKeys(Keys):
     tilt: float = key("tilt_deg", number("deg", 0, 60))
     lean_azimuth: float = key("lean_azimuth_deg", number("deg", -360, 360), 0)
     stand: Array | None = key("stand_mm", numbers(2, "mm", 10, 1000), None)
+    shift: Array = key("shifts_mm", numbers(2, "mm", -100, 100), [0, 0])
+    shift_turn: float = key("shifts_deg", number("deg", -45, 45), 0)
+    shifts_after: int = key("shifts_after", integer(1, 1000), 1)
     cubes: list[int] = key("cubes", rule_of("a list of different hole numbers from 1 to 4", _is_holes, same))
 
 
@@ -192,4 +212,7 @@ def _true_board(keys: TrueBoardKeys, marker_size: float) -> TrueBoard:
     board = read_board(keys.file, marker_size)
     T_base_board = board_placement(keys.centre, keys.yaw, keys.tilt, keys.lean_azimuth, board.plate)
     stand = None if keys.stand is None else (float(keys.stand[0]), float(keys.stand[1]))
-    return TrueBoard(board, T_base_board, tuple(hole - 1 for hole in keys.cubes), stand)
+    x, y = keys.shift.tolist()
+    shift = (x, y, keys.shift_turn) if x or y or keys.shift_turn else None
+    cubes = tuple(hole - 1 for hole in keys.cubes)
+    return TrueBoard(board, T_base_board, cubes, stand, shift=shift, shifts_after=keys.shifts_after)

@@ -72,6 +72,11 @@ def T_base_cube_on_table(task: Task, place: str) -> Array:
     return T_base_on_table(task, place, task.cell.cube_size / 2.0)
 
 
+def second_look_before(cell: Cell) -> float:
+    """Length of the approach that is left where the arm rests for a second look, m."""
+    return CUBE_SEAT_DEPTH - RELEASE_GAP + cell.second_look_height
+
+
 def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
     """Plates and stands of the observed boards, padded by the distance t that a board may move unnoticed: `Cell.moved`.
 

@@ -27,6 +27,7 @@ from cell.files.hand_target import HandTarget
 from cell.files.world import TrueBoard, World
 from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from cell.sim.arm import Arrival, JointErrors
+from cell.sim.cubes import SimulatedCube, shifting_after, with_shifted
 from cell.sim.grip import angle_to_jaws, between_jaws
 from cell.sim.made import cube_sizes, made_board, target_print, true_tool
 from cell.sim.release_faults import PUSH, T_hole_released
@@ -41,25 +42,6 @@ GRIP_ANGLE = np.radians(3.0)  # largest angle between the jaws' travel and a cub
 LEAST_GRIP = 5e-3  # least depth of the finger tips below the cube's top in a grip, m
 DROP = 0.010  # largest height, m, from which a released cube lands upright
 UPRIGHT = np.radians(4.0)  # a cube that is set down on a flat place with more tilt falls over
-
-
-@dataclass(frozen=True)
-class SimulatedCube:
-    """A cube of the simulated cell.
-
-    Attributes:
-        name: ``cube 1`` ...
-        T_base_cube: pose of its centre; while held, where it was gripped.
-        where: pocket, jaws, table or fallen.
-        size: true edge, m.
-        T_tool_cube: pose in the tool frame while held, centred between the jaws.
-    """
-
-    name: str
-    T_base_cube: Array
-    where: str
-    size: float
-    T_tool_cube: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -128,6 +110,7 @@ class SimulatedCell:
         self.now_ms: Callable[[], int] = lambda: 0
         self.arrival: Callable[[], Arrival] = Arrival
         self.record: Callable[[int], Record] = no_record
+        self._grasps = 0  # that held a cube
         self._judged: tuple[int, tuple[Touches, ...]] = (-1, ())  # up to which sample, and what was found
         self._joint_errors = JointErrors(world)
         self._lock = threading.RLock()
@@ -366,16 +349,13 @@ class SimulatedCell:
         self._record("placed" if fault == "pushed" else "unseated", name, T_base_cube, f"{fault}, {into}")
         if fault == "pushed":
             push = transform(t=PUSH)
-            for index, other in enumerate(self._cubes):
-                T_board_cube = inverse(b.T_base_board) @ other.T_base_cube
-                on_board = np.abs(T_board_cube[:2, 3] - PLATE_CENTRE).max() < max(PLATE_SIZE) / 2.0
-                if other.where == "pocket" and on_board:
-                    self._cubes[index] = replace(other, T_base_cube=frozen(push @ other.T_base_cube))
-            moved = replace(b, T_base_board=frozen(push @ b.T_base_board))
-            boards = tuple(moved if other is b else other for other in self.world.boards)
-            self.world = replace(self.world, boards=boards)
-            where = frozen(push @ where)
+            self._shift(b, push)
+            where = frozen(mul(push, where))
         return SimulatedCube(name, where, "pocket", cube.size)
+
+    def _shift(self, board: TrueBoard, T_shift: Array) -> None:
+        """Move a board in the base frame, with the cubes that rest on it."""
+        self.world, self._cubes = with_shifted(self.world, self._cubes, board, T_shift)
 
     def _over_plate(self, T_base_cube: Array) -> bool:
         half = np.array(PLATE_SIZE[:2]) / 2
@@ -384,6 +364,10 @@ class SimulatedCell:
 
     def _record(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
         self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))
+        if what == "gripped":
+            self._grasps += 1
+            for board in shifting_after(self.world, self._grasps):
+                self._shift(board, board.T_shift)
 
 
 def _seated(board: TrueBoard, hole: int, size: float) -> Array:

@@ -92,6 +92,7 @@ class OpenRun:
         self.widths: dict[str, CubeWidth] = {}  # of cubes that were in the jaws at a stop, as measured before
         self.advice = False  # whether to give advice after a refusal to plan
         self.photographs: int | None = None  # in a look; None: the cell file's number
+        self.second_looks = 0  # taken in this run
         self._looks = count(1)
         self._released: list[Release] = []  # since the last look
         self.recovery = Recovery(self.task, 0)
@@ -281,6 +282,7 @@ class OpenRun:
             "simulated": simulated is not None,
             "wires": [] if simulated is None else [touches.to_json() for touches in simulated.touches()],
             "placements": [budget_to_json(budget) for budget in self.budgets.values()],
+            "second_looks": self.second_looks,
             "remarks": self.remarks,
             "folder": str(self.folder),
         }

@@ -13,11 +13,19 @@ from arm.plan_file import Plan
 from arm.poses import HolePose
 from arm.se3 import Array
 from cell.accuracy.clearances import erring_clearances
+from cell.accuracy.error_model import ErrorModel
 from cell.cubes.confirm_placed import T_base_of
 from cell.cubes.grips import Grip, recovery_grips
 from cell.files.task import POSES, Task
-from cell.scene.build import build_scene, cube_name
-from cell.scene.displaced import DisplacedCube, has_room, is_displaced, is_hidden, with_displaced
+from cell.scene.build import build_scene, cube_name, second_look_before
+from cell.scene.displaced import (
+    DisplacedCube,
+    has_room,
+    is_displaced,
+    is_hidden,
+    support_of,
+    with_displaced,
+)
 from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
 from cell.scene.places import hole_stations, reachable_places, unused_holes
@@ -76,6 +84,7 @@ class Rest:
         done: present place of each moved cube, by its name.
         on_table: pose of the centre of each cube that was set down on the table, by its name.
         skip: holes of the source board (0 to 3) whose cube must stay.
+        second_looks: names of the cubes that need a second look before they enter their pockets.
         displaced: cubes that are not in their seats. They stay where they are (`plan_recovery` moves one), and holes
             beside them wait for a look without them.
     """
@@ -88,6 +97,15 @@ class Rest:
     on_table: Mapping[str, Array] = field(default_factory=dict)
     skip: Iterable[int] = ()
     displaced: tuple[DisplacedCube, ...] = ()
+    second_looks: frozenset[str] = frozenset()
+
+    def look_before(self, cube: str) -> float:
+        """How far before its place the arm rests for a second look with a cube, m; 0 if it does not."""
+        cell = self.task.cell
+        if self.task.to_board is None or cell.second_look == "never":
+            return 0.0
+        looks = cell.second_look == "each" or cube in self.second_looks
+        return second_look_before(cell) if looks else 0.0
 
     @property
     def scene(self) -> Scene:
@@ -148,7 +166,7 @@ def request_of(rest: Rest) -> Request:
             skipped_cubes += [{"cube": cube, "from": name, "reason": reason} for cube, name in left_out]
             picks = picks[: len(goals)]
     transfers = (
-        Transfer(cube_name(hole.name), stations[hole.name], goal)
+        Transfer(cube := cube_name(hole.name), stations[hole.name], goal, rest.look_before(cube))
         for hole, goal in zip(picks, cycle(goals), strict=False)
     )
     return replace(
@@ -225,7 +243,7 @@ def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> 
         asked = replace(
             request,
             scene=request.scene.allowing(request.scene.allowed | touching),
-            transfers=(Transfer(cube.name, grip.pick, grip.goals[0]),),
+            transfers=(Transfer(cube.name, grip.pick, grip.goals[0], _look_before(rest, cube, goals)),),
             places=grip.goals[1:],
             options=replace(request.options, offset=offset, line_clearance=clearance),
         )
@@ -236,6 +254,12 @@ def plan_recovery(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> 
         except ImpossibleError as error:
             refused = refused or error
     raise refused or ImpossibleError(f"no plan moves {cube.name}", cube=cube.name)
+
+
+def _look_before(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> float:
+    """As `Rest.look_before`: the jaws that take a cube from a board may move it, so they ask for a look at it."""
+    moved = ErrorModel.available(rest.task.cell) and support_of(cube.near) in goals[0].touches
+    return replace(rest, second_looks=frozenset((cube.name,) if moved else ())).look_before(cube.name)
 
 
 def _recovery_ways(rest: Rest, cube: DisplacedCube, goals: Sequence[Station]) -> Iterator[tuple[float, Grip]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -13,18 +12,15 @@ from arm.errors import ExecutionStopped, ImpossibleError
 from arm.plan_file import Plan, Step
 from cell.accuracy.budget_report import budget_words
 from cell.accuracy.clearances import erring_clearances
-from cell.accuracy.plan_budgets import require_placements
-from cell.cubes.confirm_placed import unseen_places, width_at
+from cell.accuracy.plan_budgets import plan_budgets, require_placements
+from cell.cubes.confirm_placed import unseen_places
 from cell.files.board_shift import moved_boards
-from cell.files.cube_widths import width_kept
-from cell.report.cubes import CubeRow, judge_release
 from cell.scene.build import cube_name
 from cell.scene.displaced import DisplacedCube
 from cell.scene.places import reach_of
 from cell.session.budget import spending
-from cell.session.grasp_monitor import GraspMonitor, grip_fault
+from cell.session.grasp_monitor import grip_fault
 from cell.session.speed import tool_words
-from cell.task.checked_run import CheckedRun
 from cell.task.cube_cycles import cube_cycles
 from cell.task.explain import explain_failure
 from cell.task.planning import (
@@ -36,12 +32,12 @@ from cell.task.planning import (
     plan_rest,
     skipped_cubes,
 )
-from driver.execution.progress import StreamOptions
+from cell.task.second_look.judge import second_look_helps
+from cell.task.second_look.run import SecondLookRun
 from vision.observation import Observation
-from vision.occupancy.seated import CubeWidth
 
 
-class TaskRun(CheckedRun):
+class TaskRun(SecondLookRun):
     """A run that moves cubes; every public method is one stage. Constructed like `OpenRun`."""
 
     def check_reach(self, observation: Observation) -> None:
@@ -214,17 +210,39 @@ class TaskRun(CheckedRun):
         try:
             self.require_accuracy(rest.observation, plan)
         except ImpossibleError as error:
-            images = error.data.get("photographs")
-            if images is None or not self.recovery.most or (self.photographs or 0) >= images:
+            if not self.recovery.most:
                 raise
+            images = error.data.get("photographs")
+            if images is None or (self.photographs or 0) >= images:
+                return rest.observation, self._with_second_looks(rest, plan, error)
             self.tell(f"the placements are not certain enough: looking with {images} images")
             self.photographs = images
             rest = replace(rest, observation=self.look(f"with {images} images"))
             planned = self._planned(rest)
             if planned is not None:
-                self.require_accuracy(rest.observation, planned)
+                try:
+                    self.require_accuracy(rest.observation, planned)
+                except ImpossibleError as again:
+                    planned = self._with_second_looks(rest, planned, again)
             return rest.observation, planned
         return rest.observation, plan
+
+    def _with_second_looks(self, rest: Rest, plan: Plan, refused: ImpossibleError) -> Plan | None:
+        """Plan again with a second look for the cubes that are not certain to enter, if that makes them certain enough.
+
+        Raises:
+            ImpossibleError: `refused`; it does not.
+        """
+        cell, seen = self.task.cell, rest.observation
+        uncertain = second_look_helps(cell, seen, plan) if "insertion" in refused.data else frozenset()
+        planned = self._planned(replace(rest, second_looks=uncertain)) if uncertain else None
+        if planned is None:
+            raise refused
+        erring_clearances(cell, planned, seen)
+        self.budgets |= {budget.cube: budget for budget in plan_budgets(cell, seen, planned)}
+        names = ", ".join(sorted(uncertain))
+        self.tell(f"one look does not make it certain enough: a second one before the pocket, with {names}")
+        return planned
 
     def require_accuracy(self, observation: Observation, plan: Plan, given: bool = False) -> None:
         """Say how accurate the placements are.
@@ -266,7 +284,9 @@ class TaskRun(CheckedRun):
             if held is None or why_not:
                 return self.missed(cycle, transfer, row, observation, why_not), True
             self.recovery.displaced.pop(transfer["cube"], None)
-            self.carry(cycle.carry, transfer, held.fraction_closed, row, observation)
+            if self.carry(cycle.carry, transfer, held.fraction_closed, row, observation, plan):
+                observation = self.look(f"after cube {len(self.rows)}")
+                return self.confirm_placed(observation), True
             row.add_motion((*cycle.carry, *cycle.leave))
             observation = observation.with_moves({transfer["cube"]: transfer["to"]})
             retract, last = cycle.leave, cycle is cycles[-1]
@@ -284,60 +304,6 @@ class TaskRun(CheckedRun):
             if changes and not last:
                 return observation, True
         return observation, False
-
-    def carry(
-        self,
-        steps: Sequence[Step],
-        transfer: dict[str, str],
-        grip: float,
-        row: CubeRow,
-        observation: Observation,
-    ) -> None:
-        """Execute the steps with a cube in the jaws, from the grip to the release at its target.
-
-        Args:
-            steps: the last one opens the jaws.
-            transfer: entry of the plan: cube, from, to.
-            grip: closing of the jaws on the cube, 0 open to 1 closed.
-            row: of the cube.
-            observation: the last look, or what is known instead.
-
-        Raises:
-            ExecutionStopped: the cube was lost or is not released, or a motion stopped.
-        """
-        simulated = self.connection.simulated
-        before = 0 if simulated is None else len(simulated.events)
-        with width_kept(self.folder, transfer["cube"], partial(self._width, transfer, observation)):
-            self._monitored(steps, transfer["cube"], grip)
-        self.add_release(steps, transfer, row, observation)
-        self._set_done(transfer["cube"], transfer["to"])
-        known = len(row.remarks)
-        if simulated is not None:
-            judge_release(self.task, simulated, row, transfer["to"], simulated.events[before:])
-        remarks = "".join(f"; {remark}" for remark in row.remarks[known:])
-        self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
-
-    def _monitored(self, steps: Sequence[Step], cube: str, grip: float) -> None:
-        """Execute steps and monitor that a cube stays in the jaws until the last step releases it."""
-        self.held = GraspMonitor(cube, grip)
-        try:
-            opened = self.execute(steps, StreamOptions(watch_jaws=True))[-1].gripper
-            if opened is None or opened.stalled:
-                why = f"the jaws do not open to release {cube}; the arm is at its target"
-                raise ExecutionStopped(why, index=0)
-        except ExecutionStopped as error:
-            if error.data.get("reason") == "lost":
-                raise
-            raise ExecutionStopped(f"{error}; {cube} is in the jaws", **error.data, holding=cube) from error
-        finally:
-            self.held = None
-
-    def _width(self, transfer: dict[str, Any], observation: Observation) -> CubeWidth | None:
-        """Width of a cube, from the last look at its source; None if that does not determine it."""
-        known = self.widths.get(transfer["cube"])
-        if known is None and transfer["from"] not in observation.moved_since:
-            known = width_at(self.task, observation, transfer["from"])
-        return known
 
     def require_confirmed(self) -> dict[str, Any]:
         """The report of a run; requires that every cube was confirmed.

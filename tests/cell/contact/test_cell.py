@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,3 +174,20 @@ def test_a_whole_run_seats_its_cubes_by_contact_physics(tmp_path: Path) -> None:
     report = run_task(scenes / "task2.toml", Console(), where, tmp_path / "run")
     assert [cube["placed"] for cube in report["cubes"]] == [True, True]
     assert all(cube["error_mm"] < 0.05 for cube in report["cubes"])
+
+
+def test_a_board_that_slides_takes_its_cubes_with_it() -> None:
+    """After the first grasp, of a cube on another board; nothing that rests begins to move."""
+    world = world_of()
+    slides = replace(world.boards[1], shift=(0.003, -0.002, 0.02), cubes=(0, 2))
+    driven = DrivenContact(replace(world, boards=(world.boards[0], slides)))
+    before, stood = driven.cell.cubes(driven.counts), driven.cell.world.boards
+    driven.fetch(1)
+    driven.wait(0.5)
+    after, boards = driven.cell.cubes(driven.counts), driven.cell.world.boards
+    assert boards[0].T_base_board == pytest.approx(stood[0].T_base_board, abs=1e-4)
+    assert boards[1].T_base_board == pytest.approx(slides.T_shift @ stood[1].T_base_board, abs=1e-4)
+    for number in (4, 5):
+        T = slides.T_shift @ before[number].T_base_cube
+        assert after[number].T_base_cube == pytest.approx(T, abs=5e-4)
+    assert _events(driven) == ["cube 2 gripped"]

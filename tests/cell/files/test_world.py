@@ -1,5 +1,6 @@
 """World files: where boards stand."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -51,3 +52,15 @@ def test_mistakes_in_a_world_are_told(scenes: Path, old: str, new: str, message:
     replace_in(scenes / "task2.world.toml", old, new)
     with pytest.raises(InputError, match=message):
         read_world(scenes / "task2.world.toml", 0.036)
+
+
+def test_a_board_may_slide_after_a_grasp(tmp_path: Path) -> None:
+    shutil.copytree(data_file("scenes"), tmp_path / "scenes")
+    file = tmp_path / "scenes/task2.world.toml"
+    replace_in(
+        file, "tilt_deg = 15", "tilt_deg = 15\nshifts_mm = [3, -2]\nshifts_deg = 1.5\nshifts_after = 4"
+    )
+    still, slides = read_world(file, 0.036).boards
+    assert (still.shift, still.shifts_after) == (None, 1)
+    assert slides.shift == pytest.approx((0.003, -0.002, np.radians(1.5)))
+    assert slides.shifts_after == 4

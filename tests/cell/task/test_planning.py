@@ -10,7 +10,7 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.numerics.products import mul
-from arm.plan_file import Plan
+from arm.plan_file import LookStep, Plan
 from arm.se3 import frozen, inverse, rot_z, transform
 from cell.files.task import TablePlaces, Task, read_task
 from cell.scene.build import build_scene
@@ -322,3 +322,37 @@ def test_a_cube_in_the_hole_beside_a_displaced_one_is_in_the_scene(task2: Task) 
         names = {c.name for c in Rest(task2, seen, task2.cell.q_start, 0.5, displaced=(cube,)).scene.cubes}
         assert cube.name in names
         assert ("cube 03-04/1" in names) is both
+
+
+def test_second_looks_are_planned_where_they_are_asked_for(task1: Task, task2: Task) -> None:
+    """The arm rests with the cube 10 mm above the plate; without a look nothing is different."""
+    seen, asked = true_look(task2), frozenset(("cube 01-02/2", "cube 01-02/3"))
+    for when, wanted in (
+        ("asked", asked),
+        ("never", set()),
+        ("each", {f"cube 01-02/{n}" for n in (1, 2, 3, 4)}),
+    ):
+        task = replace(task2, cell=replace(task2.cell, second_look=when))
+        rest = Rest(task, seen, task.cell.q_start, 0.5, second_looks=asked)
+        looking = {t.cube: t.look_before for t in request_of(rest).transfers if t.look_before}
+        assert set(looking) == wanted
+        assert all(before == pytest.approx(0.017) for before in looking.values())
+    assert not any(t.look_before for t in _request(task2, seen).transfers)
+    on_table = replace(task1, cell=replace(task1.cell, second_look="each"))
+    assert not any(t.look_before for t in _request(on_table, true_look(task1)).transfers)
+
+
+def test_a_cube_that_is_taken_from_its_target_board_asks_for_a_second_look() -> None:
+    """The jaws may have moved that board. Without a calibration no budget says what that matters."""
+    for name, looks in (("realistic/task2", True), ("task2", False)):
+        task = read_task(data_file(f"scenes/{name}.toml"))
+        seen = true_look(task)
+        (goal,) = (s for s in free_goals(Rest(task, seen, task.cell.q_start, 0.5)) if s.name == "03-04/1")
+        for near, there in (("03-04/1", looks), ("01-02/2", False)):
+            board, number = near.split("/")
+            hole = next(b for b in seen.boards if b.name == board).pose.holes[int(number) - 1]
+            T = frozen(mul(hole.T_base_hole, transform(t=(0.0, 0.0, 0.02))))
+            cube = DisplacedCube("cube 01-02/2", near, T)
+            empty = seen.with_states({"01-02/2": "empty"})
+            plan = plan_recovery(Rest(task, empty, task.cell.q_start, 0.5, displaced=(cube,)), cube, (goal,))
+            assert [s.cube for s in plan.steps if isinstance(s, LookStep)][:1] == ([0] if there else [None])

@@ -84,6 +84,7 @@ def test_a_run_that_may_recover_takes_the_images_that_suffice_once(
     monkeypatch.setattr(TaskRun, "require_accuracy", require)
     monkeypatch.setattr(TaskRun, "look", look)
     monkeypatch.setattr(TaskRun, "_planned", lambda self, rest: "plan for the longer look")
+    run.task = cast(Any, SimpleNamespace(cell=None))
     if known is None:
         assert run._certain(rest, plan) == (longer, "plan for the longer look")
         assert looks == [20]
@@ -182,3 +183,36 @@ def test_a_cube_that_stays_beside_its_seat_is_in_the_report(
     if blocks:
         with pytest.raises(ImpossibleError, match="the palm is inside it"):
             run.move_cubes(Observation())
+
+
+@pytest.mark.parametrize("helps", [True, False])
+def test_what_no_number_of_images_cures_is_looked_at_twice(
+    monkeypatch: pytest.MonkeyPatch, helps: bool
+) -> None:
+    """The cubes in question only, and if that makes them certain enough; a refused clearance is no matter of looks."""
+    run, asked = TaskRun.__new__(TaskRun), frozenset(("cube 01-02/2",) if helps else ())
+    run.task, run.recovery = cast(Any, SimpleNamespace(cell="cell")), Recovery(cast(Any, None), 3)
+    run.photographs, run.remarks, run.budgets = None, [], {}
+    run.console = cast(Any, SimpleNamespace(step=lambda text: None))
+    rest = Rest(cast(Any, None), Observation(), np.zeros(6), 0.5)
+    why: dict[str, Any] = {"insertion": 0.9}
+
+    def refuse(self: TaskRun, seen: Observation, plan: Any) -> None:
+        raise ImpossibleError("too likely to miss", **why)
+
+    monkeypatch.setattr(TaskRun, "require_accuracy", refuse)
+    monkeypatch.setattr(TaskRun, "_planned", lambda self, rest: ("plan", rest.second_looks))
+    monkeypatch.setattr("cell.task.run.second_look_helps", lambda cell, seen, plan: asked)
+    monkeypatch.setattr("cell.task.run.plan_budgets", lambda *_: [SimpleNamespace(cube="cube 01-02/2")])
+    monkeypatch.setattr("cell.task.run.erring_clearances", lambda *_: ())
+    if helps:
+        assert run._certain(rest, cast(Any, "plan")) == (rest.observation, ("plan", asked))
+        assert list(run.budgets) == ["cube 01-02/2"]
+        assert "a second one before the pocket, with cube 01-02/2" in run.remarks[0]
+        why.pop("insertion")
+    with pytest.raises(ImpossibleError, match="too likely to miss"):
+        run._certain(rest, cast(Any, "plan"))
+    run.recovery.most = 0
+    why["insertion"] = 0.9
+    with pytest.raises(ImpossibleError, match="too likely to miss"):
+        run._certain(rest, cast(Any, "plan"))
