@@ -9,6 +9,7 @@ import numpy as np
 
 from arm.se3 import Array, apply
 from cell.config.cell import Cell
+from cell.cubes.held_back import HeldBack
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
 from cell.report.cubes import CubeRow
@@ -181,6 +182,7 @@ class Release:
         width: of the cube, if known.
         empty: the last look with an empty target; None: `before`.
         disturbed: the jaws closed on it before and did not hold it, so it may not have been seated at its source.
+        held_back: the arm at rest before the jaws opened; None: not read.
     """
 
     row: CubeRow
@@ -191,9 +193,19 @@ class Release:
     width: CubeWidth | None = None
     empty: Observation | None = None
     disturbed: bool = False
+    held_back: HeldBack | None = None
 
-    def judge(self, task: Task, after: Observation) -> tuple[Release, Unconfirmed | None]:
+    def judge(
+        self, task: Task, after: Observation, again: bool = False
+    ) -> tuple[Release, Unconfirmed | None]:
         """Judge it by a look.
+
+        If contact held the arm back, one look that shows the cube seated does not confirm it, but another one does.
+
+        Args:
+            task: of the cube.
+            after: the look.
+            again: whether an earlier look has judged it already, or none would follow.
 
         Returns:
             The release with the measured width of the cube, and why it is not confirmed; None if it is.
@@ -203,5 +215,10 @@ class Release:
         if was_seated and self.source not in self.before.moved_since:  # then its top tells its width
             width = width_at(task, self.before, self.source, after) or width
         why = confirm(task, self.before, after, self.source, self.target, width, self.empty)
+        if self.held_back is not None and self.held_back.by_contact:
+            if why is not None or not again:
+                why = Unconfirmed((self.held_back.words(), *(() if why is None else why.reasons)), True)
+            else:
+                self.row.remarks.append(f"{self.held_back.words()}; but the look shows it seated")
         self.row.placed = why is None and self.target == self.row.target
         return replace(self, width=width), why

@@ -90,5 +90,5 @@ class ContactKeys(Keys):
     jaw_force: float = key("contact.jaw_force_n", number("N", 1, 100), 20)
     cube_mass: float = key("contact.cube_mass_kg", number("kg", 0.005, 2), 0.04)
     plate_mass: float = key("contact.plate_mass_kg", number("kg", 0.05, 20), 0.4)
-    servo_share: float = key("contact.servo_share", number("", 0, 1), 0)
+    servo_share: float = key("contact.servo_share", number("", 0, 1), 1)
     hand_stiffness: float = key("contact.hand_stiffness_n_mm", number("N/mm", 1, 200), 20)

@@ -12,6 +12,7 @@ from arm.plan_file import Move, Step
 from arm.se3 import Array
 from cell.config.cell import Cell
 from cell.cubes.confirm_placed import NOT_CONFIRMED, Release, Unconfirmed
+from cell.cubes.held_back import HeldBack
 from cell.program.planning import program_scene
 from cell.program.program_file import ProgramTask
 from cell.report.cubes import CubeRow
@@ -65,9 +66,14 @@ class CheckedRun(OpenRun):
         return replace(known, bodies=(*known.bodies, task.cell.zone))
 
     def add_release(
-        self, steps: Sequence[Step], transfer: dict[str, str], row: CubeRow, observation: Observation
+        self,
+        steps: Sequence[Step],
+        transfer: dict[str, str],
+        row: CubeRow,
+        observation: Observation,
+        held: HeldBack | None = None,
     ) -> None:
-        """Keep what the next look needs to judge a released cube."""
+        """Keep what the next look needs to judge a released cube; `held`: the arm at rest there."""
         cell, cube, target = self.task.cell, transfer["cube"], transfer["to"]
         last = next(step for step in reversed(steps) if isinstance(step, Move))
         self._released.append(
@@ -80,6 +86,7 @@ class CheckedRun(OpenRun):
                 self.widths.get(cube) or self.recovery.widths.get(cube),
                 self.recovery.empty_look(target),
                 disturbed=self.recovery.tried[cube] > 0,
+                held_back=held,
             )
         )
 
@@ -95,12 +102,7 @@ class CheckedRun(OpenRun):
                 "hole",
                 index=0,
             )
-        cell, options = self.task.cell, options_of(self.task, self.speed)
-        q = cell.unit.positions(cycle.approach.path.end)
-        options = replace(options, offset=min(options.offset, _length(cell, cycle.approach)))
-        scene = self.rest(observation, q).scene
-        self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
-        self.go_to_start(observation)
+        self.back_out(self.task.cell.unit.positions(cycle.approach.path.end), cycle.approach, observation)
         self.recovery.keep_width(observation, transfer["cube"], transfer["from"])
         before, after = observation.state(row.source), self.look("after a missed cube")
         words = self.recovery.after_miss(after, transfer["cube"], transfer["from"])
@@ -124,6 +126,19 @@ class CheckedRun(OpenRun):
             self.given_up.add(int(row.source.rsplit("/", 1)[1]) - 1)
         return after
 
+    def back_out(self, q: Array, line: Move, observation: Observation) -> None:
+        """Retract from rest at `q` (6,) rad with open jaws, as far as a line there is long, and go to q_start."""
+        cell, options = self.task.cell, options_of(self.task, self.speed)
+        options = replace(options, offset=min(options.offset, _length(cell, line)))
+        scene = self.rest(observation, q).scene
+        self.execute(plan_retreat(scene, q, cell.unit, cell.limits, options))
+        self.go_to_start(observation)
+
+    @property
+    def released_held_back(self) -> bool:
+        """Whether contact held the arm back at a release that no look has judged."""
+        return any(one.held_back is not None and one.held_back.by_contact for one in self._released)
+
     def confirm_placed(self, observation: Observation) -> Observation:
         """Judge the cubes released since the last look; look once more if one is not confirmed and may be displaced.
 
@@ -133,10 +148,11 @@ class CheckedRun(OpenRun):
         Raises:
             ExecutionStopped: the position of one is unknown.
         """
-        judged, self._released = [one.judge(self.task, observation) for one in self._released], []
+        released, self._released = self._released, []
+        judged = [one.judge(self.task, observation, again=not self.recovery.most) for one in released]
         if self.recovery.most and any(why is not None and why.lost for _, why in judged):
             observation = self.look("again, for a cube that is not confirmed")
-            judged = [one.judge(self.task, observation) for one, _ in judged]
+            judged = [one.judge(self.task, observation, again=True) for one, _ in judged]
         for release, why in judged:  # of all, before one ends the run
             release.row.at = "unknown" if why is not None and why.lost else release.target
         for release, why in judged:
@@ -184,8 +200,8 @@ class CheckedRun(OpenRun):
         raise ExecutionStopped(f"{why}, and run again; the arm is at q_start", **self.report())
 
 
-def _length(cell: Cell, approach: Move) -> float:
-    """Length of an approach, m. Where only a shorter line is clear, only a retract as short is."""
-    robot, path = cell.robot(), approach.path
+def _length(cell: Cell, line: Move) -> float:
+    """Length of an approach or retract, m. Where only a shorter line is clear, only a retract as short is."""
+    robot, path = cell.robot(), line.path
     start, end = (robot.T_base_tool(cell.unit.positions(counts))[:3, 3] for counts in (path.start, path.end))
     return float(norm(start - end))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ExecutionStopped, ImpossibleError
-from arm.plan_file import Plan, Step
+from arm.plan_file import Move, Plan, Step
 from cell.accuracy.budget_report import budget_words
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import plan_budgets, require_placements
@@ -291,7 +291,12 @@ class TaskRun(SecondLookRun):
             observation = observation.with_moves({transfer["cube"]: transfer["to"]})
             retract, last = cycle.leave, cycle is cycles[-1]
             if not last and not cycle.looks:
-                continue
+                if not self.released_held_back:
+                    continue
+                away = next(step for step in cycle.leave if isinstance(step, Move))
+                self.back_out(self.task.cell.unit.positions(away.path.start), away, observation)
+                observation = self.look(f"after cube {len(self.rows)}, which may not be seated")
+                return self.confirm_placed(observation), True
             self.execute(retract)
             retract = ()
             expected, observation = observation, self.look(f"after cube {len(self.rows)}")

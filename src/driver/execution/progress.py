@@ -24,6 +24,8 @@ class StreamOptions:
             (`driver.execution.path_watch`). The unit's rest tolerance is added. What a real arm needs is not known.
         preload: load and verify the whole motion before the arm moves; for bad lines and short motions.
         watch_jaws: poll the jaws too, with every position.
+        held_back_counts: how far beyond the rest tolerance any axis may rest from the end of the path, because what the
+            jaws hold touches something there.
     """
 
     dwell_ms: int = 300
@@ -34,6 +36,7 @@ class StreamOptions:
     tube_counts: int = 100
     preload: bool = False
     watch_jaws: bool = False
+    held_back_counts: int = 0
 
 
 @dataclass(frozen=True)

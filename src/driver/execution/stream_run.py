@@ -132,7 +132,7 @@ class StreamRun:
         except ExecutionStopped as error:
             error.data.update(segments_done=self.done, segments_sent=self.sent, ahead_s=self._ahead())
             raise
-        end = self.mars.arrived(self.path.end)
+        end = self.mars.arrived(self.path.end, self.options.held_back_counts)
         self.mars.note("streamed", segments=self.sent, end=list(end))
         started = self.ready_at if self.started is None else self.started
         return Sent(

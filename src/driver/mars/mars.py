@@ -272,15 +272,19 @@ class Mars:
         wait_ready(self.link, "COORDMV", MOVE_FACTOR * seconds + MOVE_S)
         return self.arrived(target)
 
-    def arrived(self, target: Sequence[int]) -> tuple[int, ...]:
+    def arrived(self, target: Sequence[int], held_back: int = 0) -> tuple[int, ...]:
         """Wait until the arm settles after a motion to `target`, the new reference. Return the settled counts.
 
+        Args:
+            target: counts.
+            held_back: how many counts beyond `Unit.rest_tolerance` contact may hold an axis back.
+
         Raises:
-            ExecutionStopped: further from `target` than `Unit.rest_tolerance`, or it does not settle.
+            ExecutionStopped: further from `target`, or it does not settle.
         """
         goal = tuple(int(c) for c in target)
         end = self.settled_counts()
-        refuse_not_arrived(self.unit, end, goal)
+        refuse_not_arrived(self.unit, end, goal, held_back)
         self.reference = goal
         self._last_motion = self.clock.now()
         return end

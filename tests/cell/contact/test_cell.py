@@ -15,7 +15,7 @@ from cell.cubes.grips import recovery_grips
 from cell.scene.build import RELEASE_GAP, grips_over
 from cell.scene.displaced import DisplacedCube
 from cell.session.connection import WhichCell
-from emulated.driven_contact import LIFT, SHUT, DrivenContact, world_of
+from emulated.driven_contact import LIFT, OVER, SHUT, DrivenContact, world_of
 from plan.scene import Station
 from tasks.small import quick_scenes
 
@@ -191,3 +191,21 @@ def test_a_board_that_slides_takes_its_cubes_with_it() -> None:
         T = slides.T_shift @ before[number].T_base_cube
         assert after[number].T_base_cube == pytest.approx(T, abs=5e-4)
     assert _events(driven) == ["cube 2 gripped"]
+
+
+@pytest.mark.parametrize(
+    ("aside", "seated"), [((0.0, 0.0), True), ((1.5e-3, 0.5e-3), True), ((3e-3, 0.0), False)]
+)
+def test_a_cube_on_the_rim_holds_the_hand_back(aside: tuple[float, float], seated: bool) -> None:
+    """By more than any arm at rest is off without contact, some 0.35 mm; one that goes in, by less."""
+    driven = DrivenContact()
+    driven.fetch(2)
+    goal = driven.T_base_hole(1, 1) @ transform(t=(*aside, RELEASE_GAP)) @ OVER
+    driven.line(goal @ transform(t=(0.0, 0.0, -LIFT)))
+    driven.line(goal)
+    driven.wait(0.5)
+    driven.cell.catch_up()
+    back = -driven.cell._physics.pushed_back()[2]
+    assert (back < 0.2e-3) if seated else (back > 0.6e-3)
+    driven.jaws(0.0)
+    assert (driven.cell.events[-1].what == "placed") == seated

@@ -13,6 +13,7 @@ import pytest
 from arm.errors import ExecutionStopped
 from arm.io.storage import data_file
 from cell.cubes.confirm_placed import Release, Unconfirmed, confirm
+from cell.cubes.held_back import HeldBack
 from cell.files.world import read_world
 from cell.report.cubes import CubeRow
 from tasks.small import quick_scenes, small_scenes
@@ -218,3 +219,20 @@ def test_a_cube_that_is_put_back_from_the_table_is_looked_for_in_its_hole(
     looks: Any = SimpleNamespace(state={"a/1": state}.get, board=lambda name: None, images=())
     found = confirm(cast(Any, SimpleNamespace(to_board=None)), looks, looks, "beside table/3", "a/1", None)
     assert found == (None if state == "cube" else Unconfirmed(("hole a/1 looks empty, not cube",), True))
+
+
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("seen", [False, True])
+@pytest.mark.parametrize("by", [1e-4, 8e-4])
+def test_an_arm_that_was_held_back_needs_two_looks_that_show_the_cube_seated(
+    monkeypatch: pytest.MonkeyPatch, by: float, seen: bool, again: bool
+) -> None:
+    found = None if seen else Unconfirmed(("it is not certainly seated",), True)
+    monkeypatch.setattr("cell.cubes.confirm_placed.confirm", lambda *_: found)
+    row, before, held = CubeRow("a/1", "b/2"), Observation(), HeldBack(by, 3e-4)
+    release = Release(row, "beside b/2", "b/2", before, np.eye(4), held_back=held)
+    _, why = release.judge(cast(Any, None), before, again)
+    assert row.placed == (why is None) == (seen and (again or not held.by_contact))
+    if why is not None:
+        assert why.lost
+        assert ("held back by 0.8 mm at the release" in why.reasons[0]) == held.by_contact

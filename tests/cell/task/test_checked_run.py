@@ -12,6 +12,7 @@ from arm.errors import ExecutionStopped
 from arm.io.storage import data_file
 from arm.se3 import transform
 from cell.cubes.confirm_placed import Release, Unconfirmed
+from cell.cubes.held_back import HeldBack
 from cell.cubes.recovery import Recovery
 from cell.files.task import read_task
 from cell.report.cubes import CubeRow
@@ -62,7 +63,7 @@ def test_a_lost_cube_does_not_hide_where_the_others_are(monkeypatch: pytest.Monk
     def stops(self: CheckedRun, release: Release, *_: Any) -> None:
         raise ExecutionStopped("lost")
 
-    def judge(self: Release, *_: Any) -> tuple[Release, Unconfirmed | None]:
+    def judge(self: Release, *_: Any, again: bool = False) -> tuple[Release, Unconfirmed | None]:
         self.row.placed = self.target == "03-04/2"
         return self, None if self.row.placed else Unconfirmed(("hidden",), True)
 
@@ -131,7 +132,9 @@ def test_the_look_in_which_a_cube_is_searched_is_not_the_one_of_the_empty_place(
     run.pictures, run._released = [cast(Any, SimpleNamespace(file=SimpleNamespace(name="look-2.png")))], []
     run.recovery.keep_empty(first)
     release = Release(CubeRow("01-02/3", "03-04/1"), "01-02/3", "03-04/1", first, transform())
-    monkeypatch.setattr(Release, "judge", lambda self, *_: (self, Unconfirmed(("not there",), True)))
+    monkeypatch.setattr(
+        Release, "judge", lambda self, *_, again=False: (self, Unconfirmed(("not there",), True))
+    )
     monkeypatch.setattr(CheckedRun, "look", lambda *_: look)
     monkeypatch.setattr(CheckedRun, "_stop", lambda self, why: pytest.fail(why))
     beside = DisplacedCube("cube 01-02/3", "03-04/1", look.boards[1].pose.holes[0].T_base_hole)
@@ -145,3 +148,26 @@ def test_the_look_in_which_a_cube_is_searched_is_not_the_one_of_the_empty_place(
     run.confirm_placed(look)
     assert asked == [first]
     assert run.recovery.empty_look("03-04/1") is first
+
+
+@pytest.mark.parametrize(("most", "looks", "placed"), [(3, 1, True), (0, 0, True)])
+def test_a_cube_that_held_the_arm_back_is_looked_at_once_more(
+    monkeypatch: pytest.MonkeyPatch, most: int, looks: int, placed: bool
+) -> None:
+    """Two looks that show it seated confirm it; a run without attempts believes the first one."""
+    monkeypatch.setattr("cell.cubes.confirm_placed.confirm", lambda *_: None)
+    monkeypatch.setattr("cell.cubes.confirm_placed.width_at", lambda *_: None)
+    asked: list[str] = []
+    run, seen = _run(), true_look(TASK)
+    run.recovery.most = most
+    run.look = lambda why: (asked.append(why), seen)[1]  # type: ignore[method-assign, func-returns-value]
+    row = CubeRow("01-02/1", "03-04/1")
+    free, pressed = HeldBack(1e-4, 3e-4), HeldBack(8e-4, 3e-4)
+    run._released = [Release(row, row.source, row.target, seen, transform(), held_back=free)]
+    assert not run.released_held_back
+    run._released = [Release(row, row.source, row.target, seen, transform(), held_back=pressed)]
+    assert run.released_held_back
+    run.confirm_placed(seen)
+    assert (len(asked), row.placed) == (looks, placed)
+    assert row.remarks == [f"{pressed.words()}; but the look shows it seated"]
+    assert not run.released_held_back

@@ -181,6 +181,23 @@ def test_the_tolerance_at_rest_is_the_units_and_what_was_read_is_told(mars: Mars
     assert f"C reads {end[2]}, +220 (-0.20 deg)" in str(stopped.value)
 
 
+@pytest.mark.parametrize(("off", "stops"), [(230, True), (-225, False), (225, False)])
+def test_a_motion_whose_load_may_touch_something_may_end_held_back(
+    mars: Mars, fake: Any, off: int, stops: bool
+) -> None:
+    """So far and no further; once the load is gone, the next motion begins where this one was sent."""
+    at_segment(fake, 10, lambda: fake.offset.__setitem__(2, off))
+    options = StreamOptions(held_back_counts=200)
+    if stops:
+        with pytest.raises(ExecutionStopped, match="settled 230 counts from the target, must be at most 225"):
+            stream(mars, wave(10), options=options)
+        return
+    assert stream(mars, wave(10), options=options).end_counts[2] - wave(10).end[2] == off
+    fake.offset[2] = 0
+    assert mars.reference == wave(10).end
+    stream(mars, wave(5, start=wave(10).end, seed=2))
+
+
 def test_an_interrupt_stops_the_stream(mars: Mars, fake: Any) -> None:
     at_segment(fake, 20, lambda: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(ExecutionStopped, match="stream interrupted; the arm has stopped") as stopped:

@@ -19,6 +19,7 @@ from arm.se3 import frozen, inverse
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.plan_budgets import gripper_positions, require_placements
 from cell.cubes.confirm_placed import T_base_of, width_at
+from cell.cubes.held_back import MOST_COUNTS, HeldBack, held_back
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
 from cell.scene.build import padded_cube, second_look_before
@@ -28,6 +29,7 @@ from cell.scene.options import options_of
 from cell.session.grasp_monitor import GraspMonitor
 from cell.task.checked_run import CheckedRun
 from cell.task.second_look.judge import Judgement, judge
+from driver.execution.execute import StepResult
 from driver.execution.progress import StreamOptions
 from plan.program.recovery import InJaws, finish_placement, place_held_object, return_held_object
 from plan.scene import Scene, Station, scene_from_json
@@ -261,24 +263,37 @@ class SecondLookRun(CheckedRun):
         """Execute the steps up to the release of a cube, and take it for placed until a look judges it."""
         simulated = self.connection.simulated
         before = 0 if simulated is None else len(simulated.events)
-        self._monitored(steps, transfer["cube"], grip)
-        self.add_release(steps, transfer, row, observation)
+        done = self._monitored(steps, transfer["cube"], grip)
+        on_table = transfer["to"].startswith("table/")  # there is no pocket to stay out of
+        held = None if on_table else self._held_back(done)
+        self.add_release(steps, transfer, row, observation, held)
         self._set_done(transfer["cube"], transfer["to"])
         known = len(row.remarks)
         if simulated is not None:
             judge_release(self.task, simulated, row, transfer["to"], simulated.events[before:])
         remarks = "".join(f"; {remark}" for remark in row.remarks[known:])
         self.console.step(f"{transfer['cube']} released at {transfer['to']}{remarks}")
+        if held is not None and held.by_contact:
+            self.tell(f"{transfer['cube']} may not be seated: {held.words()}")
 
-    def _monitored(self, steps: Sequence[Step], cube: str, grip: float) -> None:
+    def _held_back(self, done: Sequence[StepResult]) -> HeldBack | None:
+        """How the arm rested after the last move of some steps; None if it did not move."""
+        sent = next((result.sent for result in reversed(done) if result.sent is not None), None)
+        return None if sent is None else held_back(self.task.cell, sent.path.end, sent.end_counts)
+
+    def _monitored(self, steps: Sequence[Step], cube: str, grip: float) -> tuple[StepResult, ...]:
         """Execute steps and monitor that a cube stays in the jaws, until the last step if that releases it."""
         self.held = GraspMonitor(cube, grip)
+        options = StreamOptions(watch_jaws=True)
+        if isinstance(steps[-1], GripperStep):  # the cube may touch the rim of its pocket
+            options = replace(options, held_back_counts=MOST_COUNTS)
         try:
-            last = self.execute(steps, StreamOptions(watch_jaws=True))[-1]
-            opened = last.gripper
-            if isinstance(last.step, GripperStep) and (opened is None or opened.stalled):
+            done = self.execute(steps, options)
+            opened = done[-1].gripper
+            if isinstance(steps[-1], GripperStep) and (opened is None or opened.stalled):
                 why = f"the jaws do not open to release {cube}; the arm is at its target"
                 raise ExecutionStopped(why, index=0)
+            return done
         except ExecutionStopped as error:
             if error.data.get("reason") == "lost":
                 raise
