@@ -54,7 +54,7 @@ def run_of(seed: int, when: str, slides: bool) -> Outcome:
     rng, begin = np.random.default_rng(seed), time.process_time()
     by, azimuth = rng.uniform(LEAST_MM, MOST_MM), rng.uniform(0.0, 2.0 * np.pi)
     slid = [float(by * np.cos(azimuth)), float(by * np.sin(azimuth))] if slides else [0.0, 0.0]
-    turn = float(rng.uniform(-TURN_DEG, TURN_DEG)) if slides else 0.0
+    turn = float(rng.uniform(-TURN_DEG, TURN_DEG)) * slides
     hole = int(rng.integers(1, 5))
     with tempfile.TemporaryDirectory() as folder:
         scenes = Path(shutil.copytree(data_file("scenes"), Path(folder) / "scenes")) / "realistic"
