@@ -15,15 +15,18 @@ import pytest
 
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError, InputError
 from arm.io.storage import data_file
+from arm.plan_file import Move
 from arm.se3 import transform
 from cell.console import OutputLost
 from cell.cubes.recovery import Recovery
 from cell.files.task import read_task
 from cell.scene.displaced import DisplacedCube
+from cell.task.cube_cycles import cube_cycles
 from cell.task.planning import Rest
 from cell.task.run import TaskRun
 from driver.emulator import Emulator
 from tasks.full_disks import execute
+from tasks.seen_cells import planned
 from vision.observation import Observation
 
 pytestmark = pytest.mark.xdist_group("logs")
@@ -216,3 +219,35 @@ def test_what_no_number_of_images_cures_is_looked_at_twice(
     why["insertion"] = 0.9
     with pytest.raises(ImpossibleError, match="too likely to miss"):
         run._certain(rest, cast(Any, "plan"))
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_a_release_that_held_the_arm_back_is_looked_at_at_once(
+    monkeypatch: pytest.MonkeyPatch, back: bool
+) -> None:
+    """Also in a plan that never looks: the arm backs out from the release, and the rest is planned again."""
+    task = replace(read_task(data_file("scenes/task2.toml")), look_after="never")
+    plan, _ = planned(task)
+    run, done = TaskRun.__new__(TaskRun), list[str]()
+    run.task, run.rows, run.recovery, run.done = task, [], Recovery(task, 3), {}
+    width = task.cell.gripper.fraction_closed(task.cell.cube_size)
+    held = SimpleNamespace(gripper=SimpleNamespace(stalled=True, fraction_closed=width))
+    seen = Observation()
+
+    def back_out(self: TaskRun, q: np.ndarray, line: Move, observation: Observation) -> None:
+        release = next(m for m in reversed(cube_cycles(plan)[0].carry) if isinstance(m, Move)).path.end
+        assert tuple(task.cell.unit.counts(q)) == line.path.start == release
+        done.append("backs out")
+
+    monkeypatch.setattr(TaskRun, "released_held_back", property(lambda self: back))
+    monkeypatch.setattr(TaskRun, "execute", lambda self, steps, *_: [held])
+    monkeypatch.setattr(TaskRun, "carry", lambda self, *_: bool(done.append("carries")))
+    monkeypatch.setattr(TaskRun, "back_out", back_out)
+    monkeypatch.setattr(TaskRun, "look", lambda self, why: (done.append(why), seen)[1])
+    monkeypatch.setattr(TaskRun, "confirm_placed", lambda self, observation: observation)
+    _, again = run.follow(plan, seen)
+    if back:
+        assert again
+        assert done == ["carries", "backs out", "after cube 1, which may not be seated"]
+    else:
+        assert done == [*["carries"] * 4, "after cube 4"]
