@@ -221,7 +221,8 @@ class World:
         if unknown:
             why = f"names: {unknown[0]!r}: must be one of {', '.join(self.names)}"
             raise InputError(why, name=unknown[0])
-        return np.array([name in wanted for name in self.names], dtype=bool)[self.pairs].any(axis=1)
+        named = np.array([name in wanted for name in self.names], dtype=bool)
+        return np.asarray(named[self.pairs].any(axis=1))
 
     def joint_of(self, name: str) -> int:
         """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""

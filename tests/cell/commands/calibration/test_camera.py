@@ -151,7 +151,9 @@ def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path:
         assert "must be above 0 mm" in wrong(photographs, limit_mm=limit)
     assert "must be at least 8" in wrong(photographs, most_views=5)
     assert "need --live" in wrong(photographs, camera="name:x")
-    assert "--live needs --camera SELECTOR (or A465_CAMERA), or --simulated TASK" in wrong(photographs, live=True)
+    assert "--live needs --camera SELECTOR (or A465_CAMERA), or --simulated TASK" in wrong(
+        photographs, live=True
+    )
 
     mixed = tmp_path / "mixed"
     mixed.mkdir()
