@@ -265,7 +265,7 @@ def doctor(
     from cell.doctor.doctor import doctor_step
 
     console = Console(as_json)
-    if port is not None:
+    if port == "cell":  # what finds that port needs libraries, which may be missing otherwise
         from cell.session.ports import choose_port
 
         port = choose_port(port, cell, console)
