@@ -126,6 +126,7 @@ def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared:
         control=SimpleNamespace(ceiling=1.0),
         connection=SimpleNamespace(time_scale=1.0, simulated=None),
         remarks=[],
+        second_looks=[],
         budgets={},
         began=datetime.now().astimezone(),
         folder=scenes,

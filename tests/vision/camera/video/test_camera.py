@@ -124,7 +124,7 @@ def test_stamps_that_count_frames_are_told_and_can_be_left_out(monkeypatch: pyte
         (lambda device: setattr(device, "dead", True), "removed", "sends no more frames: it was unplugged"),
         (lambda device: device.hangs.add("grab"), "hung", "no answer within 0.5 s; unplug"),
         (lambda device: setattr(device, "slow", 0.4), "timeout", "no frame within 0.3 s"),
-        (lambda device: setattr(device, "damaged", 3), "failed", "3 frames of one look could not be decoded"),
+        (lambda device: setattr(device, "damaged", 1000), "failed", "3 frames of one look could not be decoded"),
         (lambda device: setattr(device, "size", (64, 24)), "size", "sent a frame of 64 x 24 px, but 32 x 24 px are"),
     ],
     ids=["dies", "hangs", "slow", "damaged", "size"],
