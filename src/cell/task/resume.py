@@ -34,7 +34,8 @@ from cell.scene.options import options_of
 from cell.session.grasp_monitor import grip_fault
 from cell.task.plan_matches import planned_observation
 from cell.task.run import TaskRun
-from plan.program.recovery import InJaws, place_held_object, plan_retreat
+from plan.program.recovery import CarryPlanner, InJaws, plan_retreat
+from plan.program.setting import Setting
 from plan.scene import Station, scene_from_json
 from vision.observation import Observation
 
@@ -225,11 +226,9 @@ def _set_down(
         station = replace(
             station, T_base_tool=(released_at(task, plan, number, _planned(task, plan), observation),)
         )
-    options, inputs = options_of(task, run.speed), plan_fingerprint(task)
+    setting = Setting(scene, cell.unit, cell.limits, options_of(task, run.speed))
     stated = {"name": task.name, "kind": task.kind, "cubes": [transfer, *others]}
-    made = place_held_object(
-        scene, q, jaws, station, cell.q_start, cell.unit, cell.limits, options, inputs, stated
-    )
+    made = CarryPlanner(setting, q, jaws, cell.q_start, plan_fingerprint(task), stated).to_place(station)
     erring_clearances(cell, made, observed, jaws.cube)
     q_grip = _gripped_at(task, plan, number)
     budgets = require_placements(cell, observed, made, gripped={0: q_grip})

@@ -8,7 +8,7 @@ moved: go on to where it is now, or return to the start with the cube.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -50,112 +50,79 @@ class InJaws:
     touches: frozenset[str] = frozenset()
 
 
-def place_held_object(
-    scene: Scene,
-    q: npt.ArrayLike,
-    held: InJaws,
-    target: Station,
-    q_home: npt.ArrayLike,
-    unit: Unit,
-    limits: Limits,
-    options: PlanOptions,
-    provenance: Mapping[str, Any] | None = None,
-    task: Mapping[str, Any] | None = None,
-) -> Plan:
-    """Plan from rest at `q` (6,) rad with a cube in the jaws to `target`, where it is released, and then to `q_home`.
+@dataclass(frozen=True, eq=False)
+class CarryPlanner:
+    """Plans from rest with a cube in the jaws.
 
-    Args:
-        scene: the present scene; it contains the held cube, whose pose there is ignored.
-        limits: joint limits at speed 1.
-        task: for the plan file; the held cube is the first of its `cubes`.
-
-    Raises:
-        ImpossibleError: `target` is out of reach, or no path was found; names the bodies and their distance.
+    Attributes:
+        setting: with the present scene; it contains the held cube, whose pose there is ignored. Its limits are those at
+            speed 1.
+        q: where the arm is, (6,) rad.
+        held: the cube.
+        q_home: where plans end, (6,) rad.
+        provenance, task: for the plan file; the held cube is the first of the `cubes` of `task`.
     """
-    setting = Setting(scene, unit, limits, options)
-    reach_stations(setting.robot, setting.planned, [target], options).require()
-    goals = (_placing(target, held.cube, options), _home(q_home, held))
-    program = _holding(setting, q, held, goals, provenance, task)
-    return _planned_clear_of(program, held, f"cannot be brought to {target.name}", to=target.name)
 
+    setting: Setting
+    q: npt.ArrayLike
+    held: InJaws
+    q_home: npt.ArrayLike
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    task: Mapping[str, Any] = field(default_factory=dict)
 
-def return_held_object(
-    scene: Scene,
-    q: npt.ArrayLike,
-    held: InJaws,
-    q_home: npt.ArrayLike,
-    unit: Unit,
-    limits: Limits,
-    options: PlanOptions,
-    provenance: Mapping[str, Any] | None = None,
-    task: Mapping[str, Any] | None = None,
-) -> Plan:
-    """Plan from rest at `q` (6,) rad to `q_home`, with the cube in the jaws; arguments as of `place_held_object`.
+    def to_place(self, target: Station) -> Plan:
+        """Plan to a place, where the cube is released, and then home.
 
-    Raises:
-        ImpossibleError: no path was found; names the bodies and their distance.
-    """
-    setting = Setting(scene, unit, limits, options)
-    program = _holding(setting, q, held, (_home(q_home, held),), provenance, task)
-    return _planned_clear_of(program, held, "cannot be taken back to the start")
+        Raises:
+            ImpossibleError: `target` is out of reach, or no path was found; names the bodies and their distance.
+        """
+        setting = self.setting
+        reach_stations(setting.robot, setting.planned, [target], setting.options).require()
+        program = self._program(_placing(target, self.held.cube, setting.options))
+        return _planned_clear_of(program, self.held, f"cannot be brought to {target.name}", to=target.name)
 
+    def home(self) -> Plan:
+        """Plan home, with the cube in the jaws.
 
-def finish_placement(
-    scene: Scene,
-    q: npt.ArrayLike,
-    held: InJaws,
-    target: Station,
-    approach: float,
-    q_home: npt.ArrayLike,
-    unit: Unit,
-    limits: Limits,
-    options: PlanOptions,
-    provenance: Mapping[str, Any] | None = None,
-    task: Mapping[str, Any] | None = None,
-) -> Plan:
-    """Plan from rest on the approach to a place that has moved since: straight to the approach where it is now.
+        Raises:
+            ImpossibleError: no path was found; names the bodies and their distance.
+        """
+        return _planned_clear_of(self._program(), self.held, "cannot be taken back to the start")
 
-    Args:
-        scene, q, held, q_home, unit, limits, options, provenance, task: see `place_held_object`.
-        target: the place, with the one pose of the tool at its release.
-        approach: length of the new approach, along the tool's axis there, m.
+    def last_part(self, target: Station, approach: float) -> Plan:
+        """Plan from the approach to a place that has moved since: straight to the approach where it is now, and home.
 
-    Raises:
-        ImpossibleError: no such motion is clear, or the arm cannot follow it; names the bodies and their distance.
-    """
-    setting = Setting(scene, unit, limits, options)
-    (T_base_tool,) = target.T_base_tool
-    goals = (
-        Target("where it is", q=setting.at_counts("q", q), cube=0, subject=held.cube),
-        replace(_placing(target, held.cube, options), T_base_tool=T_base_tool, by="line", approach=approach),
-        _home(q_home, held),
-    )
-    return plan_program(_holding(setting, q, held, goals, provenance, task)).plan()
+        Args:
+            target: the place, with the one pose of the tool at its release.
+            approach: length of the new approach, along the tool's axis there, m.
 
+        Raises:
+            ImpossibleError: no such motion is clear, or the arm cannot follow it; names the bodies and their distance.
+        """
+        (T_base_tool,) = target.T_base_tool
+        here = Target("where it is", q=self.setting.at_counts("q", self.q), cube=0, subject=self.held.cube)
+        place = _placing(target, self.held.cube, self.setting.options)
+        place = replace(place, T_base_tool=T_base_tool, by="line", approach=approach)
+        return plan_program(self._program(here, place)).plan()
 
-def _holding(
-    setting: Setting,
-    q: npt.ArrayLike,
-    held: InJaws,
-    goals: tuple[Target, ...],
-    provenance: Mapping[str, Any] | None,
-    task: Mapping[str, Any] | None,
-) -> Program:
-    """Return the program that begins at rest at `q` with a cube in the jaws."""
-    start, scene = setting.at_counts("q", q), setting.scene
-    cube = scene.cube(held.cube).at(mul(setting.robot.T_base_tool(start), held.T_tool_cube))
-    others = tuple(c for c in scene.cubes if c.name != held.cube)
-    return Program(
-        replace(scene, cubes=(*others, cube)),
-        goals,
-        start,
-        setting.unit,
-        setting.limits,
-        setting.options,
-        state=AttachmentState(held.cube, held.T_tool_cube, ()),
-        provenance=provenance or {},
-        task=task or {},
-    )
+    def _program(self, *goals: Target) -> Program:
+        """Return the program of these goals, and home."""
+        setting, held = self.setting, self.held
+        start, scene = setting.at_counts("q", self.q), setting.scene
+        cube = scene.cube(held.cube).at(mul(setting.robot.T_base_tool(start), held.T_tool_cube))
+        others = tuple(c for c in scene.cubes if c.name != held.cube)
+        home = Target("home", q=np.asarray(self.q_home), role="home", cube=0, subject=held.cube)
+        return Program(
+            replace(scene, cubes=(*others, cube)),
+            (*goals, home),
+            start,
+            setting.unit,
+            setting.limits,
+            setting.options,
+            state=AttachmentState(held.cube, held.T_tool_cube, ()),
+            provenance=self.provenance,
+            task=self.task,
+        )
 
 
 def _planned_clear_of(program: Program, held: InJaws, failed: str, **data: Any) -> Plan:
@@ -189,10 +156,6 @@ def _planned_clear_of(program: Program, held: InJaws, failed: str, **data: Any) 
         rejected=reasons,
         **data,
     )
-
-
-def _home(q_home: npt.ArrayLike, held: InJaws) -> Target:
-    return Target("home", q=np.asarray(q_home), role="home", cube=0, subject=held.cube)
 
 
 def _retract(name: str, q: npt.ArrayLike, length: float, options: PlanOptions, **more: Any) -> Target:

@@ -20,12 +20,11 @@ from plan.program import recovery
 from plan.program.program import Program
 from plan.program.recovery import (
     BESIDE,
+    CarryPlanner,
     InJaws,
-    finish_placement,
-    place_held_object,
     plan_retreat,
-    return_held_object,
 )
+from plan.program.setting import Setting
 from plan.scene import Station, scene_from_json
 from plan.trajectory.extremes import segment_extremes
 from plan.verify import scenes_of_moves
@@ -87,11 +86,15 @@ def half_out(case: Task2, share: float) -> tuple[np.ndarray, InJaws]:
     return UNIT.positions(UNIT.counts(q)), InJaws(cube.name, frozen(T_tool_cube), station.touches)
 
 
+def planner(case: Task2, q: np.ndarray, held: InJaws) -> CarryPlanner:
+    return CarryPlanner(Setting(case.scene, UNIT, UNIT.limits(), OPTIONS), q, held, Q_START)
+
+
 def test_a_cube_half_in_its_hole_is_drawn_out_carried_and_released(case: Task2) -> None:
     """Each move is certified again in a world that is made from what is known: where the cube is at each time."""
     q, held = half_out(case, 0.1)
     place = case.transfers[1].place
-    plan = place_held_object(case.scene, q, held, place, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    plan = planner(case, q, held).to_place(place)
     moves = list(plan.moves)
     assert [m.role for m in moves] == ["retract", "transit", "approach", "retract", "home"]
     assert [m.held for m in moves] == [held.cube] * 3 + [None] * 2
@@ -136,7 +139,7 @@ def test_the_way_out_is_as_clear_as_lines_and_may_be_shorter(
 ) -> None:
     q, held = half_out(case, share)
     with pytest.raises(ImpossibleError, match=f"{held.cube}, which is in the jaws, cannot be brought to"):
-        place_held_object(case.scene, q, held, case.transfers[1].place, Q_START, UNIT, UNIT.limits(), OPTIONS)
+        planner(case, q, held).to_place(case.transfers[1].place)
     assert [len(program.goals) for program in asked] == ([3, 3, 3] if way_out else [2])
     if way_out:
         lengths = [program.goals[0].retract / OPTIONS.offset for program in asked]
@@ -165,9 +168,7 @@ def test_a_cube_that_nearly_touches_is_drawn_out_first(case: Task2, asked: list[
             near += 1
             asked.clear()
             with pytest.raises(ImpossibleError):
-                place_held_object(
-                    case.scene, q, held, case.transfers[1].place, Q_START, UNIT, UNIT.limits(), OPTIONS
-                )
+                planner(case, q, held).to_place(case.transfers[1].place)
             assert len(asked) == 3
     assert near
 
@@ -206,8 +207,8 @@ def test_the_last_part_leads_straight_to_where_the_place_is_now(
     (before,) = place.T_base_tool
     now = frozen(before @ transform(t=(*aside, 0.0)))
     place = replace(place, T_base_tool=(now,))
-    limits, robot = UNIT.limits(), case.scene.robot_open
-    plan = finish_placement(case.scene, q, held, place, 0.015, Q_START, UNIT, limits, OPTIONS)
+    robot = case.scene.robot_open
+    plan = planner(case, q, held).last_part(place, 0.015)
     roles = [m.role for m in plan.moves]
     assert roles == ["line", "approach", "retract", "home"]
     line, approach, *_ = plan.moves
@@ -223,7 +224,7 @@ def test_the_last_part_leads_straight_to_where_the_place_is_now(
 
 def test_a_cube_is_taken_back_to_the_start_in_the_jaws(case: Task2) -> None:
     q, held, _ = above_place(case, 0.005)
-    plan = return_held_object(case.scene, q, held, Q_START, UNIT, UNIT.limits(), OPTIONS)
+    plan = planner(case, q, held).home()
     assert [(m.role, m.held) for m in plan.moves] == [("retract", held.cube), ("home", held.cube)]
     np.testing.assert_allclose(UNIT.positions(list(plan.moves)[-1].path.end), Q_START, atol=1e-4)
     _require_proved(case, plan, held)

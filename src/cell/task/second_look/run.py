@@ -31,8 +31,9 @@ from cell.task.checked_run import CheckedRun
 from cell.task.second_look.judge import Judgement, judge
 from driver.execution.execute import StepResult
 from driver.execution.progress import StreamOptions
-from plan.program.recovery import InJaws, finish_placement, place_held_object, return_held_object
-from plan.scene import Scene, Station, scene_from_json
+from plan.program.recovery import CarryPlanner, InJaws
+from plan.program.setting import Setting
+from plan.scene import Station, scene_from_json
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
@@ -153,17 +154,9 @@ class SecondLookRun(CheckedRun):
         cell, transfer = self.task.cell, held.transfer
         now = _with_pose(held.observation, found)
         try:
-            jaws, scene = self._in_jaws(held, now)
-            made = finish_placement(
-                scene,
-                self.q_now(),
-                jaws,
-                self._station(held, now),
-                second_look_before(cell),
-                *self._planning(),
-                **self._stated(transfer),
-            )
-            erring_clearances(cell, made, now, jaws.cube)
+            planner = self._planner(held, now)
+            made = planner.last_part(self._station(held, now), second_look_before(cell))
+            erring_clearances(cell, made, now, transfer["cube"])
         except ImpossibleError as error:
             self.tell(f"{found.words()}; the last part cannot be planned again: {error}")
             return False
@@ -181,25 +174,17 @@ class SecondLookRun(CheckedRun):
         known = held.observation if found is None else _with_pose(held.observation, found)
         why = "" if found is None else f"{found.words()}; "
         self.tell(f"{why}{transfer['cube']} is taken back to q_start in the jaws, to look again")
-        jaws, scene = self._in_jaws(held, known)
-        made = return_held_object(scene, self.q_now(), jaws, *self._planning(), **self._stated(transfer))
-        erring_clearances(cell, made, known, jaws.cube)
+        made = self._planner(held, known).home()
+        erring_clearances(cell, made, known, transfer["cube"])
         self.keep(made, f"back-{self.second_looks}")
         self._monitored(made.steps, transfer["cube"], held.grip)
         held.row.add_motion(made.steps)
         now = self.look(f"with {transfer['cube']} in the jaws")
         now = replace(now, moved_since=now.moved_since | {transfer["from"]})  # it left before the images
-        jaws, scene = self._in_jaws(held, now)
-        jaws = replace(jaws, touches=frozenset())
-        made = place_held_object(
-            scene,
-            self.q_now(),
-            jaws,
-            self._station(held, now),
-            *self._planning(),
-            **self._stated(transfer),
-        )
-        erring_clearances(cell, made, now, jaws.cube)
+        planner = self._planner(held, now)
+        planner = replace(planner, held=replace(planner.held, touches=frozenset()))
+        made = planner.to_place(self._station(held, now))
+        erring_clearances(cell, made, now, transfer["cube"])
         q_grip = gripper_positions(cell, held.plan)[held.number, "close"]
         budgets = require_placements(cell, now, made, gripped={0: q_grip})
         self.budgets |= {budget.cube: budget for budget in budgets}
@@ -213,8 +198,8 @@ class SecondLookRun(CheckedRun):
         held.row.add_motion(made.steps)
         self.execute(made.steps[release:])
 
-    def _in_jaws(self, held: _InHand, now: Observation) -> tuple[InJaws, Scene]:
-        """The cube in the jaws as the plan has it, and what surrounds the arm now, with the cube."""
+    def _planner(self, held: _InHand, now: Observation) -> CarryPlanner:
+        """Plans with the cube in the jaws as the plan has it, among what surrounds the arm now."""
         cell, transfer, q = self.task.cell, held.transfer, self.q_now()
         name = transfer["cube"]
         robot = cell.robot_holding()
@@ -227,7 +212,10 @@ class SecondLookRun(CheckedRun):
         cube = padded_cube(cell, name, frozen(mul(robot.T_base_tool(q), T_tool_cube)))
         others = tuple(other for other in scene.cubes if other.name != name)
         scene = replace(scene, cubes=(*others, cube), allowed=scene.allowed | {frozenset((name, support))})
-        return InJaws(name, T_tool_cube, frozenset((support,))), scene
+        setting = Setting(scene, cell.unit, cell.limits, options_of(self.task, self.speed))
+        stated = {"name": self.task.name, "kind": self.task.kind, "cubes": [transfer]}
+        jaws = InJaws(name, T_tool_cube, frozenset((support,)))
+        return CarryPlanner(setting, q, jaws, cell.q_start, plan_fingerprint(self.task), stated)
 
     def _station(self, held: _InHand, now: Observation) -> Station:
         """The place of the planned release, moved with its board since the plan."""
@@ -241,16 +229,6 @@ class SecondLookRun(CheckedRun):
             )
         moved = frozen(mul(mul(T_now, inverse(T_then)), T))
         return Station(place, (moved,), frozenset((support_of(place),)))
-
-    def _planning(self) -> tuple[Any, ...]:
-        """Where plans with a cube in the jaws end, and how they are planned."""
-        cell = self.task.cell
-        return cell.q_start, cell.unit, cell.limits, options_of(self.task, self.speed)
-
-    def _stated(self, transfer: dict[str, str]) -> dict[str, Any]:
-        """What such plans state of where they come from."""
-        stated = {"name": self.task.name, "kind": self.task.kind, "cubes": [transfer]}
-        return {"provenance": plan_fingerprint(self.task), "task": stated}
 
     def _release(
         self,
