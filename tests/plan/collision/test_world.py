@@ -374,3 +374,17 @@ def test_distances_cost_effort_by_their_number() -> None:
             world.pair_distances(np.zeros(6), np.arange(count))
         costs.append(meter.checks)
     assert costs == pytest.approx([DISTANCE_CHECKS, 2 * DISTANCE_CHECKS, 8 * DISTANCE_CHECKS])
+
+
+def test_near_pairs_have_a_limit_each() -> None:
+    rng = np.random.default_rng(12)
+    world = World(load_a465(TOOL_LENGTH, 0.06), [TABLE, *random_bodies(rng, 4)])
+    named = world.pairs_of(["table"])
+    assert named.tolist() == ["table" in world.pair_names(i) for i in range(len(world.pairs))]
+    limits = np.where(named, 0.3, rng.uniform(-0.1, 0.2, len(world.pairs)))
+    q = rng.uniform(-1.5, 1.5, (10, 6))
+    found, every = world.near(q, limits), world.near(q, 0.3)
+    some = every.distance < limits[every.pair]
+    assert 0 < some.sum() < len(some)
+    for key in ("row", "pair", "distance", "gradient"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(every.chosen(some), key))

@@ -100,3 +100,12 @@ def test_a_pose_out_of_reach_is_named() -> None:
         ImpossibleError, match=r"'put.*' at -60 mm: out of reach, with all that is free there"
     ):
         require_reach(program_reach(far, Observation(), 0.5))
+
+
+def test_the_ends_of_lines_and_what_is_in_the_jaws_count() -> None:
+    task = read_program(data_file("scenes/pallet.toml"))
+    nearest = {name for s in program_reach(task, Observation(), 0.5) for name in s.pair}
+    assert sum(name.startswith("part") for name in nearest) > 1  # one alone stands there at the start
+    long = tuple(replace(s, approach=1.0) if isinstance(s, PoseStep) else s for s in task.steps)
+    with pytest.raises(ImpossibleError, match=r"'take' at -1000 mm: out of reach"):
+        require_reach(program_reach(replace(task, steps=long), Observation(), 0.5))
