@@ -143,7 +143,7 @@ def main() -> None:
         "| wire | placements | possible | planned of these | CPU s median, max | over optimal, max | over graph, "
         "median | ring to bar mm, median, least | duration s, median |\n|---|---|---|---|---|---|---|---|---|"
     )
-    refused = []
+    refused, all_cpu, all_drawn, all_planned = [], list[float](), 0, 0
     for wire in asked.wires:
         task = read_program(ROOT / "scenes" / "hoop" / f"{wire}.toml")
         oracle = Oracle(wire, task.cell.robot(), task.cell.limits)
@@ -156,6 +156,8 @@ def main() -> None:
         planned = [one for one in found if one.planned]
         refused += [f"{wire}: {one.why}" for one in found if not one.planned]
         cpu = [one.cpu for one in found] or [np.nan]
+        all_cpu += [one.cpu for one in found]
+        all_drawn, all_planned = all_drawn + len(drawn), all_planned + len(planned)
 
         def middle(name: str, some: list[Tried] = planned) -> float:
             return float(np.median([getattr(one, name) for one in some])) if some else np.nan
@@ -167,6 +169,11 @@ def main() -> None:
             f"{max(cpu):.1f} | {optimal:.3f} | {middle('over_graph'):.2f} | {1e3 * middle('clearance'):.1f}, "
             f"{least:.1f} | {middle('duration'):.1f} |",
             flush=True,
+        )
+    if all_cpu:
+        print(
+            f"\nAll wires: {len(all_cpu)} of {all_drawn} possible, {all_planned} planned; "
+            f"CPU {np.median(all_cpu):.2f} s median, {max(all_cpu):.1f} s at most"
         )
     for line in refused:
         print(f"- {line}")

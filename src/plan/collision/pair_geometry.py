@@ -76,33 +76,54 @@ class PairGeometry:
         self._still = min(int((joints[order] == 0).sum()), len(order) - 2)
         self._margin: float | None = None
 
-    def distances(self, q: Array, rows: Indices, pairs: Indices) -> Iterator[Any]:
-        """Yield coal's result for each of k pairs, or a `TorusDistance`, which has the same members.
+    def distances(self, q: Array, pairs: Indices) -> Iterator[Any]:
+        """Yield coal's result for each of k pairs at q (n,), or a `TorusDistance`, which has the same members.
 
-        The next result for the same pair overwrites it. Pairs of a torus are computed together at the start, the others
-        when their result is asked for.
+        The next result for the same pair overwrites it.
+        """
+        index = self._index[pairs]
+        tori: Iterator[TorusDistance] = iter(())
+        if self._tori is not None and (index < 0).any():
+            tori = self._tori.distances(self._poses(self._tori, q)[None], -1 - index[index < 0])
+        geometry, placements, distance = self._geometry, self._placements, pin.computeDistance
+        pin.updateGeometryPlacements(self._model, self._data, geometry, placements, q)
+        for i in index.tolist():
+            yield next(tori) if i < 0 else distance(geometry, placements, i)
+
+    def witnesses(self, q: Array, rows: Indices, pairs: Indices, least: Array) -> tuple[Array, Array, Array]:
+        """Return distances (k,), normals (k, 3) and points (k, 3) of the outer bodies of pairs at some configurations.
+
+        They end with the first distance below its `least`.
 
         Args:
             q: (m, n) rad.
             rows, pairs: (k,) indices of configurations, in ascending order, and of pairs.
+            least: (k,) m.
         """
-        index = self._index[pairs]
-        of_torus = index < 0
-        tori: Iterator[TorusDistance] = iter(())
-        if self._tori is not None and of_torus.any():
+        index, end = self._index[pairs], len(pairs)
+        values, normals, points = np.empty(end), np.empty((end, 3)), np.empty((end, 3))
+        of_torus = np.flatnonzero(index < 0)
+        if self._tori is not None and len(of_torus):
             used, row = np.unique(rows[of_torus], return_inverse=True)
             poses = np.array([self._poses(self._tori, at) for at in q[used]])
-            tori = self._tori.distances(poses, row, -1 - index[of_torus])
+            found = self._tori.measured(poses, row, -1 - index[of_torus])
+            values[of_torus], normals[of_torus], points[of_torus] = found
+            below = of_torus[found[0] < least[of_torus]]
+            end = int(below[0]) + 1 if len(below) else end
         geometry, placements, placed = self._geometry, self._placements, -1
         distance = pin.computeDistance
-        for row, i in zip(rows.tolist(), index.tolist(), strict=True):
-            if i < 0:
-                yield next(tori)
-                continue
+        others = np.flatnonzero(index[:end] >= 0)
+        for k, row, i in zip(others.tolist(), rows[others].tolist(), index[others].tolist(), strict=True):
             if row != placed:
                 pin.updateGeometryPlacements(self._model, self._data, geometry, placements, q[row])
                 placed = row
-            yield distance(geometry, placements, i)
+            result = distance(geometry, placements, i)
+            # copied, because the next call for this pair overwrites the result
+            values[k], normals[k], points[k] = result.min_distance, result.normal, result.getNearestPoint2()
+            if values[k] < least[k]:
+                end = k + 1
+                break
+        return values[:end], normals[:end], points[:end]
 
     def _poses(self, tori: TorusPairs, q: Array) -> Array:
         """Return the poses (joints, 4, 4) of the joints of pairs of a torus."""

@@ -171,7 +171,7 @@ class World:
 
     def pair_distances(self, q: npt.ArrayLike, pairs: Indices) -> Array:
         """Return signed distances (k,) m, less paddings, of the pairs `pairs` (k,) at configuration q (n,)."""
-        found = self._geometry.distances(self._configuration(q)[None], np.zeros_like(pairs), pairs)
+        found = self._geometry.distances(self._configuration(q), pairs)
         values = [result.min_distance for result in found]
         spend(DISTANCE_CHECKS * len(values))
         return np.asarray(np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs])
@@ -186,19 +186,12 @@ class World:
             rows, pairs: (k,) indices of configurations, in ascending order, and of pairs.
             stop_below: stop after the first distance below this, m.
         """
-        q = self._configurations(q)
-        least = (stop_below + self.paddings[pairs]).tolist()
-        values, normals, points = [], np.empty((len(rows), 3)), np.empty((len(rows), 3))
-        for i, result in enumerate(self._geometry.distances(q, rows, pairs)):
-            # copied, because the next call for this pair overwrites the result
-            normals[i], points[i] = result.normal, result.getNearestPoint2()
-            values.append(result.min_distance)
-            if values[-1] < least[i]:
-                break
-        count = len(values)
-        spend(DISTANCE_CHECKS * count)
-        distances = np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[:count]]
-        return Witnesses(np.asarray(distances), normals[:count], points[:count])
+        least = stop_below + self.paddings[pairs]
+        values, normals, points = self._geometry.witnesses(self._configurations(q), rows, pairs, least)
+        spend(DISTANCE_CHECKS * len(values))
+        return Witnesses(
+            np.maximum(values, UNKNOWN_DEPTH) - self.paddings[pairs[: len(values)]], normals, points
+        )
 
     def only(self, names: Iterable[str]) -> World:
         """Return the same world with only those pairs that contain a body of `names`.
@@ -234,7 +227,7 @@ class World:
         spend(DISTANCE_CHECKS * len(self.pairs))
         bounds = self.volumes.distances(self.volumes.placed(at))[0] - self.paddings
         order = np.argsort(bounds, kind="stable")
-        results = self._geometry.distances(at, np.zeros_like(order), order)
+        results = self._geometry.distances(at[0], order)
         closest, least, witness = -1, float("inf"), None
         for i in order.tolist():
             # a computed distance may be below its bound by its error
@@ -256,7 +249,7 @@ class World:
         """
         limit = given.number("limit", limit, -np.inf, np.inf, "m")
         every = np.arange(len(self.pairs))
-        results = list(self._geometry.distances(self._configuration(q)[None], np.zeros_like(every), every))
+        results = list(self._geometry.distances(self._configuration(q), every))
         spend(DISTANCE_CHECKS * len(results))
         values = np.maximum([result.min_distance for result in results], UNKNOWN_DEPTH) - self.paddings
         order = [int(i) for i in np.argsort(values, kind="stable") if values[i] < limit]

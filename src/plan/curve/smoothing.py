@@ -6,8 +6,8 @@ program (`plan.curve.step_program`) within a trust region; it is taken if it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -28,7 +28,8 @@ _ROOM = 0.15  # of a coordinate's limits at either end, for what lies between st
 _TURN, _SHIFT = 0.25, 0.006  # rad and m, first trust region
 _LEAST_REGION = 0.02  # of the first trust region
 _PARTS = (1.0, 0.5)  # of a step that are tried
-_INFLUENCE = 0.015  # m beyond the clearance, of pairs that constrain a step
+_INFLUENCE = 0.015  # m beyond the clearance, of pairs that constrain a step, and
+_AHEAD = 0.01  # m beyond the least distance, if that is maximised
 _AIM = 3e-4  # m, added to the clearance where distances are linearised
 _NEAR_LIMIT = 0.3  # rad from a joint limit that constrains a step
 _JOINT_ROOM = 1e-3  # rad (m) kept to joint limits: for a step's curvature and what is between stations
@@ -56,6 +57,14 @@ class Followed:
     def all_q(self) -> Array:
         """The stations, then the middles between them, (2 m - 1, n) rad."""
         return np.concatenate([self.q, 0.5 * (self.q[1:] + self.q[:-1])])
+
+
+@dataclass(frozen=True, eq=False)
+class Widening:
+    """Pairs (p,) of the world whose least distance is maximised; those farther than `farthest` m do not matter."""
+
+    pairs: Bools
+    farthest: float = FARTHEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +108,7 @@ class Smoothing:
         low, high = (some[self.columns] for some in curve.box())
         room = np.where(np.isinf(high), 0.0, _ROOM * (high - low))
         self.low, self.high, self.room, self.tilt = low, high, room, curve.freedom.tilt
-        self._seen: tuple[Followed, Bools | None, Near] | None = None
+        self._seen: tuple[Followed, Widening | None, Near] | None = None
 
     def at(self, places: Array, coordinates: Array, q: Array) -> Followed | None:
         """Return configurations near q (m, n) with these coordinates; None if there are none within limits."""
@@ -126,24 +135,25 @@ class Smoothing:
             swing = np.sqrt((coordinates[:, 3:5] ** 2).sum(axis=1, keepdims=True))
             coordinates[:, 3:5] *= np.minimum(1.0, tilt / np.maximum(swing, 1e-12))
 
-    def blocked(self, way: Followed, widened: Bools | None = None) -> bool:
+    def blocked(self, way: Followed, widened: Widening | None = None) -> bool:
         """Return whether a station, or the middle between two, is too near to something."""
         near = self._near(way, widened)
         return any(demand.of(near, 0.0).any() for demand in self.demands)
 
     def least(self, way: Followed, pairs: Bools) -> float:
         """Return the least distance of pairs (p,) at stations and middles, m, at most `FARTHEST`."""
-        near = self._near(way, pairs)
-        return float(near.distance[pairs[near.pair]].min(initial=FARTHEST))
+        return self._least(way, Widening(pairs))
 
-    def _near(self, way: Followed, widened: Bools | None) -> Near:
+    def _least(self, way: Followed, widened: Widening) -> float:
+        near = self._near(way, widened)
+        return float(near.distance[widened.pairs[near.pair]].min(initial=widened.farthest))
+
+    def _near(self, way: Followed, widened: Widening | None) -> Near:
         """Return the near pairs at stations and middles that demands or what is widened need; of the last way, kept."""
         if self._seen is None or self._seen[0] is not way or self._seen[1] is not widened:
-            limits = (
-                np.full(len(self.world.pairs), -np.inf)
-                if widened is None
-                else np.where(widened, FARTHEST, -np.inf)
-            )
+            limits = np.full(len(self.world.pairs), -np.inf)
+            if widened is not None:
+                limits[widened.pairs] = widened.farthest
             for demand in self.demands:
                 np.maximum(limits, demand.clearance + _INFLUENCE, out=limits, where=demand.pairs)
             self._seen = way, widened, self.world.near(way.all_q, limits)
@@ -160,36 +170,24 @@ class Smoothing:
         """
         if not self.columns:
             return way
-        return self._better(
-            way, rounds, None, turns_only, lambda at: -self.time(at), lambda value: _WORTH * -value
-        )
+        return self._better(way, rounds, None, turns_only)
 
     def widened(self, way: Followed, rounds: int, of: Bools) -> Followed:
         """Return a way with more distance between some pairs (p,), which also keeps all demands."""
-        if not self.columns:
-            return way
-        return self._better(way, rounds, of, False, lambda at: self.least(at, of), lambda value: _WORTH_M)
+        return self._better(way, rounds, Widening(of)) if self.columns else way
 
     def _better(
-        self,
-        way: Followed,
-        rounds: int,
-        widened: Bools | None,
-        turns_only: bool,
-        value_of: Callable[[Followed], float],
-        worth: Callable[[float], float],
+        self, way: Followed, rounds: int, widened: Widening | None, turns_only: bool = False
     ) -> Followed:
         """Return a way of larger value that is clear at its stations; the same if none is found.
 
         Args:
             way: where to begin.
             rounds: largest number of quadratic programs.
-            widened: pairs (p,) whose least distance is maximised; None: time is their aim.
+            widened: whose least distance is the value; None: the value is the time, negative.
             turns_only: whether free positions stay as they are.
-            value_of: what is maximised.
-            worth: least useful gain at a value.
         """
-        value, region = value_of(way), 1.0
+        value, region = self._value(way, widened), 1.0
         program = self._program(way, widened)
         for _ in range(rounds):
             if region < _LEAST_REGION:
@@ -202,14 +200,20 @@ class Smoothing:
                 trial = self._moved(way, program.D, part * step)
                 if trial is None:
                     continue
-                more = value_of(trial) - value
-                if more > worth(value) and not self.blocked(trial, widened):
+                more = self._value(trial, widened) - value
+                worth = _WORTH * -value if widened is None else _WORTH_M
+                if more > worth and not self.blocked(trial, widened):
                     way, value, program = trial, value + more, self._program(trial, widened)
                     region = min(1.0, 1.5 * part * region)
+                    if widened is not None:
+                        widened = replace(widened, farthest=min(FARTHEST, value + _AHEAD))
                     break
             else:
                 region *= 0.3
         return way
+
+    def _value(self, way: Followed, widened: Widening | None) -> float:
+        return -self.time(way) if widened is None else self._least(way, widened)
 
     def _moved(self, way: Followed, D: Array, step: Array) -> Followed | None:
         coordinates = np.array(way.coordinates)
@@ -240,14 +244,14 @@ class Smoothing:
         ]
         return np.stack(columns, axis=-1)
 
-    def _program(self, way: Followed, widened: Bools | None) -> StepProgram:
-        """Return the program of steps from a way: the fastest, or those to the largest least distance of pairs (p,)."""
+    def _program(self, way: Followed, widened: Widening | None) -> StepProgram:
+        """Return the program of steps from a way: the fastest, or those to the largest least distance."""
         D, near, rows = self._derivatives(way), self._near(way, widened), []
         for demand in self.demands:
             own = near.chosen(demand.of(near, _INFLUENCE))
             rows.append(Rows.of_distances(own, D, own.distance - (demand.clearance + _AIM), True))
         if widened is not None:
-            own = near.chosen(widened[near.pair])
+            own = near.chosen(widened.pairs[near.pair])
             rows.append(Rows.of_distances(own, D, own.distance, False))
         if self.tilt > 0.0:
             rows.append(self._tilts(way))

@@ -14,9 +14,10 @@ minimization", 2008, for the method). With the clearance as the aim, the least d
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
-import qpsolvers
+from scipy.sparse import coo_array, csc_array, vstack
 
 from arm.numerics.products import mul
 from arm.se3 import Array, Bools, Indices
@@ -26,10 +27,10 @@ _ORDER = 3  # of the norm over the joints
 _BEND = 4.0  # weight of changes of motion from step to step
 _SMALL = 1e-5  # curvature of every variable, relative to the largest
 _PENALTY = 100.0  # per mm of missing clearance, relative to the largest curvature
+# the solver's build for any processor: what it loads by itself depends on the processor, and so would the last digits
+_piqp = import_module("piqp.piqp_python")
 _MM = 1e-3  # m; clearances of the quadratic program are in mm
 _WIDENING = 1e-2  # weight of time against 1 per mm of distance, if distance is the aim
-_REACHED = 0.2  # of the trust region: rows that this reaches are given to the solver at once
-_VIOLATED = 2e-5  # m or rad, by which a row that was not given counts as violated
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,11 @@ class Rows:
     room: Array
     missing: float = 0.0
     least: float = 0.0
+
+    def chosen(self, some: Bools) -> Rows:
+        """Return some (k,) of them."""
+        parts = self.here[some], self.there[some], self.room[some]
+        return Rows(self.station[some], *parts, self.missing, self.least)
 
     @staticmethod
     def of_distances(near: Near, D: Array, room: Array, missing: bool) -> Rows:
@@ -110,84 +116,52 @@ class StepProgram:
         self._P = matrix
         self._linear = np.concatenate([scale * linear.ravel(), [_PENALTY, -1.0 if widened else 0.0]])
         self._rows = rows
-        self._needed = [np.zeros(len(some.room), dtype=bool) for some in rows]
 
     def solved(self, low: Array, high: Array, more: Rows) -> Array | None:
         """Return the best change (m, f) of the coordinates between bounds (m, f); None if there is none.
 
-        Of thousands of rows some hundred are ever active, and a dense solver pays for each. It gets those that a part
-        of the bounds reaches and those that earlier bounds needed, then those that its solution violates, until there
-        are none. Coordinates that cannot move are left out.
+        Rows that no change between the bounds can reach are left out, and so are coordinates that cannot move.
 
         Args:
             low, high: (m, f); 0 is between them.
             more: rows for these bounds.
         """
-        every = [*self._rows, more]
-        given = [_left(rows) < _REACHED * _most(rows, low, high) for rows in every]
-        for some, needed in zip(given, self._needed, strict=False):
-            some |= needed
-        free = np.concatenate([(high > low).ravel(), [True, True]])
-        P, linear = self._P[np.ix_(free, free)], self._linear[free]
-        lb, ub = np.append(low.ravel(), [0.0, -1e3])[free], np.append(high.ravel(), [1e3, 1e3])[free]
-        while True:
-            G, h = self._dense(every, given)
-            found = qpsolvers.solve_qp(P, linear, G[:, free], h, lb=lb, ub=ub, solver="daqp")
-            if found is None:
-                return None
-            x = np.zeros(len(free))
-            x[free] = found
-            step, missing, least = x[:-2].reshape(low.shape), x[-2], x[-1]
-            complete = True
-            for rows, some in zip(every, given, strict=True):
-                over = _change(rows, step) - rows.missing * missing + rows.least * least - rows.room
-                violated = (over > _VIOLATED) & ~some
-                some |= violated
-                complete = complete and not violated.any()
-            if complete:
-                for needed, some in zip(self._needed, given, strict=False):
-                    needed |= some
-                return step
+        G, room = self._sparse([rows.chosen(_reached(rows, low, high)) for rows in (*self._rows, more)])
+        free = np.flatnonzero(np.append(high > low, [True, True]))
+        solver = _piqp.SparseSolver()
+        bounds = (np.append(low.ravel(), [0.0, -1e3])[free], np.append(high.ravel(), [1e3, 1e3])[free])
+        P = csc_array(self._P[np.ix_(free, free)])
+        solver.setup(P, self._linear[free], None, None, G[:, free], None, room, *bounds)
+        if solver.solve() != _piqp.Status.PIQP_SOLVED:
+            return None
+        x = np.zeros(len(self._linear))
+        x[free] = solver.result.x
+        return np.clip(x[:-2].reshape(low.shape), low, high)
 
-    def _dense(self, every: list[Rows], given: list[Bools]) -> tuple[Array, Array]:
-        """Return the given rows (k, m f + 2), and their room (k,)."""
+    def _sparse(self, every: list[Rows]) -> tuple[csc_array, Array]:
+        """Return rows as a matrix (k, m f + 2), and their room (k,)."""
         m, _, f = self.D.shape
         parts = []
-        for rows, some in zip(every, given, strict=True):
-            chosen = np.flatnonzero(some)
-            part = np.zeros((len(chosen), m * f + 2))
-            station, line = rows.station[chosen], np.arange(len(chosen))
-            part[:, -2], part[:, -1] = -rows.missing, rows.least
-            columns = station[:, None] * f + np.arange(f)
-            part[line[:, None], columns] = rows.here[chosen]
-            both = station < m - 1
-            part[line[both, None], columns[both] + f] = rows.there[chosen][both]
-            parts.append(part)
-        room = np.concatenate([rows.room[some] for rows, some in zip(every, given, strict=True)])
-        return np.concatenate(parts), room
+        for rows in every:
+            k = len(rows.room)
+            first = rows.station[:, None] * f + np.arange(f)
+            columns = np.hstack(
+                [first, np.minimum(first + f, m * f - 1), np.full((k, 2), [m * f, m * f + 1])]
+            )
+            values = np.hstack([rows.here, rows.there, np.full((k, 2), [-rows.missing, rows.least])])
+            line = np.repeat(np.arange(k), 2 * f + 2)
+            parts.append(coo_array((values.ravel(), (line, columns.ravel())), shape=(k, m * f + 2)))
+        return vstack(parts, format="csc"), np.concatenate([rows.room for rows in every])
 
 
-def _next(rows: Rows, stations: int) -> Indices:
-    return np.minimum(rows.station + 1, stations - 1)
-
-
-def _change(rows: Rows, step: Array) -> Array:
-    """Return the left sides (k,) of rows for a change (m, f)."""
-    after = step[_next(rows, len(step))]
-    return np.asarray((rows.here * step[rows.station]).sum(axis=1) + (rows.there * after).sum(axis=1))
-
-
-def _most(rows: Rows, low: Array, high: Array) -> Array:
-    """Return the largest left sides (k,) of rows between bounds (m, f)."""
-    total = np.zeros(len(rows.room))
-    for part, at in ((rows.here, rows.station), (rows.there, _next(rows, len(low)))):
-        total += np.maximum(part * low[at], part * high[at]).sum(axis=1)
-    return total
-
-
-def _left(rows: Rows) -> Array:
-    """Return the room (k,) of rows; of distances that the least distance follows, beyond the least of them."""
-    return rows.room - rows.room.min(initial=np.inf) if rows.least else rows.room
+def _reached(rows: Rows, low: Array, high: Array) -> Bools:
+    """Return which rows (k,) a change between bounds (m, f) can violate."""
+    after = np.minimum(rows.station + 1, len(low) - 1)
+    ends = np.array([(rows.here * side[rows.station], rows.there * side[after]) for side in (low, high)])
+    most = ends.max(axis=0).sum(axis=(0, 2))
+    # the least distance cannot exceed what any of its rows leaves at best
+    top = (rows.room - ends.min(axis=0).sum(axis=(0, 2))).min(initial=np.inf) if rows.least else 0.0
+    return np.asarray(most > rows.room - top)
 
 
 def _weights(steps: Array) -> Array:

@@ -19,6 +19,7 @@ HEAVY = {
     "qpsolvers",
     "daqp",
     "osqp",
+    "piqp",
     "ruckig",
     "serial",
     "pypylon",

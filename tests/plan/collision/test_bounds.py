@@ -127,7 +127,7 @@ def test_the_gap_between_planes_shows_how_far_coals_distances_may_be_wrong() -> 
                 world.volumes.placed(q[None]), 0 * apart, apart, normals[apart], q[None, None], nothing
             )
             gaps.append(values[apart] - planes)
-            results = list(world._geometry.distances(q[None], 0 * every, every))
+            results = list(world._geometry.distances(q, every))
             ends = [(results[i].getNearestPoint1(), results[i].getNearestPoint2()) for i in apart.tolist()]
             witnessed = np.array([np.linalg.norm(np.subtract(a, b)) for a, b in ends])
             above.append(np.abs(witnessed - values[apart]))

@@ -1,4 +1,4 @@
-"""Quadratic programs of steps: the solution of the rows that are given is that of all rows."""
+"""Quadratic programs of steps: rows that cannot bind are left out, and the solution is that of all rows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import qpsolvers
 from arm.robot.model import Robot
 from arm.se3 import Array
 from plan.collision.world import World
-from plan.curve.step_program import Rows, StepProgram
+from plan.curve.step_program import Rows, StepProgram, _reached
 from tasks.pose_lists import TABLE
 
 M, N, F = 9, 6, 4
@@ -54,7 +54,7 @@ def matrix(rows: Rows) -> Array:
 @pytest.mark.parametrize("widened", [False, True])
 @pytest.mark.parametrize("seed", range(10))
 def test_the_step_is_that_of_all_rows_at_once(seed: int, widened: bool) -> None:
-    """Smaller bounds, which come later, know the rows of the larger ones."""
+    """Against another solver."""
     rng = np.random.default_rng(seed)
     program, rows, bound = drawn(rng, widened)
     more = Rows(np.array([0, 3]), rng.normal(size=(2, F)), np.zeros((2, F)), np.array([1e-3, 0.0]))
@@ -82,23 +82,20 @@ def test_the_step_is_that_of_all_rows_at_once(seed: int, widened: bool) -> None:
         assert cost[0] == pytest.approx(cost[1], abs=1e-2 * max(1.0, abs(cost[1])))
 
 
-def test_most_rows_are_not_given_to_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
-    program, rows, bound = drawn(np.random.default_rng(3), False)
-    given, real = list[int](), qpsolvers.solve_qp
-
-    def solve(P: Array, q: Array, G: Array, h: Array, **bounds: object) -> Array | None:
-        given.append(len(h))
-        assert len(q) == int((bound > 0.0).sum()) + 2  # those that cannot move are left out
-        return np.asarray(real(P, q, G, h, **bounds))
-
-    monkeypatch.setattr(qpsolvers, "solve_qp", solve)
-    none = Rows(np.zeros(0, dtype=np.intp), np.zeros((0, F)), np.zeros((0, F)), np.zeros(0))
-    assert program.solved(-bound, bound, none) is not None
-    assert len(given) > 1  # the first solution violates others
-    assert given[-1] < 0.6 * len(rows[0].room)
-    before = given[-1]
-    assert program.solved(-0.9 * bound, 0.9 * bound, none) is not None
-    assert given[-1] >= before  # what was needed once is given at once
+@pytest.mark.parametrize("widened", [False, True])
+def test_rows_that_are_left_out_cannot_bind(widened: bool) -> None:
+    """At no change between the bounds, with the largest least distance that there is; many are left out."""
+    rng = np.random.default_rng(3)
+    _, every, bound = drawn(rng, widened)
+    bound *= 0.3
+    for rows in every[: 2 if widened else 1]:
+        left = ~_reached(rows, -bound, bound)
+        assert left.mean() > 0.3
+        for _ in range(200):
+            x = rng.choice([-1.0, 0.0, 1.0], bound.shape) * bound
+            change = matrix(rows)[:, :-2] @ x.ravel()
+            least = (rows.room - change).min() if rows.least else 0.0
+            assert (change + least <= rows.room + 1e-12)[left].all()
 
 
 def test_rows_of_distances_are_what_a_small_change_takes_off(robot: Robot) -> None:

@@ -45,6 +45,15 @@ class TorusDistance(NamedTuple):
         return self.outer
 
 
+class _Columns(NamedTuple):
+    """The members of `TorusDistance` of k pairs: (k,) m, and (k, 3) each."""
+
+    min_distance: Array
+    normal: Array
+    inner: Array
+    outer: Array
+
+
 class TorusPairs:
     """Pairs of a torus and another body. Of two tori the smaller one is the torus, and the other one the body.
 
@@ -79,28 +88,43 @@ class TorusPairs:
         ]
         self._body = np.where(self._is_hull, np.cumsum(self._is_hull), np.cumsum(~self._is_hull)) - 1
 
-    def distances(self, poses: Array, rows: Indices, pairs: Indices) -> Iterator[TorusDistance]:
-        """Yield the distances of pairs (k,) at configurations (k,).
+    def distances(self, poses: Array, pairs: Indices) -> Iterator[TorusDistance]:
+        """Yield the distances of pairs (k,) at the one configuration of `poses`.
 
-        They are computed together when the first is asked for; of one configuration at first only a few, which often
-        suffice. Those from hulls are computed one by one.
+        At first only a few are computed, which often suffice; those from hulls are computed one by one.
         """
         is_hull = self._is_hull[pairs].tolist()
         rounded = [i for i, hull in enumerate(is_hull) if not hull]
-        first = _FEW if len(poses) == 1 else len(rounded)
-        parts, ready = [rounded[:first], rounded[first:]], dict[int, TorusDistance]()
+        parts, ready = [rounded[:_FEW], rounded[_FEW:]], dict[int, TorusDistance]()
         for i, hull in enumerate(is_hull):
-            if not hull and i not in ready:
-                some = parts.pop(0)
-                ready = dict(zip(some, self._at(poses, rows[some], pairs[some]), strict=True))
-            yield self._at(poses, rows[i : i + 1], pairs[i : i + 1])[0] if hull else ready[i]
+            if i not in ready:
+                some = [i] if hull else parts.pop(0)
+                found = self._at(self._of(hull), poses, np.zeros(len(some), dtype=np.intp), pairs[some])
+                each = zip(found.min_distance.tolist(), found.normal, found.inner, found.outer, strict=True)
+                ready |= dict(zip(some, (TorusDistance(*one) for one in each), strict=True))
+            yield ready[i]
 
-    def _at(self, poses: Array, rows: Indices, pairs: Indices) -> list[TorusDistance]:
-        """Return distances of pairs (k,) at configurations (k,), all from hulls or none."""
+    def measured(self, poses: Array, rows: Indices, pairs: Indices) -> tuple[Array, Array, Array]:
+        """Return distances (k,), normals (k, 3) and points (k, 3) of the outer bodies of pairs at some configurations.
+
+        Args:
+            poses: (m, joints, 4, 4).
+            rows, pairs: (k,) indices of configurations and of pairs.
+        """
+        distance, normal, outer = np.empty(len(pairs)), np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+        for hull in (False, True):
+            some = np.flatnonzero(self._is_hull[pairs] == hull)
+            if len(some):
+                found = self._at(self._of(hull), poses, rows[some], pairs[some])
+                distance[some], normal[some], outer[some] = found.min_distance, found.normal, found.outer
+        return distance, normal, outer
+
+    def _of(self, hull: bool) -> Solids:
+        return self._hulls if hull else self._rounded
+
+    def _at(self, solids: Solids, poses: Array, rows: Indices, pairs: Indices) -> _Columns:
+        """Return distances of pairs (k,) from these solids at configurations (k,)."""
         spend(TORUS_CHECKS * len(pairs))
-        if not len(pairs):
-            return []
-        solids: Solids = self._hulls if self._is_hull[pairs[0]] else self._rounded
         T_base_other, circles = self._circles(poses, rows, pairs)
         found = nearest(circles, solids)
         local = np.stack([found.point, found.away], axis=1).T
@@ -112,7 +136,7 @@ class TorusPairs:
         # the ball of the torus reaches from the circle to the nearest point of the torus
         inner, outer = np.where(outwards > 0.0, [gap, tube], [tube, gap])
         points = (on_circle - reach[:, None] * away for reach in (inner, outer))
-        return list(map(TorusDistance, (gap - tube).tolist(), outwards[:, None] * away, *points))
+        return _Columns(gap - tube, outwards[:, None] * away, *points)
 
     def too_near(self, poses: Array, limits: Array) -> bool:
         """Return whether some pair is closer than its limit (p,) m at the one configuration of `poses`."""
@@ -177,5 +201,4 @@ def covered(parts: Sequence[LinkBody], pairs: Indices, paddings: Array) -> Cover
 def torus_distance(inner: Body, outer: Body) -> TorusDistance:
     """Return the distance of two bodies at their poses; at least one is a torus."""
     parts = [LinkBody(body.name, 0, body.shape, body.T_base_body) for body in (inner, outer)]
-    only = np.zeros(1, dtype=np.intp)
-    return next(TorusPairs(parts, np.array([[0, 1]])).distances(np.eye(4)[None, None], only, only))
+    return next(TorusPairs(parts, np.array([[0, 1]])).distances(np.eye(4)[None, None], np.array([0])))
