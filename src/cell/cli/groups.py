@@ -11,7 +11,7 @@ GROUPS = {
     "See": ("look", "snap", "status", "view", "compare"),
     "Plan": ("reach", "plan", "plan-poses", "check", "preview", "certify", "teach"),
     "Move": ("run", "execute", "home", "park", "move", "jog", "gripper", "release", "stop"),
-    "Tools": ("emulate", "render", "report", "export"),
+    "Tools": ("emulate", "render", "report", "runs", "export"),
 }
 
 

@@ -104,6 +104,31 @@ def report(
 
 
 @tools.command(
+    short_help="List the run folders that are kept; remove old ones.",
+    help="List the run folders in a folder: when each was written last, of what it is, how it ended, its size. "
+    "--prune removes old ones: it lists them and asks first. A folder without a run's log or report stays.",
+    epilog=examples("a465 runs", "a465 runs --prune 30"),
+)
+def runs(
+    context: typer.Context,
+    folder: Annotated[
+        Path | None, Argument(help="Folder of run folders; default: runs.", metavar="[RUNS]")
+    ] = None,
+    prune: Annotated[
+        float | None, Option(help="Remove runs that were not written to for so many days, 1 or more.")
+    ] = None,
+    yes: Annotated[bool, Option("--yes", help="Remove them without a question.")] = False,
+    as_json: shared.Json = False,
+) -> None:
+    from cell.commands.report import runs_step
+
+    if prune is None:
+        refuse_given(context, ("yes",), "needs --prune DAYS: without it nothing is removed")
+    console = Console(as_json)
+    console.result(runs_step(folder, prune, yes, console))
+
+
+@tools.command(
     short_help="Export a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
     help="Export a log or a plan as a table of samples, a ROS 2 JointTrajectory, or MCAP. "
     "Or export the arm and its surroundings from a plan, scene, cell, task or arm file as a folder with URDF and SRDF.",
