@@ -45,11 +45,12 @@ def linking(ring: Array, line: Array) -> float:
 
 
 def closed(line: Array) -> Array:
-    """Return a wire's line (k, 3) from its foot to its free end, prolonged by a ray and closed far from any arm."""
+    """Return a wire's line (k, 3) from its foot to its free end, with a ray at each end, closed far from any arm."""
     ahead = (line[-1] - line[-2]) / np.linalg.norm(line[-1] - line[-2])
     aside = np.cross(ahead, (0.0, 0.0, 1.0)) if abs(ahead[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     aside = FAR * aside / np.linalg.norm(aside)
-    tip, below = line[-1] + RAY * ahead, line[0] - (0.0, 0.0, RAY)
+    behind = (line[0] - line[1]) / np.linalg.norm(line[0] - line[1])
+    tip, below = line[-1] + RAY * ahead, line[0] + RAY * behind
     return np.concatenate([line, [tip, tip + aside, below + aside, below]])
 
 
@@ -60,7 +61,7 @@ class Judgement:
     Attributes:
         linked: whether the ring is on the line of wire and ray at every sample.
         bodies: least distance less paddings, m, of all bodies that must not meet.
-        ray: least distance of ring and ray, m.
+        ray: least distance of ring and rays, m.
         pair: names of the bodies that are nearest.
     """
 
@@ -86,8 +87,8 @@ class ThreadOracle:
     def __init__(self, scene: Scene, name: str) -> None:
         thread = scene.thread(name)
         self.robot, self.line = scene.robot_open, closed(thread.line)
-        self.ring, self.ray = thread.ring, thread.ray.name
-        bodies = [*scene.bodies, thread.ray]
+        self.ring, self.rays = thread.ring, {ray.name for ray in thread.rays}
+        bodies = [*scene.bodies, *thread.rays]
         fixed = [(b, coal.CollisionObject(geometry(b.shape), _pose(b.T_base_body))) for b in bodies]
         exempt = scene.allowed | self.robot.disabled_collisions
         self.bodies = [(b, geometry(b.shape)) for b in self.robot.bodies]
@@ -123,12 +124,12 @@ class ThreadOracle:
         moved = [coal.CollisionObject(g, _pose(pose)) for pose, (_, g) in zip(T, self.bodies, strict=True)]
         bodies, ray, pair = np.inf, np.inf, ("", "")
         for i, still, padding, names in self.pairs:
-            is_ray = names[1] == self.ray
+            is_ray = names[1] in self.rays
             if not is_ray and _boxes_apart(moved[i], still) - padding > bodies:
                 continue
             apart = coal.distance(moved[i], still, coal.DistanceRequest(), coal.DistanceResult()) - padding
             if is_ray:
-                ray = apart
+                ray = min(ray, apart)
             elif apart < bodies:
                 bodies, pair = apart, names
         return Judgement(abs(abs(number) - 1.0) < 0.1, bodies, ray, pair)

@@ -101,7 +101,7 @@ class MoveScene(Standing):
         if self.move.threaded is not None:
             thread = self.scene.thread(self.move.threaded)
             moving = [b.name for b in self.robot.bodies] + ([] if held is None else [held.name])
-            touching, bodies = touching | thread.exempt(moving), (*bodies, thread.ray)
+            touching, bodies = touching | thread.exempt(moving), (*bodies, *thread.rays)
         return World(self.robot, bodies, held, T_tool_held, touching)
 
 

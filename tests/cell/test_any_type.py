@@ -164,7 +164,7 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
         require_match(task, plan)
         scene_of_now(task, plan)
         require_start_at(task, plan)
-        require_scene(task.cell, plan, seen)
+        require_scene(task, plan, seen)
 
     def judge_plan_of_an_arm(path: Path) -> None:
         plan = read_plan(path)

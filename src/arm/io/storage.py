@@ -13,7 +13,8 @@ import os
 import stat
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -55,6 +56,9 @@ MOST_BYTES = {
 
 LARGEST = 1e100  # largest number in a file
 
+# device and inode of the files that a command will overwrite; None outside of commands
+_OVERWRITTEN: ContextVar[set[tuple[int, int]] | None] = ContextVar("overwritten", default=None)
+
 
 def open_file(path: Path, kind: str) -> BinaryIO:
     """Open a regular file of at most `MOST_BYTES` of its kind for reading.
@@ -79,6 +83,8 @@ def open_file(path: Path, kind: str) -> BinaryIO:
             )
         if found.st_size > MOST_BYTES[kind]:
             raise _too_large(path, kind)
+        if (found.st_dev, found.st_ino) in (_OVERWRITTEN.get() or ()):
+            raise _read_by_the_command(path)
         return os.fdopen(handle, "rb")
     except BaseException:
         os.close(handle)
@@ -201,8 +207,34 @@ def keep_apart(output: Path | None, *inputs: Path | None) -> None:
         return
     for path in inputs:
         if path is not None and path.exists() and output.samefile(path):
-            why = f"{output}: is read by this command, so it is not overwritten; give another file"
-            raise InputError(why, file=str(output))
+            raise _read_by_the_command(output)
+
+
+def _read_by_the_command(path: Path) -> InputError:
+    why = f"{path}: is read by this command, so it is not overwritten; give another file"
+    return InputError(why, file=str(path))
+
+
+@contextmanager
+def one_command() -> Iterator[None]:
+    """Forget at the end what `keep_unread` was told."""
+    before = _OVERWRITTEN.set(set())
+    try:
+        yield
+    finally:
+        _OVERWRITTEN.reset(before)
+
+
+def keep_unread(*outputs: Path | None) -> None:
+    """Refuse to read files that this command will overwrite, from here on; for files that its input names.
+
+    Within `one_command`; without effect elsewhere.
+    """
+    overwritten = _OVERWRITTEN.get()
+    for output in outputs:
+        if overwritten is not None and output is not None and output.exists():
+            found = output.stat()
+            overwritten.add((found.st_dev, found.st_ino))
 
 
 def write_atomic(path: Path, data: bytes | str) -> None:

@@ -9,6 +9,7 @@ import typer
 from typer import Argument, Option
 
 from arm.errors import A465Error, InputError
+from arm.io.storage import one_command
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
 from cell.cli.ending import fail, finish
@@ -383,7 +384,7 @@ app.registered_commands += manual.registered_commands + tools.registered_command
 
 def main() -> None:
     """Run the command line; turn an `A465Error` into one line and its exit code."""
-    with interruptible(ends=True):
+    with interruptible(ends=True), one_command():
         try:
             app()
         except A465Error as error:

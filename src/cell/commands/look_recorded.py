@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from arm.io.storage import canonical_json, keep_apart, write_atomic
+from arm.io.storage import canonical_json, keep_apart, keep_unread, write_atomic
 from arm.poses import BoardPose
 from arm.se3 import Array
 from cell.config.board_keys import MADE_WITHIN_MM
@@ -28,6 +28,7 @@ def detections_step(
         InputError: a file is wrong, or cannot be written.
     """
     keep_apart(output, file, task_file)
+    keep_unread(output)
     recorded = read_detections(file)
     camera, limits, board = recorded.camera, BoardLimits(), recorded.board
     tilts: tuple[float, ...] = ()

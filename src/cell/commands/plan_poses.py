@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
-from arm.io.storage import keep_apart
+from arm.io.storage import keep_apart, keep_unread
 from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.clearances import erring_clearances
 from cell.commands.steps import move_to_json, warn_of
@@ -65,6 +65,7 @@ def plan_poses_step(
         ImpossibleError: an entry (named) is out of reach or has too little clearance, or an arm with its errors has.
     """
     keep_apart(output, place_file, poses_file, look)
+    keep_unread(output)
     seen, explain = None, None
     task = place_or_arm(place_file)
     if isinstance(task, ArmFile):
@@ -143,6 +144,7 @@ def plan_program_step(
         ImpossibleError: a step (named) is out of reach or has too little clearance, or an arm with its errors has.
     """
     keep_apart(output, program_file, look)
+    keep_unread(output)
     task, seen = _task_and_look(program_file, look)
     explain = partial(explain_list_failure, task, seen) if advice else None
     with within(budget):

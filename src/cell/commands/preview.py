@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import ImpossibleError, InputError
-from arm.io.storage import keep_apart
+from arm.io.storage import keep_apart, keep_unread
 from cell.console import Console
 
 
@@ -24,6 +24,7 @@ def preview_file(
 
     keep_apart(output, file, task, look)
     output = output or file.with_suffix(".html")
+    keep_unread(output)
     if is_log(file):
         from cell.preview.of_log import preview_log
 

@@ -23,7 +23,7 @@ from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
-from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
+from cell.task.plan_matches import replayed, require_scene, require_start_at
 from cell.task.programs.resume import resume_program, stopped_in
 from cell.task.programs.run import ProgramRun
 from cell.task.resume import resume
@@ -123,13 +123,13 @@ def execute_plan(
         run.followed = plan_file if plan.task["cubes"] else None
         before = run.try_look("before anything moves")
         if before is not None:
-            require_scene(task.cell, plan, before)
+            require_scene(task, plan, before)
             run.require_accuracy(before, plan, given=True)
         run.initialise_arm()
         run.go_to_start(before)
         run.after_homing()
         seen = run.look("from q_start")
-        require_scene(task.cell, plan, seen)
+        require_scene(task, plan, seen)
         run.require_accuracy(seen, plan, given=True)
         run.keep(plan, "plan")
         again = False
@@ -164,7 +164,9 @@ def resume_plan(
         raise InputError("--resume needs --port: every command starts a new simulated cell", port=None)
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
-    require_match(task, plan)
+    with console.doing("checking the plan"):
+        replayed(task, plan)
+        erring_clearances(task.cell, plan)
     if not (plan.task.get("cubes") or isinstance(task, ProgramTask)):
         why = f"{plan_file}: the plan moves no cubes, so its remaining part is unknown; execute it again as a whole"
         raise ImpossibleError(why, file=str(plan_file))

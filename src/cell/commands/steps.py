@@ -13,7 +13,7 @@ import numpy as np
 
 from arm.errors import ExecutionStopped, ImpossibleError
 from arm.former import former_names
-from arm.io.storage import canonical_json, keep_apart, write_atomic
+from arm.io.storage import canonical_json, keep_apart, keep_unread, write_atomic
 from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.budget_report import budget_to_json, print_budgets
 from cell.accuracy.clearances import erring_clearances
@@ -65,6 +65,7 @@ def look_step(
     require_one_camera(images, camera)
     for written in (output, picture):
         keep_apart(written, task_file, world)
+        keep_unread(written)
     task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:
         seen = look_and_save(task, frames, picture, console, "at the cell")
@@ -197,6 +198,7 @@ def plan_step(
     from cell.task.explain import explain_failure
 
     keep_apart(output, task_file, look_file)
+    keep_unread(output)
     task = read_task(task_file)
     seen = read_observation(look_file, task.cell.boards)
     require_boards(seen, task)

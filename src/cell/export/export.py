@@ -13,7 +13,7 @@ import numpy as np
 
 from arm.controller.unit import Unit
 from arm.errors import InputError
-from arm.io.storage import keep_apart, read_text, write_atomic
+from arm.io.storage import keep_apart, keep_unread, read_text, write_atomic
 from arm.plan_file import read_plan
 from cell.console import Console
 from cell.export.ros import JOINTS, joint_trajectory
@@ -103,6 +103,7 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
         raise InputError(why, option="period")
     path = asked.output or file.with_suffix(SUFFIXES[form])
     keep_apart(path, file, asked.cell)
+    keep_unread(path)
     period = PERIOD_S if asked.period is None else asked.period
     if form == "csv":
         samples = sampled(plan, unit, period)

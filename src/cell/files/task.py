@@ -15,7 +15,7 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node
 from arm.io.rules import flag, integer, integers, is_whole, number, numbers, path, rule_of, same, text
 from arm.io.storage import canonical_json, sha256
-from arm.se3 import Array
+from arm.se3 import Array, frozen
 from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
@@ -25,6 +25,7 @@ from plan.options import AIMS, CHOICES, LOOKS
 KINDS = ("clear-board", "board-to-board")
 KIND = text(*KINDS)
 POSES = "poses"  # kind of a task that was read from a cell file
+NOTHING: Array = frozen(np.zeros((0, 3)))  # no further points on a board
 _IDS = integers(2, 0, 999)
 HOLES = (1, 2, 3, 4)  # of a board
 _HOLES = rule_of(
@@ -105,6 +106,11 @@ class Task(TaskValues):
         if self.kind == POSES:
             return ()
         return (self.from_board,) if self.to_board is None else (self.from_board, self.to_board)
+
+    @property
+    def on_board(self) -> Array:
+        """Corners of boxes around bodies that stand on the board, beside its cubes, in its frame, (k, 3) m."""
+        return NOTHING
 
 
 class TaskKeys(TaskValues):

@@ -11,7 +11,7 @@ import numpy as np
 from arm.arguments import shown
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
-from arm.io.storage import keep_apart
+from arm.io.storage import keep_apart, keep_unread
 from arm.plan_file import write_plan
 from arm.robot.model import Robot
 from cell.config.arm_file import ArmFile
@@ -82,6 +82,7 @@ def certify_step(
     """
     for written in filter(None, (output, page)):
         keep_apart(written, trajectory_file, place_file, look)
+        keep_unread(written)
     if output is not None and page is not None and output.resolve() == page.resolve():
         raise InputError(f"--output and --page are the same file, {output}; must be two", option="--page")
     if clearance is not None and not 0.0 <= clearance <= MOST_CLEARANCE:

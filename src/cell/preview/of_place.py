@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import InputError
-from arm.io.storage import keep_apart
+from arm.io.storage import keep_apart, keep_unread
 from arm.plan_file import Move
 from arm.se3 import Array
 from cell.config.arm_file import ArmFile
@@ -55,6 +55,7 @@ def view_step(
     """
     output = output or Path(f"{file.stem}.html")
     keep_apart(output, file, look)
+    keep_unread(output)
     setting, drawn, q_start = _place(file, look)
     q = q_start if angles is None else _configuration(setting, angles)
     world = World(setting.robot, (*setting.scene.bodies, *setting.scene.cubes))

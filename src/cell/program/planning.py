@@ -13,7 +13,7 @@ from arm.plan_file import Plan, touching_pairs
 from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen
 from cell.program.parts.handled import Handled, Parts, parts_of, standing_on
-from cell.program.parts.plan_check import require_parts, scene_of_parts
+from cell.program.parts.plan_check import begins_at, require_parts, scene_of_parts
 from cell.program.path_step import PathStep
 from cell.program.program_file import PROGRAM, ProgramTask
 from cell.program.steps import Action, JointStep, PoseStep, Step, name_of
@@ -176,9 +176,7 @@ def require_threads(task: ProgramTask, plan: Plan) -> None:
     goals = [goal for goal in program_goals(task, np.eye(4)) if goal.threaded is not None]
     goals = [goal for goal in goals for _ in range(1 + goal.back)]
     before = plan.task.get("threaded_before", 0)  # of a plan for the rest of another
-    if before > len(goals) or (
-        before > 0 and np.array_equal(plan.start, task.cell.unit.counts(task.cell.q_start))
-    ):
+    if before > len(goals) or (before > 0 and begins_at(plan, task.cell.unit, task.cell.q_start)):
         why = f"the plan states {before} threaded moves before its first one, where the arm has done none; plan again"
         raise ImpossibleError(why, stated=before, expected=[goal.threaded for goal in goals])
     goals = goals[before:]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from itertools import pairwise
+from functools import cached_property
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +17,20 @@ from arm.io.node import Node, Rule
 from arm.io.rules import integer, integers, line, number, numbers, path, text, triple
 from arm.io.storage import canonical_json, read_bytes, sha256
 from arm.numerics.products import mul, norm
-from arm.robot.shapes import Body, Sphere, Torus, body_to_json
-from arm.robot.thread import ray_name
-from arm.se3 import Array, frozen, transform
+from arm.robot.shapes import Body, Box, Sphere, Torus, body_to_json
+from arm.robot.thread import ray_names
+from arm.se3 import Array, apply, frozen, transform
 from cell.config.arm_file import ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.inputs import config_inputs
-from cell.files.task import Task, board_of, place_or_arm, read_place, task_or_cell
-from cell.program.parts.handled import Part
+from cell.files.task import NOTHING, Task, board_of, place_or_arm, read_place, task_or_cell
+from cell.program.parts.handled import Part, parts_of
 from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
 from cell.program.points import WORK, read_wire
 from cell.program.steps import PUT, STEPS, TAKE, Action, JointStep, PoseStep, Step
+from plan.collision.covers import hull
 from plan.collision.world import distance_of
 from plan.options import AIMS
 
@@ -131,6 +133,22 @@ class ProgramTask(Task, ProgramValues):
         """Each line once that a ring is threaded on in some step."""
         threaded = (s.threaded for s in self.steps if isinstance(s, PathStep))
         return tuple({line.name: line for line in threaded if line is not None}.values())
+
+    @cached_property
+    def on_board(self) -> Array:
+        """Corners of boxes around the bodies and parts on the board, in its frame, (k, 3) m."""
+        if self.board is None:
+            return NOTHING
+        on_it = [(body.shape, body.T_base_body) for body in self.bodies_at(self.T_on_work)]
+        if self.part is not None:
+            handled = parts_of(self.part, self.steps, self.repeat, self.T_on_work).handled
+            on_it += [(Box(self.part.size), one.T_base_part) for one in handled]
+        around = [NOTHING]
+        for shape, T_board_body in on_it:
+            points, radius = hull(shape)
+            low, high = points.min(axis=0) - radius, points.max(axis=0) + radius
+            around.append(apply(T_board_body, list(product(*zip(low, high, strict=True)))))
+        return frozen(np.concatenate(around))
 
     def bodies_at(self, T_base_work: Array) -> tuple[Body, ...]:
         """Return the bodies on the work, in the base frame."""
@@ -308,11 +326,10 @@ def _check_threads(keys: ProgramKeys, root: Node, cell: Cell, known: set[str]) -
             if frozenset((thread.ring, body.name)) in step.touch:
                 rule = f"lets {thread.ring!r} touch {body.name!r}, the wire on which it is threaded"
                 raise node.error_at("touch", rule)
-        if ray_name(thread.name) in known:
-            rule = (
-                f"cannot be proved with a body named {ray_name(thread.name)!r}, as what prolongs the line is"
+        for name in known.intersection(ray_names(thread.name)):
+            raise node.error_at(
+                "threaded", f"cannot be proved with a body named {name!r}, as what prolongs the line is"
             )
-            raise node.error_at("threaded", rule)
         first = lines.setdefault(thread.name, thread)
         if first.ring != thread.ring or not np.array_equal(first.points, thread.points):
             rule = (

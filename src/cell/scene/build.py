@@ -5,6 +5,7 @@ In a grip the tool's z axis points into the plate, and the jaws move along its y
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
@@ -22,7 +23,7 @@ from cell.scene.bodies import T_hole_cube, cube_body, plate_body, stand_body
 from plan.scene import Pair, Scene, Station
 from vision.observation import Observation
 
-STAND_SHARE = 1.5  # padding of a stand, relative to that of its plate; at least sqrt(2), see `board_bodies`
+_STAND_SHARE = 1.5  # least padding of a stand, relative to that of its plate, see `board_bodies`
 RELEASE_GAP = 1e-3  # a cube is released this far above its seat, m
 
 
@@ -81,19 +82,23 @@ def board_bodies(cell: Cell, poses: Iterable[BoardPose]) -> list[Body]:
     """Plates and stands of the observed boards, padded by the distance t that a board may move unnoticed: `Cell.moved`.
 
     No point of a plate moves further than t unnoticed (`cell.files.board_shift`). A stand is a box below the plate,
-    with the same yaw. Let the plate's centre shift by c, and two opposite corners by c + d and c - d. Both are at most
-    t long, so |c|^2 + |d|^2 <= t^2. A corner of the stand therefore shifts by at most |c| + |d| <= sqrt(2) t.
+    with the same yaw, whose edges are at most k times those of the plate. Let the plate's centre shift by c, and two
+    opposite corners by c + d and c - d. Both are at most t long, so |c|^2 + |d|^2 <= t^2. A corner of the stand shifts
+    by at most |c| + k |d| <= sqrt(1 + k^2) t: its displacement is c and a combination of the d of two corners of the
+    plate, with weights whose sizes add up to k.
     """
     bodies = []
     for pose in poses:
         plate = plate_body(pose.board.name, pose.T_base_board, pose.board.plate)
         bodies.append(replace(plate, padding=cell.moved))
+        larger = max(a / b for a, b in zip(cell.stand_size, pose.board.plate.size[:2], strict=True))
+        share = max(_STAND_SHARE, math.sqrt(1.0 + larger**2))
         stand = stand_body(
             pose.board.name,
             pose.T_base_board,
             cell.stand_size,
             cell.table_z,
-            STAND_SHARE * cell.moved,
+            share * cell.moved,
             pose.board.plate,
         )
         bodies += [stand] if stand else []

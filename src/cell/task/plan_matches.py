@@ -185,7 +185,7 @@ def require_start_at(task: Task, plan: Plan) -> None:
         )
 
 
-def require_scene(cell: Cell, plan: Plan, observation: Observation) -> None:
+def require_scene(task: Task, plan: Plan, observation: Observation) -> None:
     """Require boards at their planned poses, within the cell's tolerance, and cubes in the planned holes.
 
     Raises:
@@ -201,8 +201,9 @@ def require_scene(cell: Cell, plan: Plan, observation: Observation) -> None:
             continue
         # the board on its plate, as observed
         T_plate_board = mul(inverse(plate.T_base_body), pose.T_base_board)
-        shift = board_shift(pose.board, cell.cube_size, mul(planned, T_plate_board), pose.T_base_board)
-        if shift.beyond(cell):
+        T_then, T_now = mul(planned, T_plate_board), pose.T_base_board
+        shift = board_shift(pose.board, task.cell.cube_size, T_then, T_now, task.on_board)
+        if shift.beyond(task.cell):
             faults.append(f"{plate.name} is {shift} from its planned pose")
     holding = {c["name"].removeprefix(cube_name("")) for c in plan.scene["cubes"]}
     for board in observation.boards:

@@ -303,7 +303,7 @@ class TaskRun(SecondLookRun):
             observation = self.confirm_placed(observation)
             if self.recovery.displaced:
                 return observation, True
-            changes = moved_boards(planned, observation, self.task.cell) + observation.changed(expected)
+            changes = moved_boards(planned, observation, self.task) + observation.changed(expected)
             for line in changes:
                 self.tell(line + "; the rest is replanned")
             if changes and not last:

@@ -13,6 +13,8 @@ from arm.io.storage import (
     canonical_json,
     data_file,
     keep_apart,
+    keep_unread,
+    one_command,
     open_file,
     read_bytes,
     read_json,
@@ -73,6 +75,29 @@ def test_an_input_is_not_overwritten_under_any_name(tmp_path: Path) -> None:
     keep_apart(None, read)
     other.touch()
     keep_apart(other, read, tmp_path / "not there")
+
+
+def test_a_command_does_not_read_what_it_will_overwrite(tmp_path: Path) -> None:
+    """A file that its input names, by any name; until the command ends, and not what it has written itself."""
+    output, other = tmp_path / "cell.toml", tmp_path / "other.toml"
+    output.write_text("a = 1")
+    other.write_text("a = 2")
+    os.link(output, tmp_path / "hard")
+    with one_command():
+        keep_unread(output, None, tmp_path / "not there")
+        assert read_text(other) == "a = 2"
+        for name in ("cell.toml", "hard"):
+            with pytest.raises(
+                InputError, match=f"{name}: is read by this command, so it is not overwritten"
+            ):
+                read_text(tmp_path / name)
+    assert read_text(output) == "a = 1"
+    with one_command():
+        keep_unread(output)
+        write_atomic(output, "b = 1")
+        assert read_text(output) == "b = 1"
+    keep_unread(output)
+    assert read_text(output) == "b = 1"
 
 
 @pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])

@@ -85,12 +85,16 @@ def test_linking_does_not_depend_on_the_frame(hoop: Robot, unit: Unit) -> None:
     assert turned.linking_number(hoop, q + TURN) == THREAD.linking_number(hoop, q)
 
 
-def test_the_ray_goes_on_where_the_wire_ends() -> None:
-    ray = THREAD.ray
+def test_the_rays_go_on_where_the_wire_ends() -> None:
+    ray, behind = THREAD.rays
     low = apply(ray.T_base_body, (0.0, 0.0, -ray.shape.length / 2.0))
     assert low == pytest.approx(TIP, abs=1e-12)
     assert apply(ray.T_base_body, (0.0, 0.0, 1.0))[2] > TIP[2]
-    assert THREAD.exempt(["ring", "palm"]) == {frozenset(("beyond wire", "palm"))}
+    top = apply(behind.T_base_body, (0.0, 0.0, -behind.shape.length / 2.0))
+    assert top == pytest.approx(FOOT, abs=1e-12)
+    assert apply(behind.T_base_body, (0.0, 0.0, 1.0))[2] < FOOT[2]
+    names = "beyond wire", "beyond the foot of wire"
+    assert THREAD.exempt(["ring", "palm"]) == {frozenset((name, "palm")) for name in names}
 
 
 def test_json_and_what_is_refused(hoop: Robot, unit: Unit) -> None:
@@ -105,13 +109,15 @@ def test_json_and_what_is_refused(hoop: Robot, unit: Unit) -> None:
             thread_from_json({**THREAD.to_json(), "line": line})
     with pytest.raises(InputError, match="whose shape is a torus"):
         Thread("wire", "palm", THREAD.line).linking_number(hoop, np.zeros(6))
-    with pytest.raises(InputError, match="the last two different"):
+    with pytest.raises(InputError, match="the first two different, and the last two"):
         Thread("wire", "ring", np.stack([TIP, TIP]))
+    with pytest.raises(InputError, match="the first two different, and the last two"):
+        Thread("wire", "ring", np.stack([FOOT, FOOT, TIP]))
 
 
 def world(hoop: Robot) -> World:
     names = [body.name for body in hoop.bodies]
-    return World(hoop, [BAR, THREAD.ray], allowed=THREAD.exempt(names))
+    return World(hoop, [BAR, *THREAD.rays], allowed=THREAD.exempt(names))
 
 
 def test_no_motion_over_the_free_end_keeps_its_distance_from_wire_and_ray(hoop: Robot, unit: Unit) -> None:
@@ -133,6 +139,25 @@ def test_no_motion_over_the_free_end_keeps_its_distance_from_wire_and_ray(hoop: 
         assert THREAD.linking_number(hoop, last) == 0
         assert not certify_curve(seen, curve_of_waypoints(np.array(waypoints)), 1e-3).proved
     assert checked > 20
+
+
+def test_no_motion_under_the_foot_keeps_its_distance_from_the_rays(hoop: Robot, unit: Unit) -> None:
+    """A wire may stand on nothing that keeps the ring above its foot."""
+    high = FOOT + (0.0, 0.0, 0.25), TIP + (0.0, 0.0, 0.25)
+    lifted = Thread("wire", "ring", np.stack(high))
+    bar = BAR.at(transform(t=(high[0] + high[1]) / 2.0))
+    waypoints = np.array([at(hoop, unit, ring_at(height)) for height in (0.2, 0.0)])
+    assert [abs(lifted.linking_number(hoop, q)) for q in waypoints] == [1, 1]
+    aside = at(hoop, unit, ring_at(0.0, 0.1))
+    assert np.abs(aside - waypoints[-1]).max() < 1.0  # of the same branch
+    way = curve_of_waypoints(np.array([*waypoints, aside]))
+    allowed = lifted.exempt([body.name for body in hoop.bodies])
+    only = World(hoop, [bar], allowed=allowed).only(["ring"])
+    assert certify_curve(only, way, 1e-3).proved
+    assert lifted.linking_number(hoop, aside) == 0
+    found = certify_curve(World(hoop, [bar, *lifted.rays], allowed=allowed).only(["ring"]), way, 1e-3)
+    assert not found.proved
+    assert "beyond the foot of wire" in found.pair
 
 
 @pytest.fixture(scope="module")
@@ -189,6 +214,20 @@ def test_a_path_over_the_free_end_is_refused_if_it_should_stay(hoop: Robot, unit
     replay(plan, scene, unit, unit.limits())
     with pytest.raises(ImpossibleError, match="of beyond wire"):
         replay(called_threaded(plan), scene, unit, unit.limits())
+
+
+@pytest.mark.slow
+def test_a_path_under_the_foot_is_refused_if_it_should_stay(hoop: Robot, unit: Unit) -> None:
+    """The wire stands on nothing: the ring could leave it there as well, and the line of wire and rays knows."""
+    lifted = Thread("wire", "ring", THREAD.line + (0.0, 0.0, 0.25))
+    scene = Scene(hoop, hoop, (BAR.at(transform(t=lifted.line.mean(axis=0))),), (), threads=(lifted,))
+    bend = [(-0.02 - 0.03 * np.sin(u), 0.03 * (1.0 - np.cos(u))) for u in np.linspace(0.0, np.pi / 2.0, 30)]
+    under = [ring_at(*place) for place in [(0.15, 0.0), *bend, (-0.05, 0.1)]]
+    goal = Target("under", np.stack(under), by="path", free="rz", line_clearance=0.003)
+    q_start = at(hoop, unit, goal.curve.T_start)
+    plan_program(Program(scene, (goal,), q_start, unit, unit.limits()))
+    with pytest.raises(ImpossibleError, match="beyond the foot of wire"):
+        plan_program(Program(scene, (replace(goal, threaded="wire"),), q_start, unit, unit.limits()))
 
 
 def test_a_move_beside_the_wire_that_is_called_threaded_is_refused(hoop: Robot, unit: Unit) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import cv2
 import pytest
 
 from arm.errors import ImpossibleError
+from arm.io.storage import data_file
 from tasks.small import small_scenes
 from tasks.whole_run import run_whole
 from typed.command_line import a465, refused, replace_in
@@ -133,3 +135,14 @@ def test_a_hole_out_of_reach_ends_with_3_before_anything_moves(scenes: Path, tmp
     assert run.record is not None
     assert len(run.record.time_ms) == 0
     assert all(line.split(":")[0] in ("", "ECHO", "STAMP", "VER?") for _, line in run.sent)
+
+
+@pytest.mark.parametrize(
+    ("verb", "read"), [("plan", "drawing.svg"), ("plan", "cell.toml"), ("view", "tools/pen.toml")]
+)
+def test_a_file_that_the_program_names_is_not_overwritten(tmp_path: Path, verb: str, read: str) -> None:
+    pen = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "pen"
+    before = (pen / read).read_bytes()
+    told = refused(verb, pen / "drawing.toml", "-o", pen / read, code=2, cwd=tmp_path)
+    assert f"{read}: is read by this command, so it is not overwritten" in told
+    assert (pen / read).read_bytes() == before

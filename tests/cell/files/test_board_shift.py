@@ -52,6 +52,15 @@ def test_what_moves_farthest_is_found_and_little_more(board: Board) -> None:
         assert shift.farthest <= farthest + turn * (0.02 if board is EDGE else 0.035) + 1e-9
 
 
+def test_a_body_on_the_board_counts_as_well() -> None:
+    """The top of a wire 0.18 m high moves further than any point of the plate."""
+    top = np.array([[0.05, 0.15, 0.3]])
+    then, now = np.eye(4), transform(rotation((0.017, 0.0, 0.0)))
+    shift = board_shift(MIDDLE, CUBE, then, now, top)
+    assert shift.farthest == pytest.approx(np.linalg.norm(apply(now, top) - top))
+    assert shift.farthest > board_shift(MIDDLE, CUBE, then, now).farthest
+
+
 def test_a_cube_that_is_sunk_in_its_pocket_stands_no_higher_than_the_plate() -> None:
     """Only the plate moves then: about an axis in its top, its corners at the bottom are the farthest."""
     tilt = transform(rotation((0.1, 0.0, 0.0)))

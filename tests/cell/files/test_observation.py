@@ -137,12 +137,12 @@ def test_boards_that_moved_are_told_by_their_farthest_point(task: Task) -> None:
     before = _seen(task)
     first, second = before.boards
     nudged = _seen_board(second.pose.board, transform(t=(0.003, 0, 0)) @ second.pose.T_base_board)
-    assert moved_boards(before, before, task.cell) == []
-    (line,) = moved_boards(before, Observation((first, nudged)), task.cell)
+    assert moved_boards(before, before, task) == []
+    (line,) = moved_boards(before, Observation((first, nudged)), task)
     assert "board 03-04 moved by 3.0 mm" in line
     centre = transform(t=(0.09, 0.07, 0.0))
     turned = first.pose.T_base_board @ centre @ transform(rot_z(np.radians(1.5))) @ inverse(centre)
-    (line,) = moved_boards(before, Observation((_seen_board(first.pose.board, turned), second)), task.cell)
+    (line,) = moved_boards(before, Observation((_seen_board(first.pose.board, turned), second)), task)
     assert "moved by 4.1 mm and 1.50 deg" in line  # 0.156 m from centre to corner
 
 

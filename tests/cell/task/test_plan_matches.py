@@ -134,14 +134,14 @@ def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(
 ) -> None:
     cell, name = task.cell, "03-04"
     T = next(b for b in seen.boards if b.name == name).pose.T_base_board
-    require_scene(cell, plan, seen)
+    require_scene(task, plan, seen)
     for shift in (0.9, 1.1):
         moved = with_pose(seen, name, transform(t=(shift * cell.moved, 0.0, 0.0)) @ T)
         if shift < 1.0:
-            require_scene(cell, plan, moved)
+            require_scene(task, plan, moved)
             continue
         with pytest.raises(ImpossibleError, match=r"plate 03-04 is 1\.[67] mm and 0.00 deg from its planned"):
-            require_scene(cell, plan, moved)
+            require_scene(task, plan, moved)
     centre = T @ transform(t=(0.09, 0.07, 0.0))
     for turn in (0.9, 1.1):  # about its centre, in the plane
         turned = with_pose(
@@ -149,7 +149,7 @@ def test_a_saved_plan_is_refused_where_a_board_moved_or_turned(
             name,
             centre @ transform(rotation((0.0, 0.0, turn * cell.turned))) @ transform(t=(-0.09, -0.07, 0.0)),
         )
-        loose = replace(cell, moved=0.1)
+        loose = replace(task, cell=replace(cell, moved=0.1))
         if turn < 1.0:
             require_scene(loose, plan, turned)
             continue
@@ -165,7 +165,7 @@ def test_a_small_turn_that_moves_a_corner_too_far_counts_as_moved(
     T = next(b for b in seen.boards if b.name == name).pose.T_base_board
     about = T @ transform(t=(0.09, 0.07, 0.0)) @ transform(rotation((0.0, 0.0, np.radians(0.8))))
     with pytest.raises(ImpossibleError, match=r"plate 03-04 is 2\.[0-9] mm and 0.80 deg"):
-        require_scene(task.cell, plan, with_pose(seen, name, about @ transform(t=(-0.09, -0.07, 0.0))))
+        require_scene(task, plan, with_pose(seen, name, about @ transform(t=(-0.09, -0.07, 0.0))))
 
 
 def test_a_saved_plan_is_refused_where_one_of_its_boards_is_not_seen(
@@ -174,7 +174,7 @@ def test_a_saved_plan_is_refused_where_one_of_its_boards_is_not_seen(
     for gone in seen.boards:
         rest = replace(seen, boards=tuple(b for b in seen.boards if b.name != gone.name))
         with pytest.raises(ImpossibleError, match=f"plate {gone.name} of the plan was not seen"):
-            require_scene(task.cell, plan, rest)
+            require_scene(task, plan, rest)
 
 
 def test_a_board_that_the_plan_does_not_know_refuses_it(task: Task, plan: Plan, seen: Observation) -> None:
@@ -183,7 +183,7 @@ def test_a_board_that_the_plan_does_not_know_refuses_it(task: Task, plan: Plan, 
         seen.boards[0], pose=replace(seen.boards[0].pose, board=other), occupancy=(Occupancy("empty"),) * 4
     )
     with pytest.raises(ImpossibleError, match="plate 05-06 is not in the plan"):
-        require_scene(task.cell, plan, replace(seen, boards=(*seen.boards, extra)))
+        require_scene(task, plan, replace(seen, boards=(*seen.boards, extra)))
 
 
 def test_a_plan_whose_paddings_were_taken_away_is_refused(task: Task, plan: Plan) -> None:
@@ -218,10 +218,10 @@ def test_a_hole_that_looks_otherwise_than_planned_refuses_it_and_an_unsure_one_d
         hole = next(h.name for p in seen.poses for h in p.holes if seen.state(h.name) == planned)
         return seen.with_states({hole: state})
 
-    require_scene(task.cell, plan, looks(planned))
-    require_scene(task.cell, plan, looks("unsure"))
+    require_scene(task, plan, looks(planned))
+    require_scene(task, plan, looks("unsure"))
     with pytest.raises(ImpossibleError, match=rf"looks {found}, planned was {planned}"):
-        require_scene(task.cell, plan, looks(found))
+        require_scene(task, plan, looks(found))
 
 
 @pytest.mark.parametrize("joint", range(6))

@@ -11,7 +11,7 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
 from arm.plan_file import Move, Plan
-from cell.program.planning import plan_of_program, program_options, program_scene
+from cell.program.planning import plan_of_program, program_options, program_scene, require_threads
 from cell.program.program_file import ProgramTask, read_program
 from cell.task.plan_matches import replayed
 from plan.program.rest import NEAR, place_on, rest_of_plan
@@ -95,6 +95,17 @@ def test_a_plan_from_the_start_has_no_threaded_moves_behind_it() -> None:
         stated = replace(plan, steps=steps, task={**plan.task, "threaded_before": before})
         with pytest.raises(ImpossibleError, match=f"states {before} threaded moves before its first one"):
             replayed(task, stated)
+
+
+def test_a_plan_that_begins_a_count_beside_q_start_is_one_from_the_start() -> None:
+    """`execute` takes a plan that begins within the tolerance of rest; what it says was done before has to agree."""
+    task, plan, _ = _planned()
+    first = next(plan.moves)
+    start = (first.path.start[0] + 1, *first.path.start[1:])
+    near = replace(first, path=replace(first.path, start=start), threaded=None)
+    bare = (near, *(replace(s, threaded=None) if isinstance(s, Move) else s for s in plan.steps[1:]))
+    with pytest.raises(ImpossibleError, match="states 2 threaded moves before its first one"):
+        require_threads(task, replace(plan, steps=bare, task={**plan.task, "threaded_before": 2}))
 
 
 def test_a_plan_states_the_board_of_its_programs_work() -> None:

@@ -59,6 +59,11 @@ def scene_of_parts(
     return replace(moved, supplies=tuple(supply for supply in left if supply))
 
 
+def begins_at(plan: Plan, unit: Unit, q: Array) -> bool:
+    """Whether the arm at q (n,) rad is at rest where a plan begins, as closely as `execute` asks for it."""
+    return bool(np.abs(np.subtract(plan.start, unit.counts(q))).max() <= unit.rest_tolerance)
+
+
 def require_parts(plan: Plan, parts: Parts, robot: Robot, unit: Unit, q_start: Array) -> None:
     """Require that a plan takes and puts down the parts of its program, each where and when the program does.
 
@@ -72,7 +77,7 @@ def require_parts(plan: Plan, parts: Parts, robot: Robot, unit: Unit, q_start: A
         ImpossibleError: it does not, or lets parts touch something elsewhere; data: step, part.
     """
     before = plan.task.get("parts_before", 0)
-    if before > len(parts.handled) or (before > 0 and np.array_equal(plan.start, unit.counts(q_start))):
+    if before > len(parts.handled) or (before > 0 and begins_at(plan, unit, q_start)):
         why = f"it states {before} parts taken or put down before its first move, where the arm has done none"
         raise _refused(why, stated=before)
     done, held = before, None

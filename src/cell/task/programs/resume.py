@@ -106,7 +106,8 @@ def _require_boards(run: ProgramRun, plan: Plan) -> Observation:
         if now is None:
             run.tell(f"board {board.name} is hidden; it is taken to be where the plan has it")
             continue
-        shift = board_shift(board.pose.board, cell.cube_size, board.pose.T_base_board, now.pose.T_base_board)
+        T_then, T_now = board.pose.T_base_board, now.pose.T_base_board
+        shift = board_shift(board.pose.board, cell.cube_size, T_then, T_now, run.task.on_board)
         if shift.beyond(cell):
             why = f"board {board.name} is {shift} from its planned pose; {_BY_HAND}"
             raise ImpossibleError(why, board=board.name)

@@ -128,7 +128,7 @@ class AttachmentWorlds:
     ) -> World:
         """Return the world of a state with these allowed collisions; pairs of fixed bodies are ignored.
 
-        With `threaded`, the name of a thread, it has the ray of that thread as well.
+        With `threaded`, the name of a thread, it has the rays of that thread as well.
         """
         moving = {*(body.name for body in self.robot.bodies), state.held or ""}
         allowed_collisions = frozenset(pair for pair in allowed_collisions if pair & moving)
@@ -146,7 +146,7 @@ class AttachmentWorlds:
                 thread = self.scene.thread(threaded)
                 arm = [*(b.name for b in robot.bodies), *(() if held is None else (held.name,))]
                 allowed_collisions |= thread.exempt(arm)
-                still = [*still, thread.ray]
+                still = [*still, *thread.rays]
             self._worlds[key] = World(robot, still, held, state.T_tool_held, allowed_collisions, self.padding)
         return self._worlds[key]
 

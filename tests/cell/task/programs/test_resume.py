@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import Plan, read_plan
+from arm.plan_file import Move, Plan, read_plan, write_plan
 from cell.program.planning import plan_of_program
 from cell.program.program_file import ProgramTask, read_program
 from cell.task.programs.resume import stopped_in
@@ -95,6 +96,17 @@ def test_an_arm_that_is_not_on_the_path_begins_anew_if_it_can_and_tells_a_cure_i
     report = at.resumed(plan, "third")
     assert "it begins anew from q_start" in capsys.readouterr().out
     assert report["wires"][0]["touches"] == 0
+
+
+@pytest.mark.slow
+def test_a_plan_that_does_not_hold_is_refused_before_the_port_is_opened(lasting: Lasting) -> None:
+    """The arm may begin anew on all of a plan, so all of it is certified again: here the ring leaves its wire."""
+    whole, plan = read_plan(lasting.plan), lasting.folder / "bare.json"
+    steps = tuple(replace(s, threaded=None) if isinstance(s, Move) else s for s in whole.steps)
+    write_plan(plan, replace(whole, steps=steps))
+    with pytest.raises(ImpossibleError, match="states a threaded ring for moves on none"):
+        lasting.resumed(plan, "first")
+    assert not (lasting.folder / "first").exists()
 
 
 @pytest.mark.slow
