@@ -81,10 +81,10 @@ def program_reach(task: ProgramTask, observation: Observation, speed: float) -> 
             continue
         done.add(goal.name)
         if goal.by == "path":
-            world = worlds.on_lines(worlds.nominal_state(number), goal)
-            found += _of_path(
-                world, CurveGraph(worlds.robot, goal.curve, world, options.clearance, limits), goal.name
-            )
+            state = worlds.nominal_state(number)
+            world, transit = worlds.on_lines(state, goal), worlds.world(state)
+            graph = CurveGraph(worlds.robot, goal.curve, world, options.clearance, limits)
+            found += _of_path(world, transit, graph, goal.name, (0,) if goal.back else (0, -1))
         else:
             found += _of_pose(worlds, number, limits, goal.clearance_on_lines(options))
     return tuple(found)
@@ -105,10 +105,18 @@ def require_reach(stations: tuple[StationReach, ...]) -> None:
         raise ImpossibleError(f"the arm cannot do {shown}; move the work, or free more directions")
 
 
-def _of_path(world: World, graph: CurveGraph, name: str) -> Iterator[StationReach]:
-    at = graph.curve.poses(graph.places)[:, :3, 3]
-    for place, position, reached, q in zip(graph.places, at, graph.reached, graph.q, strict=True):
-        yield _station(name, float(place), position, world, q[reached], graph.clearance)
+def _of_path(
+    world: World, transit: World, graph: CurveGraph, name: str, ends: tuple[int, ...]
+) -> list[StationReach]:
+    """Return the stations of a path; at its `ends` transits begin and end, in which less may touch."""
+    at, worlds = graph.curve.poses(graph.places)[:, :3, 3], [world] * len(graph.places)
+    for end in ends:
+        worlds[end] = transit
+    columns = zip(graph.places, at, worlds, graph.reached, graph.q, strict=True)
+    return [
+        _station(name, float(place), position, of, q[reached], graph.clearance)
+        for place, position, of, reached, q in columns
+    ]
 
 
 def _of_pose(
@@ -119,10 +127,11 @@ def _of_pose(
     A retract that ends where the approach began is listed once, with the world in which there is less room.
     """
     goal, options = worlds.targets[number], SearchOptions()
-    before, after = (worlds.on_lines(worlds.nominal_state(n), goal) for n in (number, number + 1))
-    ends = {-goal.approach: [before], 0.0: [before]}
-    if goal.retract:
-        ends.setdefault(-goal.retract, []).append(after)
+    before, after = (worlds.nominal_state(n) for n in (number, number + 1))
+    # transits end where the approach begins, and begin where the retract ends: nothing may touch there
+    ends = {-goal.approach: [worlds.world(before)]}
+    ends.setdefault(0.0, []).append(worlds.on_lines(before, goal))
+    ends.setdefault(-goal.retract, []).append(worlds.world(after))
     poses = goal.poses
     if goal.freedom:
         poses = np.concatenate([goal.freedom.sampled(T, options.poses, options.seed) for T in poses])

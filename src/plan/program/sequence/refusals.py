@@ -31,7 +31,7 @@ def end_blocked(
     return ImpossibleError(
         f"the transit from {before} to {name} {verb} too near to a body: at {where}, {pair[0]} is "
         f"{distance * 1e3:.1f} mm from {pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, "
-        "less clearance, or the option near_ends may help",
+        "a path that begins and ends further out, or less clearance may help",
         reason=f"{verb} with {pair[0]} too near to {pair[1]}",
         target=where,
         pair=list(pair),

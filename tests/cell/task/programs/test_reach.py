@@ -16,6 +16,7 @@ from arm.se3 import transform
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import PoseStep
 from cell.task.programs.reach import program_reach, require_reach
+from programs.program_files import PROGRAM as PATH_AND_POSE
 from programs.program_files import program
 from typed.command_line import a465
 from vision.observation import Observation
@@ -57,13 +58,25 @@ def test_a_station_out_of_reach_or_too_near_is_named_with_its_cause() -> None:
 
 
 def test_the_command_takes_programs_as_it_takes_tasks(tmp_path: Path) -> None:
-    file = program(tmp_path)
+    file = program(tmp_path, PATH_AND_POSE.replace("backwards = true", "backwards = true\nback = true"))
     said, _ = a465("reach", file, "--json")
     stations = json.loads(said)["stations"]
     assert {s["step"] for s in stations} == {"wire", "above"}
     assert stations[0]["place_mm"] == 0.0
     _, told = a465("reach", file.with_name("task2.toml"), code=2)
     assert "no jaws" in told or "--look is missing" in told
+
+
+@pytest.mark.slow
+def test_a_path_begins_and_ends_where_a_transit_may() -> None:
+    """The pen may touch the table on the path, but not on the way to it: 10 mm are more than the strokes lift."""
+    task = read_program(data_file("scenes/pen/drawing.toml"))
+    require_reach(program_reach(task, Observation(), 0.5))
+    high = program_reach(replace(task, clearance=0.01), Observation(), 0.5)
+    blocked = [s for s in high if not s.free]
+    assert {s.step for s in blocked} == {s.step for s in high}
+    assert all(set(s.pair) == {"pen", "table"} for s in blocked)
+    assert len(blocked) == 2 * len({s.step for s in high})
 
 
 @pytest.mark.slow
