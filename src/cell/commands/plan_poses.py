@@ -19,6 +19,7 @@ from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
+from cell.program.path_speeds import HEADER, path_speeds
 from cell.program.planning import plan_of_program
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import Action
@@ -152,6 +153,9 @@ def plan_program_step(
     erring = erring_clearances(task.cell, plan, seen)
     write_plan(output, plan)
     _print_steps(plan, erring, console)
+    speeds = path_speeds(task, plan)
+    if speeds:
+        console.table(HEADER, [one.row() for one in speeds])
     least = 1e3 * min(m.clearance for m in plan.moves)
     console.say(
         f"{task.title}: {plan.duration_s:.1f} s at speed {plan.speed:g}, "
@@ -175,6 +179,7 @@ def plan_program_step(
         "boards": [board.name for board in seen.boards],
         "reached": plan.task["reached"],
         "moves": [move_to_json(m, of) for m, of in zip_longest(plan.moves, erring)],
+        "path_speeds": [one.to_json() for one in speeds],
     }
 
 
