@@ -1,7 +1,8 @@
 """The errors of a calibrated arm, and of boards and cubes, that certificates allow for.
 
-They are those of the budget of a placement, at `accuracy.sigmas` standard deviations. Arm and boards are taken to err
-independently; where their errors go together, as those of the camera's pose do, this only takes off too much.
+They are those of the budget of a placement, each within its own ellipsoid of `accuracy.sigmas` standard deviations. The
+bounds of arm and boards are added: no two errors inside their ellipsoids do more together, however they are correlated
+(through the camera's pose, for one).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def arm_errors(cell: Cell) -> ArmErrors | None:
 
 
 def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict[str, float]:
-    """Return how far boards, stands, cubes and what is on a work may be from where a plan has them, m, by their names.
+    """Return how far boards, stands, cubes and bodies of a workpiece may be from where a plan has them, m, by name.
 
     A cube counts as off by the largest of what it may be off in its hole, in the jaws, and where it is released. In the
     jaws that is relative to the tool, whose own errors are those of the arm.
@@ -89,7 +90,7 @@ def body_errors(cell: Cell, seen: Observation, plan: Plan, scene: Scene) -> dict
 
 
 def _board_of(body: Body, scene: Scene, plan: Plan) -> str:
-    """Name of the board of ``plate 01-02`` or ``stand 01-02``, or of the one on which a cube stands, or the work is.
+    """Name of the board of ``plate 01-02`` or ``stand 01-02``, or of the one with a cube or the workpiece on it.
 
     A cube has the name of the hole that it came from, and stands on the nearest plate of those that it touches.
     """

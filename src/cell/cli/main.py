@@ -29,7 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(calibrate_app)
-_LOOK = "Boards as written by a465 look; a program needs it if its work is on one."
+_LOOK = "Boards as written by a465 look; a program needs it if its workpiece is on one."
 _AVOIDED = "Detected boards, to be avoided like the table and the walls; default: none."
 
 
@@ -140,7 +140,8 @@ def look(
 @app.command(
     short_help="Report which holes or stations of paths the arm can reach.",
     help="Report for every hole, or every station of a program's paths, whether the arm can reach it, "
-    "on which inverse-kinematics branches or with how many solutions, and what limits it.",
+    "on which inverse-kinematics branches or with how many solutions, and what limits it. The solutions of a "
+    "station are counted over samples of its free directions, within the joint limits, before collision checks.",
     epilog=examples("a465 reach scenes/task2.toml --look look.json"),
 )
 def reach(

@@ -60,12 +60,12 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
         cell = place.cell
         robot, unit, limits, options = cell.robot(), cell.unit, cell.limits, options_of(place, plan.speed)
     columns = ["name", "stated_mm", "proved_mm"]
-    header = ["move", "mm stated", "mm proved"]
+    header = ["move", "stated mm", "proved mm"]
     if any(m["proved_erring_mm"] is not None for m in result["moves"]):
-        columns, header = [*columns, "proved_erring_mm"], [*header, "mm with errors"]
+        columns, header = [*columns, "proved_erring_mm"], [*header, "with errors mm"]
     rows = [(*(m[column] for column in columns), " - ".join(m["closest"])) for m in result["moves"]]
     console.table((*header, "closest"), rows)
-    if "mm with errors" in header:
+    if "with errors mm" in header:
         console.say(
             "with errors: proved for every error of the arm within accuracy.sigmas standard deviations"
         )
@@ -82,8 +82,8 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     else:
         apart = [m["percent"] for m in again["motions"]]
         console.say(
-            f"second opinion on the time: along the same paths the library toppra needs {again['toppra_s']:.2f} s, the "
-            f"plan's motions {again['planned_s']:.2f} s ({again['percent']:+.2f} %; per motion {min(apart):+.2f} to "
+            f"toppra, on a spline through the sent motion: duration {again['toppra_s']:.2f} s; planned: "
+            f"{again['planned_s']:.2f} s ({again['percent']:+.2f} %; per motion {min(apart):+.2f} to "
             f"{max(apart):+.2f} %)"
         )
     return result

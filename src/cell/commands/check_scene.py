@@ -137,7 +137,7 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         console.table(("query", *before, "mm", *after), [_row(a, (a.seen,)) for a in queries])
     if motions:
         console.say()
-        header = ("motion", *before, "mm proved", "mm seen", *after)
+        header = ("motion", *before, "proved mm", "seen mm", *after)
         console.table(header, [_row(a, (_down(a.proved), _up(a.seen))) for a in motions])
         console.say("proved: lower bound of the clearance over the whole motion; seen: upper bound")
     if any(a.seen < 0.0 for a in motions):

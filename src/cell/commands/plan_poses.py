@@ -135,7 +135,7 @@ def plan_program_step(
 
     Args:
         program_file: see `cell.program.program_file`.
-        look: detected boards; needed if the work is on one.
+        look: detected boards; needed if the workpiece is on one.
         output: plan file to write.
         speed: see `cell.session.speed`; default: the cell's.
         advice: whether to explain a refusal, with changes that would help.
@@ -166,7 +166,8 @@ def plan_program_step(
         console.say(_PARTS)
     elif any(isinstance(step, Action) and step.jaws for step in task.steps):
         console.say(_IN_JAWS)
-    console.say(f"clearances refer to the bodies of the files; {task.cell.arm_shape()}")
+    console.say("a clearance is a distance between bodies as the files describe them, less padding")
+    console.say(task.cell.arm_shape())
     console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {
         "plan": str(output),
@@ -193,7 +194,7 @@ def reach_program_step(program_file: Path, look: Path | None, console: Console) 
     task, seen = _task_and_look(program_file, look)
     stations = program_reach(task, seen, planning_speed(task.cell, None))
     console.table(
-        ("step", "mm", "x mm", "y mm", "z mm", "solutions", "what limits it"),
+        ("step", "path mm", "x mm", "y mm", "z mm", "sampled solutions", "what limits it"),
         [(s.step, 1e3 * s.place, *(1e3 * v for v in s.position), s.solutions, s.reason()) for s in stations],
     )
     require_reach(stations)
@@ -218,7 +219,7 @@ def _task_and_look(program_file: Path, look: Path | None) -> tuple[ProgramTask, 
     """
     task = read_program(program_file)
     if look is None and task.board is not None:
-        why = f"--look is missing: the work of {program_file} is on board {task.board.name}"
+        why = f"--look is missing: the workpiece of {program_file} is on board {task.board.name}"
         raise InputError(why, option="--look")
     seen = Observation() if look is None else read_observation(look, task.cell.boards)
     if look is not None:
@@ -237,4 +238,6 @@ def _print_steps(plan: Plan, erring: Sequence[float], console: Console) -> None:
         )
         for s in plan.steps
     ]
-    console.table(("step", "s", "mm", *(["mm with errors"] if erring else []), "closest"), rows)
+    console.table(
+        ("step", "duration s", "clearance mm", *(["with errors mm"] if erring else []), "closest"), rows
+    )

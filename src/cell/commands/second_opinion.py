@@ -1,4 +1,4 @@
-"""A second opinion on the time of a plan: its motions, timed again by the library toppra along the same path."""
+"""A second opinion on the time of a plan: the library toppra times a spline through each of its motions."""
 
 from __future__ import annotations
 

@@ -219,7 +219,8 @@ def plan_step(
     if stopped is not None:
         why = f"{stopped}; it is written to {output}, certified, code {plan.code}"
         raise ExecutionStopped(why, plan=str(output), reason="interrupted")
-    console.say(f"clearances refer to the bodies of the cell file; {task.cell.arm_shape()}")
+    console.say("a clearance is a distance between bodies as the files describe them, less padding")
+    console.say(task.cell.arm_shape())
     console.say(f"plan {plan.sha256[:12]} written to {output}")
     return {
         "plan": str(output),
@@ -243,7 +244,14 @@ def _print_plan(plan: Plan, cell: Cell, console: Console, erring: tuple[float, .
         + (" - ".join(m.closest),)
         for m, of in zip_longest(plan.moves, erring)
     ]
-    header = ("move", "s", "segments", "mm", *(["mm with errors"] if erring else []), "closest")
+    header = (
+        "move",
+        "duration s",
+        "segments",
+        "clearance mm",
+        *(["with errors mm"] if erring else []),
+        "closest",
+    )
     console.table(header, rows)
     console.say(
         f"{len(rows)} moves in {len(plan.motions)} motions, {plan.duration_s:.1f} s at speed {plan.speed:g}, "

@@ -115,10 +115,10 @@ class Cell(CellValues, JawValues):
     def arm_shape(self) -> str:
         """Say in one line who compared the arm's assumed bodies with the arm, and the padding of its links."""
         tool = "gripper" if self.has_jaws else "tool"
-        padded = f"links padded by {1e3 * self.arm_padding:g} mm, the {tool} not"
+        padded = f"its links are padded by {1e3 * self.arm_padding:g} mm, the {tool} is not"
         if self.arm_compared.strip():
-            return f"the arm's bodies were compared with the arm ({self.arm_compared.strip()}): {padded}"
-        return f"the arm's shape is assumed, nobody has compared it with the arm: {padded}"
+            return f"the arm's bodies were compared with the arm ({self.arm_compared.strip()}); {padded}"
+        return f"the arm's bodies are assumed, nobody has compared them with the arm; {padded}"
 
     @property
     def limits(self) -> Limits:

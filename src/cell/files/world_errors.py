@@ -75,7 +75,7 @@ class ToolKeys(Keys):
 
 
 class WorkKeys(Keys):
-    """Keys of ``[work]``: where the work of a program truly is."""
+    """Keys of ``[work]``: where the workpiece of a program truly is."""
 
     work_off: Array = key("work.off_mm", numbers(3, "mm", -50, 50), [0] * 3)
     work_turned: Array = key("work.turned_deg", numbers(3, "deg", -20, 20), [0] * 3)

@@ -51,7 +51,7 @@ def view_step(
 
     Raises:
         InputError: a file or value is wrong.
-        ImpossibleError: the work of a program is on a board, and there is no look with it.
+        ImpossibleError: the workpiece of a program is on a board, and there is no look with it.
     """
     output = output or Path(f"{file.stem}.html")
     keep_apart(output, file, look)

@@ -1,1 +1,1 @@
-"""Programs as files: paths, poses and joints on a work, read from TOML."""
+"""Programs as files: paths, poses and joints on a workpiece, read from TOML."""

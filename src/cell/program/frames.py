@@ -24,7 +24,7 @@ class PathPoses:
 
     Attributes:
         s: (m,), arc lengths, ascending from 0, m.
-        T_work_tool: (m, 4, 4), the tool in the frame of the work.
+        T_work_tool: (m, 4, 4), the tool in the frame of the workpiece.
         stops: arc lengths of the corners at which the arm must stop, m.
     """
 
@@ -81,7 +81,7 @@ def transported(z: Array, x: Array) -> Array:
 
 
 def first_x(z: Array) -> Array:
-    """Return the axis of the work that is taken for the tool's x axis: x, or y if z (3,) is nearly along x."""
+    """Return the axis of the workpiece that is taken for the tool's x axis: x, or y if z (3,) is nearly along x."""
     return np.array([1.0, 0.0, 0.0]) if abs(float(z[0])) < 0.9 else np.array([0.0, 1.0, 0.0])
 
 
@@ -91,8 +91,8 @@ def poses_along(
     """Return the poses of a tool along an outline.
 
     Args:
-        outline: of the tool's origin, in the frame of the work.
-        axis: (3,), unit direction of the tool's z axis in the frame of the work; None: along the outline.
+        outline: of the tool's origin, in the frame of the workpiece.
+        axis: (3,), unit direction of the tool's z axis in the frame of the workpiece; None: along the outline.
         sign: 1 or -1: whether z points along the outline or against it, if `axis` is None.
         window: see `smoothed_directions`.
         turn: of the tool about its z axis, at the start from `first_x`, rad.

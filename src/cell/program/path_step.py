@@ -31,8 +31,8 @@ Pairs = frozenset[frozenset[str]]
 
 
 def _axis(node: Node) -> str | Array:
-    """Read along, against, or a direction in the frame of the work."""
-    words = f"{', '.join(ALONG)}, or a direction x, y, z in the frame of the work"
+    """Read along, against, or a direction in the frame of the workpiece."""
+    words = f"{', '.join(ALONG)}, or a direction x, y, z in the frame of the workpiece"
     if isinstance(node.value, str) and node.value in ALONG:
         return node.value
     good = isinstance(node.value, list) and len(node.value) == 3 and all(map(is_number, node.value))
@@ -122,8 +122,8 @@ class ThreadedLine:
     Attributes:
         name: of the line: that of its file.
         ring: name of the tool's body.
-        points: (k, 3) m, of the line from its foot to its free end, in the frame of the work.
-        bodies: of the wire, with poses in the frame of the work.
+        points: (k, 3) m, of the line from its foot to its free end, in the frame of the workpiece.
+        bodies: of the wire, with poses in the frame of the workpiece.
     """
 
     name: str
@@ -139,7 +139,7 @@ class PathStep:
     Attributes:
         key: position in the file, such as ``steps[2]``.
         name: unique name for messages.
-        outline: of the tool's origin, in the frame of the work, as it is travelled.
+        outline: of the tool's origin, in the frame of the workpiece, as it is travelled.
         poses: along it.
         free, tilt, ranges, speed, touch: see `FreedomKeys`.
         back: whether the tool returns along the same path.
@@ -228,7 +228,8 @@ def _drawn(node: Node, file: Path, keys: PathKeys) -> list[Outline]:
     if isinstance(keys.axis, str):
         raise node.error_at("axis", "must be a direction x, y, z, with svg")
     width, lift = (
-        node.get(name, number("mm", low, 5000.0)) for name, low in (("width_mm", 1.0), ("lift_mm", 0.5))
+        node.get(name, number("mm", low, high))
+        for name, low, high in (("width_mm", 1.0, 5000.0), ("lift_mm", 0.5, 200.0))
     )
     return [
         _with_lifts(rounded(stroke, keys.deviation).moved(keys.corner), lift)

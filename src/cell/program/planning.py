@@ -1,4 +1,4 @@
-"""Plan a program file: its goals among the bodies of the cell and of the work."""
+"""Plan a program file: its goals among the bodies of the cell and of the workpiece."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _START = "start"
 
 
 def T_base_work(task: ProgramTask, observation: Observation) -> Array:
-    """Return where the work is: as the file says, or on the board that was seen.
+    """Return where the workpiece is: as the file says, or on the board that was seen.
 
     Raises:
         ImpossibleError: the board was not found.
@@ -41,15 +41,15 @@ def T_base_work(task: ProgramTask, observation: Observation) -> Array:
         return task.T_on_work
     seen = observation.board(task.board.name)
     if seen is None:
-        why = f"board {task.board.name}, on which the work is, was not found"
+        why = f"board {task.board.name}, on which the workpiece is, was not found"
         raise ImpossibleError(why, board=task.board.name)
     return frozen(mul(seen.pose.T_base_board, task.T_on_work))
 
 
 def program_scene(task: ProgramTask, observation: Observation) -> Scene:
-    """Return the bodies of the cell, of the boards that were seen, and of the work, and the parts.
+    """Return the bodies of the cell, of the boards that were seen, and of the workpiece, and the parts.
 
-    A work on a board may move with it, unnoticed by `look.moved_mm`, so its bodies and parts are padded by that.
+    A workpiece on a board may move with it, unnoticed by `look.moved_mm`, so its bodies and parts are padded by that.
 
     Raises:
         ImpossibleError: see `T_base_work` and `cell.program.parts.handled.standing_on`.
@@ -152,7 +152,7 @@ def scene_of_plan(task: ProgramTask, plan: Plan, stated: Scene, seen: Observatio
 
 
 def require_board(task: ProgramTask, plan: Plan) -> None:
-    """Require that a plan states the board of the program's work: the errors of the work are those of that board.
+    """Require that a plan states the board of the program's work: the errors of the workpiece are those of that board.
 
     Raises:
         ImpossibleError: it does not; data: stated, expected.
@@ -160,7 +160,9 @@ def require_board(task: ProgramTask, plan: Plan) -> None:
     stated, expected = plan.task.get("board"), None if task.board is None else task.board.name
     if stated != expected:
         shown, asked = ("no board" if name is None else f"board {name}" for name in (stated, expected))
-        why = f"the plan is for a work on {shown}, but that of {task.file.name} is on {asked}; plan again"
+        why = (
+            f"the plan is for a workpiece on {shown}, but that of {task.file.name} is on {asked}; plan again"
+        )
         raise ImpossibleError(why, stated=stated, expected=expected)
 
 

@@ -17,7 +17,7 @@ from arm.se3 import Array
 from cell.config.bodies import PLACE, read_body, require_names_differ
 from cell.program.outline import Outline, Piece, arc_about, arc_through, line
 
-WORK = "work"  # kind of bodies on the work
+WORK = "work"  # kind of bodies on the workpiece
 
 
 class _ArcKeys(Keys):
@@ -69,12 +69,12 @@ class WireKeys(Keys):
 
 @dataclass(frozen=True, eq=False)
 class Wire:
-    """A thing on a work, with a line that paths may follow.
+    """A thing on a workpiece, with a line that paths may follow.
 
     Attributes:
         file: its file.
         outline: its line, such as the centre line of a wire, from its foot to its free end; None if it has none.
-        bodies: with poses in the frame of the work.
+        bodies: with poses in the frame of the workpiece.
     """
 
     file: Path

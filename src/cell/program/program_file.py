@@ -1,4 +1,4 @@
-"""The program file (TOML): a work, what stands on it, and the steps of the tool there."""
+"""The program file (TOML): a workpiece, what stands on it, and the steps of the tool there."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ProgramValues(Keys):
 
 
 def _bodies(node: Node) -> tuple[Body, ...]:
-    """Read bodies, and files with bodies, of the work."""
+    """Read bodies, and files with bodies, of the workpiece."""
     found: list[Body] = []
     for one in node.items():
         if "file" in one:
@@ -93,10 +93,10 @@ class ProgramTask(Task, ProgramValues):
     Attributes:
         steps: in order, at least one.
         repeat: how often they are taken; in each repeat a pose with a grid goes to its next place.
-        board: the board on which the work is, seen by its markers; None: the work is where the file says.
-        T_on_work: the frame of the work in that of the board, or in the base frame.
+        board: the board on which the workpiece is, seen by its markers; None: the workpiece is where the file says.
+        T_on_work: the frame of the workpiece in that of the board, or in the base frame.
         part: what is taken and put down, or None.
-        bodies: on the work, with poses in its frame.
+        bodies: on the workpiece, with poses in its frame.
     """
 
     steps: tuple[Step, ...]
@@ -151,7 +151,7 @@ class ProgramTask(Task, ProgramValues):
         return frozen(np.concatenate(around))
 
     def bodies_at(self, T_base_work: Array) -> tuple[Body, ...]:
-        """Return the bodies on the work, in the base frame."""
+        """Return the bodies on the workpiece, in the base frame."""
         return tuple(body.at(mul(T_base_work, body.T_base_body)) for body in self.bodies)
 
 
@@ -298,7 +298,7 @@ def _require_known(node: Node, key: str, names: frozenset[str], known: set[str])
     """Require that a key names bodies that there are, or that a look may find."""
     for name in sorted(names - known):
         if not name.startswith(_SEEN):
-            rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the work"
+            rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the workpiece"
             raise node.error_at(key, rule)
 
 

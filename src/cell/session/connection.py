@@ -272,7 +272,7 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
 
 
 def _true_work(task: ProgramTask, truth: World) -> tuple[tuple[Body, ...], tuple[TrueWire, ...]]:
-    """The bodies on the work of a program, where the work truly is, and the wires; none without its board."""
+    """The bodies on the workpiece of a program, where the workpiece truly is, and the wires; none without its board."""
     from cell.sim.touches import TrueWire
 
     T = task.T_on_work

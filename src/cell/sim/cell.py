@@ -82,7 +82,7 @@ class SimulatedCell:
     Args:
         cell: the user's data (sizes, fixed bodies, nominal arm).
         world: ground truth.
-        work: bodies on the work of a program, where it truly is.
+        work: bodies on the workpiece of a program, where it truly is.
         wires: those of them that a ring is threaded on.
 
     Attributes:

@@ -56,7 +56,7 @@ class CheckedRun(OpenRun):
             self.execute(plan.steps)
 
     def _scene_of_program(self, task: ProgramTask, observation: Observation | None) -> Scene:
-        """What surrounds the arm: with the work, if it is known where that is."""
+        """What surrounds the arm: with the workpiece, if it is known where that is."""
         if observation is not None:
             return program_scene(task, observation)
         unseen = unseen_scene(task.cell)

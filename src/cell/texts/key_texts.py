@@ -1,8 +1,8 @@
 """Comments of a new cell's files and rows of docs/formats.md, from the declared keys and their texts in keys.toml.
 
 A text has `what` (a phrase: the key's meaning), and may have `measure` (sentences for the comment: how to find the
-value, and what a wrong one causes), `docs` (what else the row says), and `example` (a value for the comment where the
-key is left out). The text `_` of a table is its comment.
+value, and what a wrong one causes), `docs` (what else the row says), `example` (a value for the comment where the
+key is left out), and `left_out` (what the row says in that column instead). The text `_` of a table is its comment.
 """
 
 from __future__ import annotations
@@ -82,6 +82,7 @@ def rows_of(file: str) -> dict[str, str]:
                 usual = "refused"
             else:
                 usual = f"`{_written(key.default)}`" if key.default or key.default == 0 else "none"
+            usual = text.get("left_out", usual)
             meaning = "; ".join(filter(None, (text["what"], text.get("docs"))))
             rows[name] = f"| `{name}` | {key.rule.words} | {usual} | {meaning} |"
     return rows

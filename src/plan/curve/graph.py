@@ -134,7 +134,7 @@ class CurveGraph:
         data = {"target": name, "done_m": float(self.places[stuck]), "length_m": self.curve.length}
         if not reached.all():
             return ImpossibleError(
-                f"path {name!r}: {place}, the tool is out of reach with everything that is free there; move the work, "
+                f"path {name!r}: {place}, the tool is out of reach with everything that is free there; move the workpiece, "
                 "or free more directions",
                 solutions=0,
                 **data,
@@ -145,10 +145,10 @@ class CurveGraph:
             why = f"path {name!r}: {place}, no solution continues; free more directions"
             return ImpossibleError(why, **data)
         best = max(misses, key=lambda miss: round(miss.value, 9))
-        spare = f"{1e3 * (self.clearance - clearance):g} mm to spare"
+        spare = f"{1e3 * clearance:g} mm required and {1e3 * (self.clearance - clearance):g} mm to spare"
         return ImpossibleError(
-            f"path {name!r}: no way along it keeps {1e3 * clearance:g} mm with {spare}; {place}, the nearest "
-            f"miss is {best.pair[0]} {1e3 * best.value:.1f} mm from {best.pair[1]}; move the work, or free more "
+            f"path {name!r}: no sampled way along it keeps {1e3 * self.clearance:g} mm ({spare}); {place}, the nearest "
+            f"miss is {best.pair[0]} {1e3 * best.value:.1f} mm from {best.pair[1]}; move the workpiece, or free more "
             "directions",
             pair=list(best.pair),
             distance_m=best.value,

@@ -1,4 +1,4 @@
-"""A second opinion on the time of a motion: the library toppra times it again, along the path that is sent.
+"""A second opinion on the time of a motion: the library toppra times it again, on a spline through what is sent.
 
 The path is a cubic spline through the sent motion, over the nominal time in which the fastest joint is at its velocity
 limit. Where the motion rests, it is timed part by part. On lines, the tool is not faster than the sent one at its
@@ -29,7 +29,7 @@ _STILL = 1e-9  # rad
 
 
 def time_again(motion: Motion, robot: Robot, unit: Unit, limits: Limits) -> float:
-    """Return the time in s that toppra needs for the path of a motion.
+    """Return the duration in s that toppra gives a spline through a sent motion.
 
     Args:
         motion: as it is sent.

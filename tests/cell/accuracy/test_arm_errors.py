@@ -209,7 +209,7 @@ def test_a_released_cube_is_off_by_the_error_of_its_placement(
 def test_what_is_on_a_work_errs_with_the_board_that_carries_it(
     cell: Cell, seen: Observation, plan: Plan, scene: Scene, seed: int
 ) -> None:
-    """Bodies of any shape; without a board of the work they have no errors."""
+    """Bodies of any shape; without a board of the workpiece they have no errors."""
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(6, 6)) * np.array([1e-3, 1e-3, 2e-3, 0.02, 0.02, 0.02])[:, None]
     noisy = replace(seen, boards=tuple(_with(b, root @ root.T / 6.0) for b in seen.boards))

@@ -203,7 +203,7 @@ def test_the_table_shows_the_proved_clearance_beside_the_smallest_seen(capsys) -
     out = capsys.readouterr().out.splitlines()
     header = next(line for line in out if line.startswith("motion"))
     row = next(line for line in out if line.startswith("down to 5 mm"))
-    at = header.index("mm proved"), header.index("mm seen")
+    at = header.index("proved mm"), header.index("seen mm")
     proved, seen = (float(row[i : i + 9].split()[0]) for i in at)
     assert proved <= motion["proved_mm"] < proved + 0.01
     assert seen - 0.01 < motion["seen_mm"] <= seen

@@ -28,14 +28,14 @@ def plan(scenes: Path, tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_both_times_are_stated(scenes: Path, plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     said, _ = a465("check", plan, scenes / "cell.toml")
-    assert "second opinion on the time: along the same paths the library toppra needs " in said
+    assert "toppra, on a spline through the sent motion: duration " in said
     told = json.loads(a465("check", plan, scenes / "cell.toml", "--json")[0])["second_opinion"]
     assert told["unanswered"] == []
     assert told["planned_s"] == pytest.approx(sum(m["planned_s"] for m in told["motions"]))
     assert told["toppra_s"] == pytest.approx(sum(m["toppra_s"] for m in told["motions"]))
     assert told["percent"] == pytest.approx(100.0 * (told["planned_s"] / told["toppra_s"] - 1.0))
     assert np.abs([m["percent"] for m in told["motions"]]).max() < 2.0
-    assert f"the plan's motions {told['planned_s']:.2f} s ({told['percent']:+.2f} %" in said
+    assert f"planned: {told['planned_s']:.2f} s ({told['percent']:+.2f} %" in said
 
     def silent_once(*arguments):  # type: ignore[no-untyped-def]
         monkeypatch.setattr(module, "time_again", time_again)

@@ -84,12 +84,13 @@ def test_doctor_says_whose_word_it_is(scenes: Path) -> None:
 
     assert row() == (
         NOTE,
-        "the arm's shape is assumed, nobody has compared it with the arm: links padded by 10 mm, the gripper not",
+        "the arm's bodies are assumed, nobody has compared them with the arm; "
+        "its links are padded by 10 mm, the gripper is not",
     )
     _with(scenes, "arm_padding_mm = 3\n" + COMPARED)
     verdict, found = row()
     assert verdict == OK
-    assert "compared with the arm (2026-11-20, who did it): links padded by 3 mm" in found
+    assert "compared with the arm (2026-11-20, who did it); its links are padded by 3 mm" in found
 
 
 def test_check_and_plan_follow_the_padding(scenes: Path) -> None:
@@ -134,5 +135,5 @@ def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared:
     told = OpenRun.to_json(run)["arm_shape"]
     assert told == task.cell.arm_shape()
     assert ("2026-11-20, who did it" in told) is compared
-    assert ("nobody has compared it" in told) is not compared
+    assert ("nobody has compared them" in told) is not compared
     assert "padded by 10 mm" in told

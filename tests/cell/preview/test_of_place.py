@@ -46,7 +46,7 @@ def test_where_the_arm_would_collide_both_bodies_are_named(tmp_path: Path) -> No
 def test_programs_and_their_work(tmp_path: Path) -> None:
     _, content = _viewed(tmp_path, data_file("scenes/hoop/d.toml"))
     assert "bar 1" in {body["name"] for body in content["bodies"]}
-    with pytest.raises(ImpossibleError, match="board 01-02, on which the work is, was not found"):
+    with pytest.raises(ImpossibleError, match="board 01-02, on which the workpiece is, was not found"):
         _viewed(tmp_path, data_file("scenes/hoop/seen.toml"))
 
 

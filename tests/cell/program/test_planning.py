@@ -166,8 +166,8 @@ def test_a_look_is_asked_for_where_it_is_needed(tmp_path: Path) -> None:
     assert "has no jaws" in told or "--look is missing: a task is planned for boards that were seen" in told
     replace_in(file, "[work]", "[work]\nboard = [1, 2]")
     _, told = a465("plan", file, code=2)
-    assert "--look is missing: the work of" in told
-    with pytest.raises(ImpossibleError, match="board 01-02, on which the work is, was not found"):
+    assert "--look is missing: the workpiece of" in told
+    with pytest.raises(ImpossibleError, match="board 01-02, on which the workpiece is, was not found"):
         program_scene(read_program(file), Observation())
     _, told = a465("reach", file, code=2)
-    assert "--look is missing: the work of" in told
+    assert "--look is missing: the workpiece of" in told

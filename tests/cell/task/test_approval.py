@@ -122,7 +122,7 @@ def test_what_will_move_is_told_and_nothing_but_questions_is_sent(
     assert row[5] == f"{50 * of.fastest[1] / limits[1]:.0f}"
     assert f"tool: at most {500 * of.tool:.0f} mm/s" in told
     assert "not homed since it was switched on, so its position is not known" in told
-    assert "the arm's shape is assumed, nobody has compared it with the arm: links padded by 10 mm" in told
+    assert "nobody has compared them with the arm; its links are padded by 10 mm" in told
     assert "NOT CALIBRATED: the camera's pose is that of lab.toml (the shipped placeholder)" in told
     assert "lens: PLACEHOLDER, as shipped" in told
     assert "without collision checks" in told

@@ -148,7 +148,7 @@ def test_a_blocked_path_is_refused_with_place_pair_and_distance(robot: Robot, cr
     graph = graph_of(robot, crs97, ToolCurve(LINE, free=("rz",)), PLATE)
     assert not list(graph.chains())
     error = graph.impossible("cut", 0.004)
-    assert "no way along it keeps 4 mm" in str(error)
+    assert f"no sampled way along it keeps {1e3 * graph.clearance:g} mm (4 mm required" in str(error)
     assert error.data["clearance_m"] == 0.004
     assert error.data["pair"][1] == "plate"
     assert f"{error.data['pair'][0]} {1e3 * error.data['distance_m']:.1f} mm from plate" in str(error)

@@ -120,7 +120,7 @@ def test_a_path_may_begin_at_a_given_configuration(robot: Robot, crs97: Unit, ca
 def test_what_was_asked_for_is_named_when_nothing_is_clear(robot: Robot, crs97: Unit) -> None:
     planner = planner_of(robot, crs97, ToolCurve(LINE, free=("rz",)), [PLATE])
     with pytest.raises(
-        ImpossibleError, match=r"path 'cut': no way along it keeps 5 mm .* from plate"
+        ImpossibleError, match=r"path 'cut': no sampled way along it keeps 5.5 mm .5 mm required.* from plate"
     ) as error:
         planner.chains(1)
     assert error.value.data["clearance_m"] == CLEARANCE

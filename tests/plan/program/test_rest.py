@@ -110,7 +110,9 @@ def test_a_plan_that_begins_a_count_beside_q_start_is_one_from_the_start() -> No
 
 def test_a_plan_states_the_board_of_its_programs_work() -> None:
     task, plan, _ = _planned()
-    with pytest.raises(ImpossibleError, match=r"a work on board 01-02, but that of b.toml is on no board"):
+    with pytest.raises(
+        ImpossibleError, match=r"a workpiece on board 01-02, but that of b.toml is on no board"
+    ):
         replayed(task, replace(plan, task={**plan.task, "board": "01-02"}))
 
 

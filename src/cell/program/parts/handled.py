@@ -112,7 +112,7 @@ def parts_of(
     Args:
         part: what they are; None: there are none.
         steps, repeat: of the program.
-        T_base_work: pose of the work.
+        T_base_work: pose of the workpiece.
         padding: of the parts, m.
     """
     if part is None:

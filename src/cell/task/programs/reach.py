@@ -35,9 +35,11 @@ class StationReach:
 
     Attributes:
         step: name of the path or pose.
-        place: along the path from its start, or along the tool's z axis from the pose (negative before it), m.
+        place: along the path from its start, with 0.05 m for each rad of turn; or along the tool's z axis from the
+            pose (negative before it), m.
         position: of the tool, (3,) m.
-        solutions: number of solutions within the joint limits, over all samples of the free directions.
+        solutions: number of solutions within the joint limits, over all samples of the free directions; collisions
+            are not checked.
         best: largest distance of such a solution less the required clearance, m: the first positive one, or the best of
             those that were tried; None without solutions.
         pair: the bodies that are nearest then.
@@ -68,7 +70,7 @@ def program_reach(task: ProgramTask, observation: Observation, speed: float) -> 
     What was taken and put down before is where the program has it.
 
     Raises:
-        ImpossibleError: the board of the work was not found, or a part stands nowhere.
+        ImpossibleError: the board of the workpiece was not found, or a part stands nowhere.
     """
     T, parts = T_base_work(task, observation), program_parts(task, observation)
     goals = tuple(program_goals(task, T, parts))
@@ -102,7 +104,7 @@ def require_reach(stations: tuple[StationReach, ...]) -> None:
             blocked.setdefault(station.step, station)
     if blocked:
         shown = "; ".join(f"{s.step!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in blocked.values())
-        raise ImpossibleError(f"the arm cannot do {shown}; move the work, or free more directions")
+        raise ImpossibleError(f"the arm cannot do {shown}; move the workpiece, or free more directions")
 
 
 def _of_path(

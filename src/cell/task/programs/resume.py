@@ -19,7 +19,7 @@ from plan.program.rest import NEAR, handled_before, place_on, rest_of_plan
 from plan.program.setting import Setting
 from vision.observation import Observation
 
-_BY_HAND = "take the tool clear of the work by hand, and run the program again"
+_BY_HAND = "take the tool clear of the workpiece by hand, and run the program again"
 
 
 def stopped_in(report_file: Path, plan: Plan) -> int | None:

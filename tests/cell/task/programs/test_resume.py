@@ -90,7 +90,7 @@ def test_an_arm_that_is_not_on_the_path_begins_anew_if_it_can_and_tells_a_cure_i
         on_wire.setattr(ProgramRun, "go_to_start", blocked)
         told = "deg from the path of the plan, and no certified motion leads from there to q_start: the ring is on"
         with pytest.raises(
-            ImpossibleError, match=f"{told} the wire; take the tool clear of the work by hand"
+            ImpossibleError, match=f"{told} the wire; take the tool clear of the workpiece by hand"
         ):
             at.resumed(plan, "second")
     report = at.resumed(plan, "third")
@@ -111,6 +111,8 @@ def test_a_plan_that_does_not_hold_is_refused_before_the_port_is_opened(lasting:
 
 @pytest.mark.slow
 def test_a_unit_that_lost_its_positions_is_not_homed_with_a_ring_on_the_wire(lasting: Lasting) -> None:
-    with pytest.raises(ImpossibleError, match="before it is homed, take the tool clear of the work by hand"):
+    with pytest.raises(
+        ImpossibleError, match="before it is homed, take the tool clear of the workpiece by hand"
+    ):
         lasting.resumed(lasting.plan, "first")  # it never was homed
     assert "HH" not in (lasting.folder / "first/wire.jsonl").read_text()

@@ -214,7 +214,7 @@ def test_a_path_with_less_freedom_than_the_one_before_begins_with_a_transit(
         (
             Target("p", LINE, by="path", free="rz"),
             [PLATE],
-            r"path 'p': no way .* from its start.* from plate",
+            r"path 'p': no sampled way .* from its start.* from plate",
         ),
         (
             Target("p", np.stack([down(0.4, 0.0, 0.1), down(0.9, 0.0, 0.1)]), by="path", free="rz"),
