@@ -143,7 +143,7 @@ def text_of(wire: str) -> str:
     """Return the text of a wire's file."""
     lines = [
         f"# Wire {wire.upper()} of the laboratory on its foot: z up from the plate's top, origin on the bar's axis.",
-        "# docs/wires.py makes this file. The bar is 10 x 10 mm; its corners are mitred.",
+        "# docs/wires.py makes this file. The bar is 10 x 10 mm; at a corner two bars meet in a mitre joint.",
         "line_mm = [  # centre line, from the foot to the free end",
         *(f"  {_point(place)}," for place in POINTS[wire]),
         "]",

@@ -134,8 +134,8 @@ class CurveGraph:
         data = {"target": name, "done_m": float(self.places[stuck]), "length_m": self.curve.length}
         if not reached.all():
             return ImpossibleError(
-                f"path {name!r}: {place}, the tool is out of reach with everything that is free there; move the workpiece, "
-                "or free more directions",
+                f"path {name!r}: {place}, the tool is out of reach with everything that is free there; "
+                "move the workpiece, or free more directions",
                 solutions=0,
                 **data,
             )

@@ -39,7 +39,7 @@ def test_the_cell_has_the_tool_of_its_file(tmp_path: Path) -> None:
     }
     assert cell.robot_holding().digest == robot.digest
     assert gripper_lines(cell.unit) == []
-    assert cell.arm_shape().endswith("the tool not")
+    assert cell.arm_shape().endswith("the tool is not")
     ring_edge = np.hypot(0.135 + 0.0348, 0.013)  # of the furthest point, in the ring's middle plane
     assert _tool_length(cell) == pytest.approx(ring_edge, abs=0.002)
 

@@ -26,7 +26,7 @@ class TorusDistance(NamedTuple):
 
     Attributes:
         min_distance: m. Of bodies that overlap: minus the radius of the tube, minus the depth of the circle's deepest
-            point in the other body.
+            point in the other body: the sign is right, but it is not the penetration depth.
         normal: unit vector (3,) from the inner body to the outer one, in the base frame.
         inner, outer: nearest points (3,) m of the two bodies, in the base frame.
     """
