@@ -265,6 +265,9 @@ def arc_about(start: npt.ArrayLike, centre: npt.ArrayLike, end: npt.ArrayLike, w
             f"must be equal within {1e3 * within:g} mm"
         )
         raise InputError(why, radii=radii)
+    if min(radii) <= within:
+        why = f"the arc's centre {_mm(centre)} is at its ends; it must be at least {1e3 * within:g} mm from them"
+        raise InputError(why, radii=radii)
     if norm(chord) < SAME:
         raise InputError(f"the arc's ends are the same point, {_mm(start)}", point=start.tolist())
     middle = (start + end) / 2.0

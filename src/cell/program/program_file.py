@@ -62,6 +62,10 @@ def _bodies(node: Node) -> tuple[Body, ...]:
         else:
             found.append(read_body(one, WORK))
         names = [body.name for body in found]
+        if names[-1:] and names[-1].startswith(_SEEN):
+            raise one.error(
+                f"has a body {names[-1]!r}; names that begin with plate, stand or cube are of what a look finds"
+            )
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise one.error(f"has the body {twice[0]!r} a second time; names of bodies must differ")

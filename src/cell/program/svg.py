@@ -1,7 +1,8 @@
 """Strokes of an SVG drawing as lines and arcs in the plane: x to the right, y up, from the lower left corner.
 
-Shapes, paths, groups and their transforms are read; colours, widths, texts and images are not. Curves are followed by
-biarcs within `TOLERANCE`. ``svg.path`` parses the path data (SVG 1.1, chapter 8).
+Shapes, paths, groups and their transforms are read; colours and widths do not matter. What would draw a line and is not
+understood exactly is refused, as the arm would draw something else. Curves are followed by biarcs within `TOLERANCE`.
+``svg.path`` parses the path data (SVG 1.1, chapter 8), once its grammar has been checked.
 """
 
 from __future__ import annotations
@@ -25,12 +26,42 @@ from cell.program.outline import SAME, Outline, Piece
 from cell.program.outline import Line as Straight
 
 TOLERANCE = 2e-6  # m, largest distance of a curve from the arcs that follow it
-# Of a curve's chord; where its derivative is less, its direction is that of a chord over twice _NEAR of its parameter.
+# Of a curve's extent; where its derivative is less, its direction is that of a chord over twice _NEAR of its parameter.
 _VANISHES, _NEAR = 1e-6, 1e-4
-_TRANSFORM = re.compile(r"\s*,?\s*(\w+)\s*\(([^)]*)\)")
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-_SKIPPED = ("defs", "symbol", "clipPath", "mask", "marker", "pattern", "style", "metadata", "title", "desc")
-_UNREAD = ("use", "text", "image", "foreignObject")
+_MOST = 10.0  # m, largest coordinate on the plane
+_DEEPEST = 100  # groups inside each other
+_N = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = re.compile(_N)
+_LENGTH = re.compile(rf"\s*({_N})\s*(?:px)?\s*")
+_LIST = re.compile(rf"\s*(?:{_N}(?:\s*,\s*|\s+|(?=[-+.])|\s*$))*")
+_TRANSFORM = re.compile(r"\s*,?\s*(\w+)\s*\(([^()]*)\)")
+_COMMAND = re.compile(r"([A-DF-Za-df-z])([^A-DF-Za-df-z]*)")  # e and E are of numbers
+_ARC = re.compile(rf"(?:[\s,]*{_N}[\s,]*{_N}[\s,]*{_N}[\s,]*[01][\s,]*[01][\s,]*{_N}[\s,]*{_N})+[\s,]*")
+_TAKES = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2}  # numbers of a command
+_COUNTS = {
+    "matrix": (6,),
+    "translate": (1, 2),
+    "scale": (1, 2),
+    "rotate": (1, 3),
+    "skewX": (1,),
+    "skewY": (1,),
+}
+_SVG = ("", "http://www.w3.org/2000/svg")  # elements of other namespaces are an editor's own
+_SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse")
+_SKIPPED = (
+    *(
+        "defs",
+        "symbol",
+        "clipPath",
+        "mask",
+        "marker",
+        "pattern",
+        "linearGradient",
+        "radialGradient",
+        "filter",
+    ),
+    *("metadata", "title", "desc", "script", "view"),
+)
 
 
 def strokes_of(path: Path, width: float) -> tuple[Outline, ...]:
@@ -41,10 +72,14 @@ def strokes_of(path: Path, width: float) -> tuple[Outline, ...]:
     """
     try:
         root = ElementTree.fromstring(read_bytes(path, "SVG"))
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the others are of its encoding
         raise FileInputError(path, "", None, f"is not XML: {error}") from error
     if _tag(root) != "svg":
         raise FileInputError(path, "", f"<{_tag(root)}>", "must be an SVG, whose first element is <svg>")
+    _require_plain(path, root, "svg")
+    if root.get("transform"):
+        rule = "must not be on <svg> itself; move it to a group"
+        raise FileInputError(path, "transform", root.get("transform"), rule)
     left, top, wide, high = _view_box(path, root)
     scale = width / wide
     # y is down in an SVG
@@ -61,46 +96,112 @@ def _tag(element: Element) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def _numbers(text: str | None) -> list[float]:
-    return [float(word) for word in _NUMBER.findall(text or "")]
+def _style(element: Element) -> dict[str, str]:
+    """Return the declarations of a style attribute."""
+    pairs = (one.partition(":") for one in element.get("style", "").split(";"))
+    return {name.strip().lower(): value.strip().lower() for name, _, value in pairs}
+
+
+def _hidden(element: Element) -> bool:
+    style = _style(element)
+    invisible = {style.get("visibility", ""), element.get("visibility", "")} & {"hidden", "collapse"}
+    return "none" in (style.get("display"), element.get("display")) or bool(invisible)
+
+
+def _require_plain(path: Path, element: Element, tag: str) -> None:
+    """Refuse a style that moves an element, or shows part of a hidden group.
+
+    Raises:
+        FileInputError: there is one.
+    """
+    if "transform" in _style(element):
+        raise FileInputError(
+            path, "style", element.get("style"), "must not have a transform; use the attribute transform"
+        )
+    if tag == "style" and re.search(r"display|visibility|transform", "".join(element.itertext())):
+        rule = "must not hide or move anything (display, visibility, transform); save as plain SVG in your editor"
+        raise FileInputError(path, "", "<style>", rule)
+
+
+def _numbers(path: Path, name: str, text: str) -> list[float]:
+    """Return the numbers of an attribute that has nothing else.
+
+    Raises:
+        FileInputError: it has.
+    """
+    if not _LIST.fullmatch(text):
+        raise FileInputError(
+            path, name, text[:60], "must be plain numbers, with commas or spaces between them"
+        )
+    return [float(word) for word in _NUMBER.findall(text)]
+
+
+def _length(path: Path, element: Element, name: str, least: float = -np.inf) -> float:
+    """Return an attribute in user units, 0 if there is none.
+
+    Raises:
+        FileInputError: it has another unit, or is less than `least`.
+    """
+    text = element.get(name, "0")
+    found = _LENGTH.fullmatch(text)
+    if not found:
+        rule = "must be a number, in user units; other units and % are not read here: convert it to a path"
+        raise FileInputError(path, f"<{_tag(element)}> {name}", text[:60], rule)
+    value = float(found[1])
+    if not value >= least:
+        raise FileInputError(path, f"<{_tag(element)}> {name}", text[:60], f"must be {least:g} or more")
+    return value
 
 
 def _view_box(path: Path, root: Element) -> tuple[float, float, float, float]:
-    box = _numbers(root.get("viewBox"))
-    if not box:
-        size = _numbers(root.get("width"))[:1] + _numbers(root.get("height"))[:1]
-        box = [0.0, 0.0, *size]
+    box = _numbers(path, "viewBox", root.get("viewBox", ""))
+    if not box:  # only the ratio of the size matters, so its unit does not
+        size = [_NUMBER.match(root.get(name, "").strip()) for name in ("width", "height")]
+        box = [0.0, 0.0, *(float(one[0]) for one in size if one)]
     if len(box) != 4 or not (box[2] > 0.0 and box[3] > 0.0):
         raise FileInputError(path, "viewBox", root.get("viewBox"), "must be left, top, width and height")
     return box[0], box[1], box[2], box[3]
 
 
-def _paths(path: Path, element: Element, A: Array) -> Iterator[tuple[str, Array]]:
+def _paths(path: Path, element: Element, A: Array, depth: int = 0) -> Iterator[tuple[str, Array]]:
     """Yield the path data of all shapes, each with its affine map to the plane (3, 3)."""
+    if depth > _DEEPEST:
+        raise FileInputError(
+            path, "", "<g>", f"are more than {_DEEPEST} groups inside each other; ungroup some"
+        )
     for child in element:
-        tag = _tag(child)
-        if tag in _SKIPPED or not isinstance(child.tag, str) or child.get("display") == "none":
+        if not isinstance(child.tag, str) or child.tag.rpartition("}")[0].lstrip("{") not in _SVG:
             continue
-        if tag in _UNREAD:
+        tag = _tag(child)
+        _require_plain(path, child, tag)
+        if tag in _SKIPPED or tag == "style" or (tag in (*_SHAPES, "g", "a") and _hidden(child)):
+            continue
+        if tag not in (*_SHAPES, "g", "a"):
             raise FileInputError(path, "", f"<{tag}>", "is not read; convert it to paths in your editor")
         of_child = mul(A, _transform(path, child.get("transform", "")))
-        if tag in ("g", "a", "svg", "switch"):
-            yield from _paths(path, child, of_child)
-        elif data := _data(child, tag):
+        if tag in ("g", "a"):
+            yield from _paths(path, child, of_child, depth + 1)
+        elif data := _data(path, child, tag):
             yield data, of_child
 
 
 def _transform(path: Path, text: str) -> Array:
-    """Return the affine map (3, 3) of a transform attribute."""
+    """Return the affine map (3, 3) of a transform attribute.
+
+    Raises:
+        FileInputError: it has anything else than the six transforms with their numbers.
+    """
     A: Array = np.eye(3)
     for name, inside in _TRANSFORM.findall(text):
-        v = _numbers(inside)
-        try:
-            A = mul(A, _affine(name, v))
-        except (IndexError, ValueError, KeyError) as error:
-            rule = "must be matrix, translate, scale, rotate, skewX or skewY with their numbers"
-            raise FileInputError(path, "transform", text, rule) from error
-    return A
+        v = _numbers(path, "transform", inside)
+        if len(v) not in _COUNTS.get(name, ()):
+            break
+        A = mul(A, _affine(name, v))
+    else:
+        if not _TRANSFORM.sub("", text).strip():
+            return A
+    rule = "must be matrix, translate, scale, rotate, skewX or skewY with their numbers"
+    raise FileInputError(path, "transform", text[:60], rule)
 
 
 def _affine(name: str, v: list[float]) -> Array:
@@ -124,36 +225,71 @@ def _affine(name: str, v: list[float]) -> Array:
     raise KeyError(name)
 
 
-def _data(shape: Element, tag: str) -> str:
-    """Return the path data that draws a shape; "" for an element that draws no line."""
+def _data(path: Path, shape: Element, tag: str) -> str:
+    """Return the path data that draws a shape; "" for one that draws no line.
 
-    def of(*names: str) -> list[float]:
-        return [(_numbers(shape.get(name)) or [0.0])[0] for name in names]
+    Raises:
+        FileInputError: an attribute is not understood exactly.
+    """
+
+    def of(*names: str, least: float = -np.inf) -> list[float]:
+        return [_length(path, shape, name, least) for name in names]
 
     match tag:
         case "path":
-            return shape.get("d", "")
+            return _checked(path, shape.get("d", ""))
         case "line":
             x, y, u, v = of("x1", "y1", "x2", "y2")
             return f"M {x} {y} L {u} {v}"
         case "polyline" | "polygon":
-            points = shape.get("points", "").strip()
-            return f"M {points}{' Z' if tag == 'polygon' else ''}" if points else ""
+            points = _numbers(path, "points", shape.get("points", ""))
+            if len(points) % 2:
+                raise FileInputError(path, "points", shape.get("points", "")[:60], "must be pairs of numbers")
+            return f"M {' '.join(map(repr, points))}{' Z' if tag == 'polygon' else ''}" if points else ""
         case "rect":
-            x, y, w, h = of("x", "y", "width", "height")
-            return f"M {x} {y} h {w} v {h} h {-w} Z"
-        case "circle" | "ellipse":
+            x, y = of("x", "y")
+            w, h, rx, ry = of("width", "height", "rx", "ry", least=0.0)
+            if rx or ry:
+                name = "rx" if rx else "ry"
+                rule = "must be 0: rounded corners are not read; convert the rectangle to a path"
+                raise FileInputError(path, f"<rect> {name}", shape.get(name), rule)
+            return f"M {x} {y} h {w} v {h} h {-w} Z" if w and h else ""
+        case _:
             x, y = of("cx", "cy")
-            a, b = of("r", "r") if tag == "circle" else of("rx", "ry")
-            return f"M {x - a} {y} a {a} {b} 0 1 0 {2 * a} 0 a {a} {b} 0 1 0 {-2 * a} 0 Z"
-    return ""
+            a, b = of("r", "r", least=0.0) if tag == "circle" else of("rx", "ry", least=0.0)
+            return f"M {x - a} {y} a {a} {b} 0 1 0 {2 * a} 0 a {a} {b} 0 1 0 {-2 * a} 0 Z" if a and b else ""
+
+
+def _checked(path: Path, data: str) -> str:
+    """Return path data after a check of its grammar: the parser leaves out what it does not understand.
+
+    Raises:
+        FileInputError: a command is unknown or lacks numbers, or the first one is not M or m.
+    """
+    commands = _COMMAND.findall(data)
+    if (data.strip() and _COMMAND.sub("", data).strip()) or (commands and commands[0][0] not in "Mm"):
+        raise FileInputError(path, "d", data[:60], "must be path data that begins with M or m")
+    for letter, inside in commands:
+        kind, count = letter.upper(), len(_NUMBER.findall(inside))
+        if kind == "A":
+            right = bool(_ARC.fullmatch(inside))
+        elif takes := _TAKES.get(kind):
+            right = bool(_LIST.fullmatch(inside)) and count > 0 and count % takes == 0
+        else:
+            right = kind == "Z" and not inside.strip()
+        if not right:
+            shown = f"{letter}{inside}".strip()[:60]
+            raise FileInputError(
+                path, "d", shown, "must be a command of SVG paths with its numbers, and no more"
+            )
+    return data
 
 
 def _strokes(path: Path, data: str, A: Array) -> Iterator[Outline]:
     """Yield the strokes of path data, mapped to the plane."""
     try:
         segments = list(parse_path(data))
-    except (ValueError, IndexError, AssertionError) as error:  # the first is the parser's own
+    except (ValueError, IndexError, AssertionError, OverflowError) as error:  # the first is the parser's own
         raise FileInputError(path, "d", data[:60], f"is no path data: {error}") from error
     pieces: list[Piece] = []
     for segment in segments:
@@ -162,6 +298,7 @@ def _strokes(path: Path, data: str, A: Array) -> Iterator[Outline]:
                 yield Outline(tuple(pieces))
             pieces = []
         else:
+            _require_drawable(path, data, segment, A)
             pieces += _pieces(segment, A)
             if isinstance(segment, Close):
                 if pieces:
@@ -169,6 +306,22 @@ def _strokes(path: Path, data: str, A: Array) -> Iterator[Outline]:
                 pieces = []
     if pieces:
         yield Outline(tuple(pieces))
+
+
+def _require_drawable(path: Path, data: str, segment: Any, A: Array) -> None:
+    """Require that a segment is within reach of any arm, and ends where its data say.
+
+    Raises:
+        FileInputError: it is not, or does not.
+    """
+    ends = (segment.start, segment.end, *(segment.point(u) for u in (0.0, 0.25, 0.5, 0.75, 1.0)))
+    at = np.array([mul(A, np.array([z.real, z.imag, 1.0]))[:2] for z in ends])
+    if not (np.abs(at) < _MOST).all():
+        raise FileInputError(
+            path, "d", data[:60], f"leaves the square of {_MOST:g} m around the lower left corner"
+        )
+    if np.abs(at[[0, 1]] - at[[2, -1]]).max() > SAME:
+        raise FileInputError(path, "d", data[:60], "has an arc too large to be computed exactly; use a line")
 
 
 def _pieces(segment: Any, A: Array) -> tuple[Piece, ...]:
@@ -181,14 +334,16 @@ def _pieces(segment: Any, A: Array) -> tuple[Piece, ...]:
     def direction(u: float) -> Array:
         z = _tangent(segment, u)
         d = np.append(mul(A[:2, :2], np.array([z.real, z.imag])), 0.0)
-        if norm(d) < _VANISHES * norm(point(1.0) - point(0.0)):
-            d = point(min(u + _NEAR, 1.0)) - point(max(u - _NEAR, 0.0))
+        if norm(d) <= _VANISHES * extent:
+            before, after = point(max(u - _NEAR, 0.0)), point(min(u + _NEAR, 1.0))
+            d = after - before if norm(after - before) > 0.0 else point(u) - before  # it turns back there
         return np.asarray(d / norm(d))
 
     start, end = point(0.0), point(1.0)
     if isinstance(segment, Line | Close) or (isinstance(segment, Arc) and not _is_round(segment)):
         return (Straight(frozen(start), frozen(end)),) if norm(end - start) > SAME else ()
-    if max(norm(point(u) - start) for u in (0.25, 0.5, 0.75, 1.0)) <= SAME:
+    extent = max(norm(point(u) - start) for u in (0.25, 0.5, 0.75, 1.0))
+    if extent <= SAME:
         return ()
     return arcs_along(point, direction, TOLERANCE)
 

@@ -121,3 +121,9 @@ def test_arcs_by_their_centre_and_by_a_point() -> None:
 def test_what_is_no_path_is_refused(make: object, message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
         make()  # type: ignore[operator]
+
+
+def test_a_centre_at_the_ends_of_an_arc_is_refused() -> None:
+    """Both are within the tolerance of each other, so the radii alone do not tell."""
+    with pytest.raises(InputError, match=r"the arc's centre .* is at its ends"):
+        arc_about((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 5e-5))

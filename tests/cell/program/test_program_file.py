@@ -17,6 +17,7 @@ from cell.files.task import POSES
 from cell.program.path_step import PathStep
 from cell.program.program_file import PROGRAM, is_program, place_of_file, read_program, task_of_file
 from cell.program.steps import Action, JointStep, PoseStep
+from programs.program_files import PROGRAM as TEXT
 from programs.program_files import WIRE, program
 from programs.tool_cells import tool_cell
 from typed.command_line import replace_in
@@ -158,3 +159,11 @@ def test_a_threaded_ring_of_which_nothing_would_be_proved_is_refused(
 def test_a_cell_of_cubes_has_no_program(tmp_path: Path) -> None:
     cell = tool_cell(tmp_path)
     assert not is_program(cell.with_name("task2.toml"))
+
+
+@pytest.mark.parametrize("name", ["plate x", "stand 01-02", "cube 1"])
+def test_a_body_has_no_name_of_what_a_look_finds(tmp_path: Path, name: str) -> None:
+    with pytest.raises(
+        InputError, match="names that begin with plate, stand or cube are of what a look finds"
+    ):
+        read_program(program(tmp_path, TEXT.replace('name = "block"', f'name = "{name}"')))

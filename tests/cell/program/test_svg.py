@@ -94,7 +94,7 @@ def test_what_draws_no_line_is_left_out(tmp_path: Path) -> None:
         ('<svg viewBox="0 0 0 5"/>', r"viewBox = '0 0 0 5': must be left, top, width and height"),
         ('<svg viewBox="0 0 5 5"/>', r"has no strokes"),
         ('<svg viewBox="0 0 5 5"><text>a</text></svg>', r"<text>': is not read; convert it to paths"),
-        ('<svg viewBox="0 0 5 5"><path d="7 0 h 7"/></svg>', r"d = '7 0 h 7': is no path data"),
+        ('<svg viewBox="0 0 5 5"><path d="7 0 h 7"/></svg>', r"d = '7 0 h 7': must be path data that begins"),
         ('<svg viewBox="0 0 5 5"><line x2="1" transform="turn(3)"/></svg>', r"transform = 'turn\(3\)': must be matrix"),
         ('<svg viewBox="0 0 5 5"><line x2="1" transform="matrix(3)"/></svg>', r"transform.*with their numbers"),
     ],
@@ -103,3 +103,108 @@ def test_what_is_no_drawing_is_refused(tmp_path: Path, text: str, message: str) 
     (tmp_path / "drawing.svg").write_text(text)
     with pytest.raises(FileInputError, match=message):
         strokes_of(tmp_path / "drawing.svg", 0.1)
+
+
+def _svg(inside: str, root: str = "") -> str:
+    return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100" {root}>{inside}</svg>'
+
+
+LINE = '<line x1="10" y1="10" x2="40" y2="40"/>'
+
+
+@pytest.mark.parametrize(
+    ("inside", "told"),
+    [
+        ('<path d="M 0 0 L 1 1 garbage"/>', "must be a command of SVG paths with its numbers, and no more"),
+        ('<path d="M0 0L1 1; L 2 2"/>', r"d = 'L1 1;': must be a command"),
+        ('<path d="M 0 0 X 10 10"/>', r"d = 'X 10 10': must be a command"),
+        ('<path d="L 10 10 20 20"/>', "must be path data that begins with M or m"),
+        ('<path d="M 0 0 L 1"/>', r"d = 'L 1': must be a command"),
+        ('<path d="M 0 0 A 5 5 0 2 0 9 9"/>', "must be a command"),
+        ('<path d="M 10 10 A 1e9 1e9 0 0 0 40 40"/>', "has an arc too large to be computed exactly"),
+        ('<path d="M 0 0 L 1e300 10"/>', "leaves the square of 10 m"),
+        ('<path d="M 0 0 L 1e12 10"/>', "leaves the square of 10 m"),
+        ('<line x2="5" y2="5" transform="skewX(90)"/>', "leaves the square of 10 m"),
+        ('<rect width="50" height="20" rx="20"/>', r"<rect> rx = '20': must be 0: rounded corners are not read"),
+        ('<rect width="-50" height="20"/>', r"<rect> width = '-50': must be 0 or more"),
+        ('<circle cx="5" cy="5" r="-1"/>', r"<circle> r = '-1': must be 0 or more"),
+        (f'<svg x="5" y="5" width="10" height="10">{LINE}</svg>', "<svg>.* is not read"),
+        (f"<switch>{LINE}{LINE}</switch>", "<switch>.* is not read"),
+        ("<frobnicate/>", "<frobnicate>.* is not read"),
+        (LINE.replace("/>", ' style="transform:rotate(30deg)"/>'), "must not have a transform"),
+        (f"<style>line {{ display: none }}</style>{LINE}", "<style>.* must not hide or move"),
+        *(
+            (LINE.replace("/>", f' transform="{words}"/>'), "transform = ")
+            for words in ("rotate 30", "none", "foo rotate(30) bar", "scale(1,2,3)", "translate(1em,2%)", "rotate()")
+        ),
+        ('<line x1="0cm" x2="5cm"/>', r"<line> x1 = '0cm': must be a number, in user units"),
+        ('<line x2="100%"/>', r"<line> x2 = '100%': must be a number, in user units"),
+        ('<polyline points="10,10 20,20 h 30"/>', "must be plain numbers"),
+        ('<polyline points="10,10 20,20 30"/>', "must be pairs of numbers"),
+        ("<g>" * 3000 + LINE + "</g>" * 3000, "are more than 100 groups inside each other"),
+    ],
+)  # fmt: skip
+def test_what_is_not_understood_exactly_is_refused(tmp_path: Path, inside: str, told: str) -> None:
+    """The arm would draw something else than the file shows."""
+    file = tmp_path / "drawing.svg"
+    file.write_text(_svg(inside))
+    with pytest.raises(FileInputError, match=told):
+        strokes_of(file, 0.1)
+
+
+@pytest.mark.parametrize("encoding", ["foo", "utf-32", "idna"])
+def test_an_encoding_that_is_unknown_is_refused(tmp_path: Path, encoding: str) -> None:
+    file = tmp_path / "drawing.svg"
+    file.write_text(f'<?xml version="1.0" encoding="{encoding}"?>{_svg(LINE)}')
+    with pytest.raises(FileInputError, match="is not XML"):
+        strokes_of(file, 0.1)
+
+
+def test_a_transform_of_the_whole_file_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "drawing.svg"
+    file.write_text(_svg(LINE, 'transform="rotate(30)"'))
+    with pytest.raises(FileInputError, match="must not be on <svg> itself"):
+        strokes_of(file, 0.1)
+
+
+@pytest.mark.parametrize(
+    "unseen",
+    [
+        LINE.replace("/>", ' style="display:none"/>'),
+        LINE.replace("/>", ' visibility="hidden"/>'),
+        f'<g style="fill:red; display: none">{LINE}</g>',
+        f'<e:path xmlns:e="an editor" d="M 0 0 L 9 9"/><defs>{LINE}</defs>',
+        '<rect width="0" height="20"/><circle r="0"/><path d=""/><polygon points=""/>',
+    ],
+)
+def test_what_svg_does_not_draw_is_left_out(tmp_path: Path, unseen: str) -> None:
+    file = tmp_path / "drawing.svg"
+    file.write_text(_svg(unseen + LINE))
+    assert len(strokes_of(file, 0.1)) == 1
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        "M10-10l.5.5-3e1,2",
+        "m 1 1 h 3 4 v 5 z m 2,2 t 1 1",
+        "M0 0a5 5 0 01.5 9a5,5,0,1,0,-9-.5z",
+        "M1 2 3 4 5 6",
+    ],
+)
+def test_the_grammar_of_paths_is_understood(tmp_path: Path, data: str) -> None:
+    """Compact numbers, flags without spaces, repeated commands."""
+    file = tmp_path / "drawing.svg"
+    file.write_text(_svg(f'<path d="{data}"/>'))
+    assert strokes_of(file, 0.1)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_curve_that_returns_on_itself_is_drawn_there_and_back(tmp_path: Path) -> None:
+    file = tmp_path / "drawing.svg"
+    file.write_text(_svg('<path d="M 10 10 Q 60 10 10 10"/>'))
+    (stroke,) = strokes_of(file, 0.1)
+    ends = np.array([end for piece in stroke.pieces for end in (piece.start, piece.end)])
+    assert ends[:, 0].max() == pytest.approx(0.035, abs=1e-4)
+    assert np.ptp(ends[:, 1]) < 1e-5
+    np.testing.assert_allclose(ends[0], ends[-1], atol=1e-9)
