@@ -23,7 +23,7 @@ from cell.session.connection import WhichCell, open_cell
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
-from cell.task.plan_matches import replayed, require_scene, require_start_at
+from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
 from cell.task.programs.resume import resume_program, stopped_in
 from cell.task.programs.run import ProgramRun
 from cell.task.resume import resume
@@ -164,9 +164,13 @@ def resume_plan(
         raise InputError("--resume needs --port: every command starts a new simulated cell", port=None)
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
-    with console.doing("checking the plan"):
-        replayed(task, plan)
-        erring_clearances(task.cell, plan)
+    require_match(task, plan)
+    if isinstance(
+        task, ProgramTask
+    ):  # the arm may begin anew on all of it; of a task with cubes the rest is planned anew
+        with console.doing("checking the plan"):
+            replayed(task, plan)
+            erring_clearances(task.cell, plan)
     if not (plan.task.get("cubes") or isinstance(task, ProgramTask)):
         why = f"{plan_file}: the plan moves no cubes, so its remaining part is unknown; execute it again as a whole"
         raise ImpossibleError(why, file=str(plan_file))
