@@ -165,9 +165,8 @@ def resume_plan(
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
     require_match(task, plan)
-    if isinstance(
-        task, ProgramTask
-    ):  # the arm may begin anew on all of it; of a task with cubes the rest is planned anew
+    # the arm may begin anew on all of a program; of a task with cubes the rest is planned anew
+    if isinstance(task, ProgramTask):
         with console.doing("checking the plan"):
             replayed(task, plan)
             erring_clearances(task.cell, plan)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from arm.errors import InputError
 from arm.numerics.angles import arctan2
 from arm.numerics.products import mul, norm
 from arm.se3 import Array, frozen
@@ -117,6 +118,9 @@ def arcs_along(
         point: of the curve at a parameter from 0 to 1, (3,) m.
         direction: unit direction there, (3,).
         tolerance: largest distance of the curve from them, at samples, m.
+
+    Raises:
+        InputError: the curve turns too often to be followed so closely.
     """
     return tuple(_follow(point, direction, tolerance, 0.0, 1.0, 0))
 
@@ -132,13 +136,21 @@ def _follow(
     pieces = biarc(point(begin), direction(begin), point(end), direction(end))
     between = np.linspace(begin, end, 7)[1:-1]
     points = np.array([point(float(u)) for u in between])
-    if pieces and depth >= 1:
-        off = np.min([piece.distances(points) for piece in pieces], axis=0)
-        if float(off.max()) <= tolerance or depth == _DEEPEST:
+    if depth >= 1:
+        # without pieces its ends are one point
+        away = [piece.distances(points) for piece in pieces] or [
+            np.sqrt(((points - point(begin)) ** 2).sum(axis=1))
+        ]
+        off = float(np.min(away, axis=0).max())
+        if off <= tolerance and (pieces or depth == _DEEPEST):
             yield from pieces
             return
-    elif depth == _DEEPEST:
-        return
+        if depth == _DEEPEST:
+            raise InputError(
+                f"the curve is {1e3 * off:.3g} mm from {2**_DEEPEST} pairs of arcs (allowed: {1e3 * tolerance:g} mm); "
+                "divide it, or draw it with fewer turns",
+                off_m=off,
+            )
     middle = (begin + end) / 2.0
     yield from _follow(point, direction, tolerance, begin, middle, depth + 1)
     yield from _follow(point, direction, tolerance, middle, end, depth + 1)

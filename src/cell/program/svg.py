@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from svg.path import Arc, Close, Line, Move, parse_path
 
-from arm.errors import FileInputError
+from arm.errors import FileInputError, InputError
 from arm.io.storage import read_bytes
 from arm.numerics.products import mul, norm
 from arm.se3 import Array, frozen
@@ -30,25 +30,18 @@ TOLERANCE = 2e-6  # m, largest distance of a curve from the arcs that follow it
 _VANISHES, _NEAR = 1e-6, 1e-4
 _MOST = 10.0  # m, largest coordinate on the plane
 _DEEPEST = 100  # groups inside each other
-_N = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_NUMBER = re.compile(_N)
-_LENGTH = re.compile(rf"\s*({_N})\s*(?:px)?\s*")
-_LIST = re.compile(rf"\s*(?:{_N}(?:\s*,\s*|\s+|(?=[-+.])|\s*$))*")
-_TRANSFORM = re.compile(r"\s*,?\s*(\w+)\s*\(([^()]*)\)")
+_NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+_FLAG = re.compile(r"[\s,]*([01])")
+_ARC = (*3 * (_NUMBER,), _FLAG, _FLAG, *2 * (_NUMBER,))
+_TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)")
 _COMMAND = re.compile(r"([A-DF-Za-df-z])([^A-DF-Za-df-z]*)")  # e and E are of numbers
-_ARC = re.compile(rf"(?:[\s,]*{_N}[\s,]*{_N}[\s,]*{_N}[\s,]*[01][\s,]*[01][\s,]*{_N}[\s,]*{_N})+[\s,]*")
 _TAKES = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2}  # numbers of a command
-_COUNTS = {
-    "matrix": (6,),
-    "translate": (1, 2),
-    "scale": (1, 2),
-    "rotate": (1, 3),
-    "skewX": (1,),
-    "skewY": (1,),
-}
+_COUNTS = {"matrix": (6,), "translate": (1, 2), "scale": (1, 2), "rotate": (1, 3)} | dict.fromkeys(
+    ("skewX", "skewY"), (1,)
+)
 _SVG = ("", "http://www.w3.org/2000/svg")  # elements of other namespaces are an editor's own
 _SHAPES = ("path", "line", "polyline", "polygon", "rect", "circle", "ellipse")
-_SKIPPED = (
+_SKIPPED = {
     *(
         "defs",
         "symbol",
@@ -60,8 +53,8 @@ _SKIPPED = (
         "radialGradient",
         "filter",
     ),
-    *("metadata", "title", "desc", "script", "view"),
-)
+    *("metadata", "title", "desc", "script", "view", "style"),
+}
 
 
 def strokes_of(path: Path, width: float) -> tuple[Outline, ...]:
@@ -77,6 +70,8 @@ def strokes_of(path: Path, width: float) -> tuple[Outline, ...]:
     if _tag(root) != "svg":
         raise FileInputError(path, "", f"<{_tag(root)}>", "must be an SVG, whose first element is <svg>")
     _require_plain(path, root, "svg")
+    if _hidden(path, root):
+        raise FileInputError(path, "<svg> display", "none", "must not hide the whole drawing")
     if root.get("transform"):
         rule = "must not be on <svg> itself; move it to a group"
         raise FileInputError(path, "transform", root.get("transform"), rule)
@@ -102,25 +97,52 @@ def _style(element: Element) -> dict[str, str]:
     return {name.strip().lower(): value.strip().lower() for name, _, value in pairs}
 
 
-def _hidden(element: Element) -> bool:
+def _hidden(path: Path, element: Element) -> bool:
+    """Whether SVG draws nothing of an element.
+
+    Raises:
+        FileInputError: it is a group in which elements may be visible again.
+    """
     style = _style(element)
-    invisible = {style.get("visibility", ""), element.get("visibility", "")} & {"hidden", "collapse"}
-    return "none" in (style.get("display"), element.get("display")) or bool(invisible)
+    if "none" in (style.get("display"), element.get("display")):
+        return True
+    invisible = bool({style.get("visibility"), element.get("visibility")} & {"hidden", "collapse"})
+    if invisible and _tag(element) not in _SHAPES:
+        rule = "must not be on a group, in which shapes may be visible again; hide the shapes, or use display"
+        raise FileInputError(path, f"<{_tag(element)}> visibility", "hidden", rule)
+    return invisible
 
 
 def _require_plain(path: Path, element: Element, tag: str) -> None:
-    """Refuse a style that moves an element, or shows part of a hidden group.
+    """Refuse styles that move an element, or hide or move any.
 
     Raises:
         FileInputError: there is one.
     """
     if "transform" in _style(element):
-        raise FileInputError(
-            path, "style", element.get("style"), "must not have a transform; use the attribute transform"
-        )
+        rule = "must not have a transform; use the attribute transform"
+        raise FileInputError(path, "style", element.get("style"), rule)
     if tag == "style" and re.search(r"display|visibility|transform", "".join(element.itertext())):
         rule = "must not hide or move anything (display, visibility, transform); save as plain SVG in your editor"
         raise FileInputError(path, "", "<style>", rule)
+
+
+def _scanned(text: str, *kinds: re.Pattern[str]) -> list[float] | None:
+    """Return the numbers of a text that is the kinds in turn, any number of times; None if it is anything else.
+
+    One after the other, since a single expression for all of them would try every division of their digits.
+    """
+    text, found, at = text.strip(), list[float](), 0
+    bare = "".join(text.split())
+    if ",," in bare or bare.startswith(",") or bare.endswith(","):
+        return None
+    while at < len(text):
+        one = kinds[len(found) % len(kinds)].match(text, at)
+        if one is None:
+            return None
+        found.append(float(one[1]))
+        at = one.end()
+    return found if len(found) % len(kinds) == 0 else None
 
 
 def _numbers(path: Path, name: str, text: str) -> list[float]:
@@ -129,11 +151,11 @@ def _numbers(path: Path, name: str, text: str) -> list[float]:
     Raises:
         FileInputError: it has.
     """
-    if not _LIST.fullmatch(text):
-        raise FileInputError(
-            path, name, text[:60], "must be plain numbers, with commas or spaces between them"
-        )
-    return [float(word) for word in _NUMBER.findall(text)]
+    found = _scanned(text, _NUMBER)
+    if found is None:
+        rule = "must be plain numbers, with commas or spaces between them"
+        raise FileInputError(path, name, text[:60], rule)
+    return found
 
 
 def _length(path: Path, element: Element, name: str, least: float = -np.inf) -> float:
@@ -143,21 +165,19 @@ def _length(path: Path, element: Element, name: str, least: float = -np.inf) -> 
         FileInputError: it has another unit, or is less than `least`.
     """
     text = element.get(name, "0")
-    found = _LENGTH.fullmatch(text)
-    if not found:
-        rule = "must be a number, in user units; other units and % are not read here: convert it to a path"
+    found = _scanned(text.strip().removesuffix("px"), _NUMBER)
+    if found is None or len(found) != 1:
+        rule = "must be a number, in user units; other units and % are not read here"
         raise FileInputError(path, f"<{_tag(element)}> {name}", text[:60], rule)
-    value = float(found[1])
-    if not value >= least:
+    if not found[0] >= least:
         raise FileInputError(path, f"<{_tag(element)}> {name}", text[:60], f"must be {least:g} or more")
-    return value
+    return found[0]
 
 
 def _view_box(path: Path, root: Element) -> tuple[float, float, float, float]:
     box = _numbers(path, "viewBox", root.get("viewBox", ""))
-    if not box:  # only the ratio of the size matters, so its unit does not
-        size = [_NUMBER.match(root.get(name, "").strip()) for name in ("width", "height")]
-        box = [0.0, 0.0, *(float(one[0]) for one in size if one)]
+    if not box:  # then the size is that of the drawing in user units
+        box = [0.0, 0.0, *(_length(path, root, name) for name in ("width", "height"))]
     if len(box) != 4 or not (box[2] > 0.0 and box[3] > 0.0):
         raise FileInputError(path, "viewBox", root.get("viewBox"), "must be left, top, width and height")
     return box[0], box[1], box[2], box[3]
@@ -174,7 +194,7 @@ def _paths(path: Path, element: Element, A: Array, depth: int = 0) -> Iterator[t
             continue
         tag = _tag(child)
         _require_plain(path, child, tag)
-        if tag in _SKIPPED or tag == "style" or (tag in (*_SHAPES, "g", "a") and _hidden(child)):
+        if tag in _SKIPPED or (tag in (*_SHAPES, "g", "a") and _hidden(path, child)):
             continue
         if tag not in (*_SHAPES, "g", "a"):
             raise FileInputError(path, "", f"<{tag}>", "is not read; convert it to paths in your editor")
@@ -270,14 +290,11 @@ def _checked(path: Path, data: str) -> str:
     if (data.strip() and _COMMAND.sub("", data).strip()) or (commands and commands[0][0] not in "Mm"):
         raise FileInputError(path, "d", data[:60], "must be path data that begins with M or m")
     for letter, inside in commands:
-        kind, count = letter.upper(), len(_NUMBER.findall(inside))
-        if kind == "A":
-            right = bool(_ARC.fullmatch(inside))
-        elif takes := _TAKES.get(kind):
-            right = bool(_LIST.fullmatch(inside)) and count > 0 and count % takes == 0
-        else:
-            right = kind == "Z" and not inside.strip()
-        if not right:
+        kind = letter.upper()
+        numbers = _scanned(inside, *(_ARC if kind == "A" else (_NUMBER,)))
+        takes = len(_ARC) if kind == "A" else _TAKES.get(kind)
+        closes = kind == "Z" and not inside.strip()
+        if not (closes or (takes and numbers and len(numbers) % takes == 0)):
             shown = f"{letter}{inside}".strip()[:60]
             raise FileInputError(
                 path, "d", shown, "must be a command of SVG paths with its numbers, and no more"
@@ -299,7 +316,10 @@ def _strokes(path: Path, data: str, A: Array) -> Iterator[Outline]:
             pieces = []
         else:
             _require_drawable(path, data, segment, A)
-            pieces += _pieces(segment, A)
+            try:
+                pieces += _pieces(segment, A)
+            except InputError as error:
+                raise FileInputError(path, "d", data[:60], f"cannot be followed: {error}") from error
             if isinstance(segment, Close):
                 if pieces:
                     yield Outline(tuple(pieces))

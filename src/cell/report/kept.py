@@ -75,7 +75,7 @@ def _kept(folder: Path) -> KeptRun:
     files = [found.lstat() for found in folder.rglob("*") if found.is_symlink() or not found.is_dir()]
     report: dict[str, Any] = {}
     with contextlib.suppress(OSError, ValueError):  # a run without a report is listed too
-        read = json.loads((folder / REPORT).read_text())
+        read = json.loads((folder / REPORT).read_text(encoding="utf-8"))
         report = read if isinstance(read, dict) else {}
     error = report.get("error")
     ended = str(error.get("word", "stopped")) if isinstance(error, dict) else "done" if report else ""

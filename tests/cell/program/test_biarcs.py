@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm.errors import InputError
 from arm.se3 import Array
 from cell.program.biarcs import arcs_along, biarc, rounded
 from cell.program.outline import Arc, Outline, through
@@ -82,3 +83,23 @@ def test_arcs_follow_a_smooth_curve_within_the_tolerance(tolerance: float) -> No
     off = np.min([piece.distances(points) for piece in outline.pieces], axis=0)
     assert off.max() <= 1.5 * tolerance
     assert len(outline.pieces) < 100
+
+
+@pytest.mark.parametrize(("turns", "followed"), [(20, True), (20_000, False)])
+def test_a_curve_is_followed_within_the_tolerance_or_refused(turns: int, followed: bool) -> None:
+    wave = 2.0 * np.pi * turns
+
+    def point(u: float) -> Array:
+        return np.array([0.05 * u, 0.02 * np.sin(wave * u), 0.0])
+
+    def direction(u: float) -> Array:
+        d = np.array([0.05, 0.02 * wave * np.cos(wave * u), 0.0])
+        return d / np.linalg.norm(d)
+
+    if not followed:
+        with pytest.raises(InputError, match="divide it, or draw it with fewer turns"):
+            arcs_along(point, direction, 2e-6)
+        return
+    pieces = arcs_along(point, direction, 2e-6)
+    at = np.array([point(u) for u in np.linspace(0.0, 1.0, 999)])
+    assert np.min([piece.distances(at) for piece in pieces], axis=0).max() < 4e-6

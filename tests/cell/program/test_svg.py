@@ -141,6 +141,12 @@ LINE = '<line x1="10" y1="10" x2="40" y2="40"/>'
         ('<line x2="100%"/>', r"<line> x2 = '100%': must be a number, in user units"),
         ('<polyline points="10,10 20,20 h 30"/>', "must be plain numbers"),
         ('<polyline points="10,10 20,20 30"/>', "must be pairs of numbers"),
+        (f'<g visibility="hidden">{LINE}</g>', "must not be on a group, in which shapes may be visible again"),
+        ('<path d="M 0 0 A ' + "10 10 0 0 1 20 20 " * 40 + '7"/>', "must be a command of SVG paths"),
+        ('<path d="M 0 0 A ' + "1" * 20000 + '"/>', "must be a command of SVG paths"),
+        ('<polyline points="' + "1" * 20000 + 'x"/>', "must be plain numbers"),
+        ('<line x2="' + "1" * 20000 + 'x"/>', "must be a number, in user units"),
+        ('<path d="M 1,,2 3 4"/>', "must be a command of SVG paths"),
         ("<g>" * 3000 + LINE + "</g>" * 3000, "are more than 100 groups inside each other"),
     ],
 )  # fmt: skip
@@ -208,3 +214,20 @@ def test_a_curve_that_returns_on_itself_is_drawn_there_and_back(tmp_path: Path) 
     assert ends[:, 0].max() == pytest.approx(0.035, abs=1e-4)
     assert np.ptp(ends[:, 1]) < 1e-5
     np.testing.assert_allclose(ends[0], ends[-1], atol=1e-9)
+
+
+@pytest.mark.parametrize("size", ['width="5cm" height="5cm"', 'width="100%" height="100%"'])
+def test_without_a_view_box_the_size_is_in_user_units(tmp_path: Path, size: str) -> None:
+    """Of 5 cm a drawing has some 189 units: read as 5, all of it would be 38 times as large."""
+    file = tmp_path / "drawing.svg"
+    file.write_text(f"<svg {size}>{LINE}</svg>")
+    with pytest.raises(FileInputError, match="must be a number, in user units"):
+        strokes_of(file, 0.1)
+
+
+@pytest.mark.parametrize("hidden", ['display="none"', 'visibility="hidden"'])
+def test_a_drawing_that_is_hidden_as_a_whole_is_refused(tmp_path: Path, hidden: str) -> None:
+    file = tmp_path / "drawing.svg"
+    file.write_text(_svg(LINE, hidden))
+    with pytest.raises(FileInputError, match="<svg>"):
+        strokes_of(file, 0.1)
