@@ -193,9 +193,12 @@ def planned(hoop: Robot, unit: Unit, goal: Target) -> Planned:
     return plan_program(Program(scene, (goal,), at(hoop, unit, goal.curve.T_start), unit, unit.limits()))
 
 
-def called_threaded(plan: Plan) -> Plan:
-    """The same plan, which says of all its moves that the ring stays on the wire."""
-    steps = tuple(replace(s, threaded="wire") if isinstance(s, Move) else s for s in plan.steps)
+def called_threaded(plan: Plan, *names: str) -> Plan:
+    """The same plan, which says of some of its moves, or of all, that the ring stays on the wire."""
+    steps = tuple(
+        replace(s, threaded="wire") if isinstance(s, Move) and (s.name in names or not names) else s
+        for s in plan.steps
+    )
     return replace(plan, steps=steps)
 
 
@@ -225,7 +228,11 @@ def test_a_path_under_the_foot_is_refused_if_it_should_stay(hoop: Robot, unit: U
     under = [ring_at(*place) for place in [(0.15, 0.0), *bend, (-0.05, 0.1)]]
     goal = Target("under", np.stack(under), by="path", free="rz", line_clearance=0.003)
     q_start = at(hoop, unit, goal.curve.T_start)
-    plan_program(Program(scene, (goal,), q_start, unit, unit.limits()))
+    plan = plan_program(Program(scene, (goal,), q_start, unit, unit.limits())).plan()
+    now = scene_from_json(plan.scene, hoop, hoop)
+    replay(plan, now, unit, unit.limits())
+    with pytest.raises(ImpossibleError, match="beyond the foot of wire"):
+        replay(called_threaded(plan, "along under"), now, unit, unit.limits())
     with pytest.raises(ImpossibleError, match="beyond the foot of wire"):
         plan_program(Program(scene, (replace(goal, threaded="wire"),), q_start, unit, unit.limits()))
 

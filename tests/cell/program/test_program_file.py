@@ -167,3 +167,14 @@ def test_a_body_has_no_name_of_what_a_look_finds(tmp_path: Path, name: str) -> N
         InputError, match="names that begin with plate, stand or cube are of what a look finds"
     ):
         read_program(program(tmp_path, TEXT.replace('name = "block"', f'name = "{name}"')))
+
+
+def test_arcs_to_strokes_are_at_most_200_mm(tmp_path: Path) -> None:
+    drawing = 'svg = "a.svg"\nwidth_mm = 100\nlift_mm = 201\naxis = [0, 0, -1]\n'
+    text = TEXT.replace(
+        'line_of = "wire.toml"\nbackwards = true\nextend_mm = [60, -30]\naxis = "along"\n', drawing
+    )
+    file = program(tmp_path, text)
+    (file.parent / "a.svg").write_text('<svg viewBox="0 0 5 5"><line x2="1"/></svg>')
+    with pytest.raises(InputError, match=r"lift_mm = 201: must be a number in mm from 0.5 to 200"):
+        read_program(file)

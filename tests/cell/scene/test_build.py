@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm.io.storage import data_file
 from arm.plan_file import Plan
+from arm.poses import BoardPose
 from arm.se3 import Array, frozen, rotation, transform
 from cell.files.board_shift import board_shift
 from cell.files.task import Task
+from cell.program.program_file import read_program
 from cell.scene.build import board_bodies, build_scene
 from plan.collision.certificate import certify_move
 from plan.collision.world import World
@@ -88,3 +91,15 @@ def test_stands_move_no_further_than_they_are_padded(task: Task, seen: Observati
                 ):  # its height follows the plate's lowest edge; its foot stays on the table
                     then, now = then[:, :2], now[:, :2]
                 assert np.linalg.norm(now - then, axis=1).max() <= old.padding + 1e-9
+
+
+def test_a_stand_larger_than_its_plate_is_padded_by_more() -> None:
+    """By sqrt(1 + k^2) of what the plate may move, k the ratio of their edges: more than the usual 1.5."""
+    cell = read_program(data_file("scenes/hoop/seen.toml")).cell
+    (board,) = cell.boards
+    larger = max(np.array(cell.stand_size) / board.plate.size[:2])
+    assert larger > 1.12
+    pose = BoardPose(board, transform(t=(0.45, 0.0, 0.05)), np.eye(6), 0.1, 9.0)
+    plate, stand = board_bodies(cell, [pose])
+    assert plate.padding == cell.moved
+    assert stand.padding >= np.sqrt(1.0 + larger**2) * cell.moved

@@ -5,16 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm.io.storage import data_file
 from arm.robot.model import LinkBody
 from arm.robot.shapes import Body, Box, Capsule, Convex, Sphere, Torus
 from arm.se3 import Array, inverse, rot_x, rot_z, rotation, transform
 from arms.around import KINDS
 from arms.grazing import obstacle
 from arms.hoop import as_capsules
+from cell.program.planning import program_scene
+from cell.program.program_file import read_program
 from plan.collision.narrow.circle import ERROR
 from plan.collision.narrow.solids import HullSolids, RoundedSolids
 from plan.collision.narrow.torus_pairs import covered, torus_distance
-from plan.collision.world import DISTANCE_ERROR, distance_of
+from plan.collision.world import DISTANCE_ERROR, UNKNOWN_DEPTH, World, distance_of
+from vision.observation import Observation
 
 PARTS = 240  # capsules that stand for a torus
 HALF_ANGLE = np.pi / PARTS
@@ -161,3 +165,36 @@ def test_covering_capsules_contain_a_torus_and_thinner_ones_are_inside() -> None
     assert away.max() <= found.excess + 1e-12
     assert away.max() > 0.9 * found.excess
     assert found.excess < 0.003 * torus.shape.radius
+
+
+def test_distances_of_many_configurations_are_those_of_each() -> None:
+    """Value, normal and point on the outer body, of tori and others in one list, in the order of the pairs."""
+    task = read_program(data_file("scenes/hoop/b.toml"))
+    scene = program_scene(task, Observation())
+    world = World(scene.robot_open, scene.bodies)
+    rng, every = np.random.default_rng(5), np.arange(len(world.pairs))
+    q = task.cell.q_start + 0.2 * rng.normal(size=(4, 6))
+    rows = np.repeat(np.arange(4), len(every))
+    found = world.witnesses(q, rows, np.tile(every, 4))
+    torus = np.array([isinstance(p.shape, Torus) for p in world._parts])[world.pairs].any(axis=1)
+    assert 0 < torus.sum() < len(every)
+    for row, at in enumerate(q):
+        one = [
+            (r.min_distance, np.array(r.normal), np.array(r.getNearestPoint2()))
+            for r in world._geometry.distances(at, every)
+        ]
+        here = rows == row
+        values, normals, points = (np.array(column) for column in zip(*one, strict=True))
+        np.testing.assert_allclose(
+            found.distance[here], np.maximum(values, UNKNOWN_DEPTH) - world.paddings, atol=1e-12
+        )
+        np.testing.assert_allclose(found.normal[here][torus], normals[torus], atol=1e-12)
+        np.testing.assert_allclose(found.point[here][torus], points[torus], atol=1e-12)
+    # the list ends with the first distance below a limit, be that of a torus or not
+    for order in (np.argsort(torus), np.argsort(~torus)):
+        tried = np.tile(every[order], 4)
+        whole = world.witnesses(q, rows, tried)
+        least = float(whole.distance[0]) + 1e-6
+        first = int(np.flatnonzero(whole.distance < least)[0])
+        stopped = world.witnesses(q, rows, tried, least)
+        np.testing.assert_array_equal(stopped.distance, whole.distance[: first + 1])
