@@ -16,6 +16,7 @@ from cell.files.board_shift import board_shift, moved_boards
 from cell.program.planning import program_scene
 from cell.program.program_file import ProgramTask, read_program
 from cell.task.plan_matches import require_scene
+from cell.task.programs import resume
 from plan.collision.covers import hull
 from vision.observation import Observation, ObservedBoard
 
@@ -53,8 +54,10 @@ def test_the_boxes_contain_the_bodies_of_the_workpiece(task: ProgramTask) -> Non
         assert (at <= high + 1e-9).all()
 
 
-def test_a_tilt_that_the_plate_hardly_shows_is_told_by_the_wire(task: ProgramTask) -> None:
-    """As a plan's scene is compared with a look, and a look with the next one."""
+def test_a_tilt_that_the_plate_hardly_shows_is_told_by_the_wire(
+    task: ProgramTask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a plan's scene is compared with a look, a look with the next one, and a stopped plan with what is seen."""
     assert task.board is not None
     cell, now = task.cell, tilted(task, 0.9)
     assert not board_shift(task.board, cell.cube_size, T_BOARD, now).beyond(cell)
@@ -66,3 +69,8 @@ def test_a_tilt_that_the_plate_hardly_shows_is_told_by_the_wire(task: ProgramTas
         require_scene(task, plan, seen(task, now))
     (line,) = moved_boards(before, seen(task, now), task)
     assert "board 01-02 moved by" in line
+    monkeypatch.setattr(resume, "scene_of_now", lambda *_: None)
+    monkeypatch.setattr(resume, "planned_observation", lambda *_: before)
+    run: Any = SimpleNamespace(task=task, see=lambda *_, **more: seen(task, now), tell=print)
+    with pytest.raises(ImpossibleError, match=r"board 01-02 is .* from its planned pose"):
+        resume._require_boards(run, plan)
