@@ -78,6 +78,12 @@ class FreedomKeys(Keys):
     touch: Pairs = key("touch", TOUCH, [])
 
 
+_WIDTH, _LIFT = (
+    number("mm", 1.0, 5000.0),
+    number("mm", 0.5, 200.0),
+)  # of a drawing, and of the arcs to its strokes
+
+
 class PathKeys(FreedomKeys):
     """Keys of a path."""
 
@@ -86,9 +92,9 @@ class PathKeys(FreedomKeys):
     svg: Path | None = key("svg", path(), None)
     meander: Array | None = key("meander_mm", numbers(2, "mm", 1.0, 5000.0), None)
     pitch: float | None = key("pitch_mm", number("mm", 0.1, 1000.0), None)
-    width: float | None = key("width_mm", number("mm", 1.0, 5000.0), None)
+    width: float | None = key("width_mm", _WIDTH, None)
     corner: Array = key("corner_mm", PLACE, [0, 0, 0])
-    lift: float | None = key("lift_mm", number("mm", 0.5, 200.0), None)
+    lift: float | None = key("lift_mm", _LIFT, None)
     backwards: bool = key("backwards", flag(), False)
     extend: Array = key("extend_mm", numbers(2, "mm", -5000.0, 5000.0), [0, 0])
     deviation: float = key("deviation_mm", number("mm", 0.0, 50.0), 0)
@@ -227,10 +233,7 @@ def _drawn(node: Node, file: Path, keys: PathKeys) -> list[Outline]:
     """Return the strokes of a drawing, each with an arc down to it and one up from it, both along its ends."""
     if isinstance(keys.axis, str):
         raise node.error_at("axis", "must be a direction x, y, z, with svg")
-    width, lift = (
-        node.get(name, number("mm", low, high))
-        for name, low, high in (("width_mm", 1.0, 5000.0), ("lift_mm", 0.5, 200.0))
-    )
+    width, lift = (node.get(name, rule) for name, rule in (("width_mm", _WIDTH), ("lift_mm", _LIFT)))
     return [
         _with_lifts(rounded(stroke, keys.deviation).moved(keys.corner), lift)
         for stroke in strokes_of(file, width)

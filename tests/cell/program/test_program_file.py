@@ -178,3 +178,6 @@ def test_arcs_to_strokes_are_at_most_200_mm(tmp_path: Path) -> None:
     (file.parent / "a.svg").write_text('<svg viewBox="0 0 5 5"><line x2="1"/></svg>')
     with pytest.raises(InputError, match=r"lift_mm = 201: must be a number in mm from 0.5 to 200"):
         read_program(file)
+    replace_in(file, "lift_mm = 201\n", "")
+    with pytest.raises(InputError, match=r"lift_mm: is missing; it must be a number in mm from 0.5 to 200"):
+        read_program(file)
