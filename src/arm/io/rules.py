@@ -242,7 +242,11 @@ def path(exists: bool = True) -> Rule[Path]:
 
     def read(node: Node) -> Path:
         found = node.file.parent / text().read(node)
-        if exists and not found.is_file():
+        try:
+            is_there = found.is_file()
+        except OSError as error:  # the name is too long, or a folder may not be read
+            raise node.error(f"names a file that cannot be read: {error.strerror}") from error
+        if exists and not is_there:
             raise node.error(f"names a file that does not exist: {found}")
         return found
 

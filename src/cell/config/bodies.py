@@ -10,7 +10,7 @@ import numpy as np
 from arm.errors import InputError
 from arm.io.keys import Keys, key, read_values
 from arm.io.node import Node
-from arm.io.rules import number, numbers, path, text, triple
+from arm.io.rules import line, number, numbers, path, text, triple
 from arm.numerics.products import mul
 from arm.robot.mesh import read_mesh_points
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus, convex
@@ -27,7 +27,7 @@ SHAPE = text("box", "cylinder", "sphere", "capsule", "torus", "mesh")
 class BodyKeys(Keys):
     """Keys of a body of any shape."""
 
-    name: str = key("name", text())
+    name: str = key("name", line())
     shape: str = key("shape", SHAPE, "box")
     size: tuple[float, float, float] = key("size_mm", triple("mm", 1, LARGEST_MM))
     radius: float = key("radius_mm", _LENGTH)

@@ -23,10 +23,14 @@ from cell.program.biarcs import rounded
 from cell.program.frames import CHORD_ERROR, PathPoses, poses_along
 from cell.program.outline import STRAIGHT, Arc, Outline, through
 from cell.program.points import POINTS, read_wire
-from cell.program.svg import strokes_of
+from cell.program.svg import TOLERANCE, strokes_of
 from plan.kinematics.numeric_ik import FREE
+from plan.motion.builder import OFF_LINE
 
 ALONG = {"along": 1.0, "against": -1.0}
+# m, by which the tool as it is sent may leave a rounded path: the builder's tolerance, chords, curves of a drawing
+_OFF_PATH = OFF_LINE + CHORD_ERROR + TOLERANCE
+_LEAST_DEVIATION, _MOST_DEVIATION = 2e-4, 0.05  # m
 Pairs = frozenset[frozenset[str]]
 
 
@@ -64,7 +68,18 @@ def _free(node: Node) -> str:
     return words
 
 
+def _deviation(node: Node) -> float:
+    deviation = node.read(number("mm", 0.0, 1e3 * _MOST_DEVIATION))
+    if 0.0 < deviation < _LEAST_DEVIATION:
+        why = f"as the motion may be {1e3 * OFF_LINE:g} mm off its path"
+        raise node.error(f"must be 0, or at least {1e3 * _LEAST_DEVIATION:g} mm, {why}")
+    return deviation
+
+
 TOUCH = Rule('pairs of names of bodies, such as [["ring", "foot"]]', _pairs)
+DEVIATION = Rule(
+    f"0, or a number in mm from {1e3 * _LEAST_DEVIATION:g} to {1e3 * _MOST_DEVIATION:g}", _deviation
+)
 FREE_RULE = Rule(f"names of directions, of {', '.join(FREE)}", _free)
 
 
@@ -97,7 +112,7 @@ class PathKeys(FreedomKeys):
     lift: float | None = key("lift_mm", _LIFT, None)
     backwards: bool = key("backwards", flag(), False)
     extend: Array = key("extend_mm", numbers(2, "mm", -5000.0, 5000.0), [0, 0])
-    deviation: float = key("deviation_mm", number("mm", 0.0, 50.0), 0)
+    deviation: float = key("deviation_mm", DEVIATION, 0)
     axis: Any = key("axis", Rule("along, against, or a direction x, y, z", _axis))
     window: float = key("window_mm", number("mm", 0.0, 500.0), 25)
     turn: float = key("turn_deg", number("deg", -360.0, 360.0), 0)
@@ -108,7 +123,7 @@ class PathKeys(FreedomKeys):
 
 SOURCES = ("points_mm", "line_of", "svg", "meander_mm")  # keys that make a step a path, each by itself
 FILES = ("line_of", "svg")  # those of them that name a file
-MOST_LINES = 1000  # of a meander
+MOST_LINES = 500  # of a meander
 _ON_PLANE = ("svg", "meander_mm")
 _NEEDS = {  # what each of these keys is for
     "width_mm": ("svg",),
@@ -182,6 +197,8 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
     for optional, sources in _NEEDS.items():
         if optional in node and not any(source in node for source in sources):
             raise node.error_at(optional, f"needs {' or '.join(sources)}")
+    if "window_mm" in node and not isinstance(keys.axis, str):
+        raise node.error_at("window_mm", "needs axis along or against: a fixed direction does not turn")
     if set(keys.free.replace(",", " ").split()) - {"rz"}:
         raise node.error_at("free", "must be rz, or nothing, on a path; give ranges for other directions")
     if keys.svg is not None:
@@ -235,7 +252,7 @@ def _drawn(node: Node, file: Path, keys: PathKeys) -> list[Outline]:
         raise node.error_at("axis", "must be a direction x, y, z, with svg")
     width, lift = (node.get(name, rule) for name, rule in (("width_mm", _WIDTH), ("lift_mm", _LIFT)))
     return [
-        _with_lifts(rounded(stroke, keys.deviation).moved(keys.corner), lift)
+        _with_lifts(_rounded(stroke, keys.deviation).moved(keys.corner), lift)
         for stroke in strokes_of(file, width)
     ]
 
@@ -266,9 +283,14 @@ def _with_lifts(stroke: Outline, lift: float) -> Outline:
     return Outline((down, *stroke.pieces, rise))
 
 
+def _rounded(outline: Outline, deviation: float) -> Outline:
+    """Return the outline with corners so rounded that the tool as it is sent stays within `deviation`, m, of it."""
+    return rounded(outline, deviation - _OFF_PATH) if deviation else outline
+
+
 def _travelled(whole: Outline, keys: PathKeys) -> tuple[Outline, float]:
     """Return the outline as it is travelled, and 1, or -1 if that is against the line as it is stated."""
-    smooth = rounded(whole, keys.deviation)
+    smooth = _rounded(whole, keys.deviation)
     smooth = smooth.backwards() if keys.backwards else smooth
     before, after = keys.extend.tolist()
     return smooth.cut(-before, smooth.length + after), -1.0 if keys.backwards else 1.0

@@ -62,9 +62,9 @@ def _bodies(node: Node) -> tuple[Body, ...]:
         else:
             found.append(read_body(one, WORK))
         names = [body.name for body in found]
-        if names[-1:] and names[-1].startswith(_SEEN):
+        if seen := [name for name in names if name.startswith(_SEEN)]:
             raise one.error(
-                f"has a body {names[-1]!r}; names that begin with plate, stand or cube are of what a look finds"
+                f"has a body {seen[0]!r}; names that begin with plate, stand or cube are of what a look finds"
             )
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

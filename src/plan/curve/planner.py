@@ -32,8 +32,9 @@ ANGLE_TOLERANCE = 1e-3  # rad
 _MARGIN = 5e-4  # m, clearance of chains beyond the required one
 _ROUNDS, _MORE_ROUNDS = 24, 3  # steps of the smoothing of a chain, and with more stations
 _ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
-_MOST_STATIONS = 120  # with which a path is still smoothed; the time of a program grows with their cube
-_FINER = 4  # times that stations are doubled
+_MOST_STATIONS = 120  # with which a path is still smoothed after stations were added
+_FINER = 8  # times that stations are added where the spline is off
+_FINE = 0.2  # of the tolerances, beyond which stations are added
 _GIVEN = 2e-4  # m, of the largest distance, for the sake of time
 _WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
 
@@ -130,16 +131,17 @@ class CurvePlanner:
         # turns first: with all that is free at once, steps more often end in a slow way
         smooth = smoothing.smoothed(way, _ROUNDS, turns_only=True)
         smooth = smoothing.smoothed(smooth, _ROUNDS) if shifts else smooth
+        beyond = self.beyond(smooth)
         for _ in range(_FINER):
-            if self.beyond(smooth) <= 1.0:
+            if beyond.max() <= _FINE:
                 break
-            finer = smoothing.finer(smooth)
+            finer = smoothing.finer(smooth, _with_neighbours(beyond > _FINE))
             if finer is None:
                 break
             few = len(finer.q) <= _MOST_STATIONS
             smooth = smoothing.smoothed(finer, _MORE_ROUNDS, turns_only=not shifts) if few else finer
-        off = self.beyond(smooth)
-        if off > 1.0:
+            beyond = self.beyond(smooth)
+        if (off := float(beyond.max())) > 1.0:
             raise ImpossibleError(
                 f"path {self.name!r}: the tool leaves it by {off:.1f} times what is allowed; the arm is close to a "
                 "singular configuration, or the path has a corner; round it, or free more directions",
@@ -158,13 +160,22 @@ class CurvePlanner:
             )
         return path
 
-    def beyond(self, way: Followed) -> float:
-        """Return the largest deviation of the spline through a way, in tolerances."""
+    def beyond(self, way: Followed) -> Array:
+        """Return the largest deviation of the spline through a way in each step (m - 1,), in tolerances."""
         path = JointPath(way.q, way.places)
         between = (way.places[:-1, None] + np.diff(way.places)[:, None] * np.array([0.25, 0.5, 0.75])).ravel()
         poses = product_of_exponentials(self.robot).tool_poses(path.spline(between))
         off = self.curve.deviation(poses, None, between / self.curve.length)
-        return float(max(off.distance.max() / TOLERANCE, off.angle.max() / ANGLE_TOLERANCE))
+        worst = np.maximum(off.distance / TOLERANCE, off.angle / ANGLE_TOLERANCE)
+        return np.asarray(worst.reshape(-1, 3).max(axis=1))
+
+
+def _with_neighbours(steps: Bools) -> Bools:
+    """Return the steps (k,) with the one before and the one after each: a spline's change of spacing stays near."""
+    wide = steps.copy()
+    wide[1:] |= steps[:-1]
+    wide[:-1] |= steps[1:]
+    return wide
 
 
 def _unwrapped(angles: Array) -> Array:

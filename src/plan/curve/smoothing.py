@@ -118,14 +118,21 @@ class Smoothing:
             return None
         return Followed(frozen(places), frozen(coordinates), frozen(found))
 
-    def finer(self, way: Followed) -> Followed | None:
-        """Return the way with a station in the middle of every step; coordinates follow the spline through theirs."""
-        middles = 0.5 * (way.places[1:] + way.places[:-1])
+    def finer(self, way: Followed, steps: Bools) -> Followed | None:
+        """Return the way with a station in the middle of some steps (m - 1,).
+
+        The coordinates there follow the spline through those of the way. None if a station is out of reach.
+        """
+        after = np.flatnonzero(steps) + 1
+        middles = 0.5 * (way.places[after] + way.places[after - 1])
         between = CubicSpline(way.places, way.coordinates)(middles)
         self._within(between)
         q = CubicSpline(way.places, way.q)(middles)
-        coordinates = _merged(way.coordinates, between)
-        return self.at(_merged(way.places, middles), coordinates, _merged(way.q, q))
+        merged = [
+            np.insert(old, after, new, axis=0)
+            for old, new in ((way.places, middles), (way.coordinates, between), (way.q, q))
+        ]
+        return self.at(*merged)
 
     def _within(self, coordinates: Array) -> None:
         """Move coordinates (m, 6) into their limits, in place."""
@@ -293,10 +300,3 @@ class Smoothing:
             outwards[:, self.columns.index(column)] = swing[outer, k] / size[outer]
         room = np.maximum((1.0 - _ROOM) * self.tilt - size[outer], 0.0)
         return Rows(outer, outwards, np.zeros_like(outwards), room)
-
-
-def _merged(values: Array, middles: Array) -> Array:
-    """Return values (m, ...) with middles (m - 1, ...) between them."""
-    out = np.empty((2 * len(values) - 1, *values.shape[1:]))
-    out[::2], out[1::2] = values, middles
-    return out

@@ -40,7 +40,7 @@ from plan.trajectory.virtual_unit import is_virtual
 
 _BLENDS = (1.0, 0.4, 0.15, 0.05)  # factors on the duration of blends, in the order of the attempts
 _SMALLER, _CUTS = 0.7, 4  # factor on a cut whose corner passes too far from its target, and the most attempts
-_OFF_LINE = 1e-4  # m, largest distance of the tool as it is sent from its line
+OFF_LINE = 1e-4  # m, largest distance of the tool as it is sent from its line or path
 # Largest deviation of a joint from the planned motion, rad. Lines at the ends of a motion also have a tolerance at the
 # tool; other lines need the smaller deviation. With a virtual unit's fine counts the deviation may be much smaller.
 _DEVIATION, _ON_LINES, _VIRTUAL = 2e-4, 5e-5, 1e-6
@@ -284,7 +284,7 @@ class MotionBuilder:
         rounded = (
             max((join.blend_radius for join in joins if join.cut), default=0.0) if len(lines) > 1 else 0.0
         )
-        return bool(away.min(axis=0).max() > _OFF_LINE + rounded)
+        return bool(away.min(axis=0).max() > OFF_LINE + rounded)
 
     def _tool(self, q: Array) -> Array:
         """Return the poses (m, 4, 4) of the tool."""

@@ -106,7 +106,7 @@ def test_a_drawing_has_a_smooth_path_for_each_stroke_down_to_the_plane_and_up(tm
     begins = 1e3 * np.array([outline.at([0.002 * np.pi])[0] for outline in (line, circle)])
     np.testing.assert_allclose(begins, [[15, 16, 7], [55, 36, 7]], atol=1e-5)
     corner = np.array([[0.035, 0.016, 0.007]])
-    assert min(float(p.distances(corner)[0]) for p in line.pieces) == pytest.approx(5e-4, rel=1e-6)
+    assert min(float(p.distances(corner)[0]) for p in line.pieces) == pytest.approx(5e-4 - 1.07e-4, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -125,6 +125,12 @@ def test_a_drawing_has_a_smooth_path_for_each_stroke_down_to_the_plane_and_up(tm
             r"steps\[1\].axis = 'along': must be a direction x, y, z, with svg",
         ),
         ('svg = "d.svg"', "points_mm = [[0, 0, 0], [0, 0, 9]]", r"steps\[1\].width_mm = 100: needs svg"),
+        (
+            "deviation_mm = 0.5",
+            "deviation_mm = 0.1",
+            r"steps\[1\].deviation_mm = 0.1: must be 0, or at least 0.2 mm",
+        ),
+        ("deviation_mm = 0.5", "deviation_mm = 51", r"steps\[1\].deviation_mm = 51: must be .* 50"),
         ("width_mm = 100", "width_mm = 100\npitch_mm = 2", r"steps\[1\].pitch_mm = 2: needs meander_mm"),
     ],
 )
@@ -176,7 +182,7 @@ def test_a_meander_with_arcs_comes_down_and_leaves_along_its_lines(tmp_path: Pat
             r"extend_mm = \[1, 1\]: needs points_mm or line_of",
         ),
         ("pitch_mm = 6", "pitch_mm = 6\nwidth_mm = 9", r"steps\[1\].width_mm = 9: needs svg"),
-        ("meander_mm = [50, 20]\npitch_mm = 6", "meander_mm = [50, 500]\npitch_mm = 0.1", "makes 5001 lines"),
+        ("meander_mm = [50, 20]\npitch_mm = 6", "meander_mm = [50, 50]\npitch_mm = 0.1", "makes 501 lines"),
     ],
 )
 def test_keys_of_a_meander_belong_to_a_meander(tmp_path: Path, old: str, new: str, message: str) -> None:

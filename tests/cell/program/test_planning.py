@@ -12,6 +12,7 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.plan_file import Move, Pause, Plan, read_plan
 from arm.se3 import inverse
+from cell.program.outline import through
 from cell.program.path_step import PathStep
 from cell.program.planning import plan_of_program, program_scene
 from cell.program.program_file import ProgramTask, read_program
@@ -69,6 +70,34 @@ def test_the_tool_stays_on_the_path_within_what_is_free(made: tuple[ProgramTask,
     ends = points[[0, -1]]
     # a path is left at speed, at a whole millisecond
     np.testing.assert_allclose(ends, path.outline.at([path.outline.length, 0.0]), atol=5e-4)
+
+
+@pytest.mark.parametrize("deviation_mm", [0.2, 0.3, 1.0])
+@pytest.mark.parametrize("turn_deg", [30, 90, 150])
+def test_a_rounded_corner_is_passed_without_rest_within_the_deviation(
+    deviation_mm: float, turn_deg: float, tmp_path: Path
+) -> None:
+    """At every millisecond of what is sent, against the sharp corner that the file states."""
+    turn = np.radians(turn_deg)
+    corner = [0.0, -150.0, 160.0]
+    end = [40.0 * np.sin(turn), -150.0, 160.0 - 40.0 * np.cos(turn)]
+    points = [[0.0, -150.0, 200.0], corner, np.round(end, 6).tolist()]
+    text = OPEN.replace("[[0, -150, 260], [0, -150, 60], [40, -150, 60]]", str(points))
+    text = text.replace("deviation_mm = 5", f"deviation_mm = {deviation_mm}").replace("back = true", "")
+    task = read_program(program(tmp_path, text))
+    plan = plan_of_program(task, Observation(), 1.0)
+    robot, unit, T_work_base = task.cell.robot(), task.cell.unit, inverse(task.T_on_work)
+    path = next(m for m in plan.moves if m.name == "along wire").path
+    times = np.arange(0.0, path.duration_s, 1e-3)
+    tip = 1e3 * np.array(
+        [(T_work_base @ robot.T_base_tool(q))[:3, 3] for q in unit.positions(path.at(times))]
+    )
+    off = np.min([piece.distances(tip) for piece in through(points).pieces], axis=0)
+    from_corner = np.linalg.norm(tip - corner, axis=1)
+    assert off.max() <= deviation_mm
+    assert from_corner.min() <= deviation_mm
+    speed = np.linalg.norm(np.diff(tip, axis=0), axis=1) / 1e-3
+    assert speed[np.argmin(from_corner) - 1] > 0.2  # mm/s
 
 
 def test_the_bodies_of_the_work_are_obstacles(made: tuple[ProgramTask, Plan]) -> None:

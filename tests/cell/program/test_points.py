@@ -43,6 +43,7 @@ def test_points_and_arcs_become_exact_pieces() -> None:
             r"line_mm\[1\].*1.000 and 9.055 mm from its centre",
         ),
         ([[0, 0, 0], {"to_mm": [0, 0, 9], "via_mm": [0, 1, 0]}], r"line_mm\[1\].via_mm.*is not a known key"),
+        ([[0, 0, 0], {"to_mm": [0, 0, 0.05], "centre_mm": [0, 0, 0]}], r"line_mm\[1\].*is at its ends"),
         ([[0, 0, 0], {"centre_mm": [0, 1, 0]}], r"line_mm\[1\].to_mm: is missing"),
         (7, r"line_mm = 7: must be a list"),
     ],

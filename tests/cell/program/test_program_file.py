@@ -112,6 +112,12 @@ def test_a_work_on_a_board_needs_that_board_in_the_cell(tmp_path: Path) -> None:
         ("dwell_s = 0.5", 'jaws = "close"', r"steps\[0\].jaws.*has no jaws; leave it out"),
         ("dwell_s = 0.5", "grid.count = [20, 20, 20]", r"steps\[0\].grid.count = .*makes 8000 places"),
         ("clearance_mm = 6", "clearance_mm = 6\nrepeat = 0", r"repeat = 0: must be a whole number from 1 to 1000"),
+        ('name = "block"', 'name = "plate 3"', r"bodies\[1\].*: has a body 'plate 3'; names that begin"),
+        ('name = "block"', 'name = "stand x"', r"bodies\[1\].*: has a body 'stand x'; names"),
+        ('name = "block"', 'name = "cube 1"', r"bodies\[1\].*: has a body 'cube 1'; names"),
+        ('name = "block"', 'name = "a\\nb"', r"bodies\[1\].name = .*must be a string of one line"),
+        ('file = "wire.toml"', 'file = "FILE"', r"bodies\[0\].file = .*cannot be read: File name too"),
+        ('axis = "along"', "axis = [0, 0, 1]\nwindow_mm = 9", r"steps\[1\].window_mm = 9: needs axis along or against"),
         ("clearance_mm = 6", "clearance = 6", r"clearance.*is not a known key .did you mean clearance_mm"),
     ],
 )  # fmt: skip
@@ -119,7 +125,7 @@ def test_wrong_programs_are_refused_with_place_and_rule(
     tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     file = program(tmp_path)
-    replace_in(file, old, new)
+    replace_in(file, old, new.replace("FILE", "a" * 5000))
     with pytest.raises(InputError, match=message) as caught:
         read_program(file)
     assert "program.toml" in str(caught.value)
