@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -154,16 +155,21 @@ def test_a_way_that_leaves_its_curve_is_refused(
     robot: Robot, crs97: Unit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planner = planner_of(robot, crs97, *CASES["arc"])
-    stations = []
+    places, off_at = [], 0.3 * planner.curve.length
 
     def beyond(way):  # type: ignore[no-untyped-def]
-        stations.append(len(way.q))
-        return 1.7
+        places.append(way.places)
+        return np.where((way.places[:-1] <= off_at) & (off_at < way.places[1:]), 1.7, 0.1)
 
     monkeypatch.setattr(planner, "beyond", beyond)
     with pytest.raises(ImpossibleError, match=r"the tool leaves it by 1.7 times what is allowed"):
         planner.followed(planner.chains(1)[0])
-    assert max(stations) == 16 * (min(stations) - 1) + 1  # with finer steps each time
+    for before, after in pairwise(places[:9]):  # stations are added there, and in the steps beside it
+        added = np.setdiff1d(after, before)
+        step = int(np.searchsorted(before, off_at, side="right")) - 1
+        edges = before[max(step - 1, 0) : step + 3]
+        np.testing.assert_allclose(added, 0.5 * (edges[1:] + edges[:-1]), atol=1e-12)
+    assert len(places) >= 9
 
 
 def test_an_arm_without_closed_form_is_refused(tmp_path: Path) -> None:

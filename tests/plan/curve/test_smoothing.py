@@ -181,17 +181,19 @@ def test_the_derivatives_keep_the_tool_where_the_coordinates_say(
         np.testing.assert_allclose(tools, wanted, atol=20.0 * size**2)
 
 
-def test_a_finer_way_keeps_its_stations_and_has_as_many_between_them(
+def test_a_finer_way_keeps_its_stations_and_has_more_where_they_are_asked_for(
     robot: Robot, begun: tuple[Smoothing, Followed]
 ) -> None:
     smoothing, way = begun
-    finer = smoothing.finer(way)
+    steps = np.random.default_rng(1).uniform(size=len(way.places) - 1) < 0.4
+    finer = smoothing.finer(way, steps)
     assert finer is not None
-    assert len(finer.q) == 2 * len(way.q) - 1
-    np.testing.assert_allclose(finer.places[::2], way.places, atol=1e-12)
-    np.testing.assert_allclose(finer.places[1::2], 0.5 * (way.places[1:] + way.places[:-1]), atol=1e-12)
-    np.testing.assert_allclose(finer.coordinates[::2], way.coordinates, atol=1e-12)
-    np.testing.assert_allclose(finer.q[::2], way.q, atol=1e-6)
+    middles = 0.5 * (way.places[1:] + way.places[:-1])[steps]
+    np.testing.assert_allclose(finer.places, np.sort(np.concatenate([way.places, middles])), atol=1e-12)
+    old = np.isin(finer.places, way.places)
+    assert old.sum() == len(way.places)
+    np.testing.assert_allclose(finer.coordinates[old], way.coordinates, atol=1e-12)
+    np.testing.assert_allclose(finer.q[old], way.q, atol=1e-6)
     tools = np.stack([robot.T_base_tool(q) for q in finer.q])
     away, turned = smoothing.curve.excess(finer.places, tools)
     assert max(away.max(), turned.max()) < 2e-6
