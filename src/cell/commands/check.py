@@ -69,6 +69,9 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
         console.say(
             "with errors: proved for every error of the arm within accuracy.sigmas standard deviations"
         )
+    on = [move.threaded for move in plan.moves if move.threaded is not None]
+    for line in dict.fromkeys(on):
+        console.say(f"the ring stays threaded on {line}: proved for {on.count(line)} moves")
     console.say(
         f"plan {plan.sha256[:12]}: {len(result['moves'])} moves verified; at most "
         f"{100 * result['peak_velocity']:.1f} % of the velocity and {100 * result['peak_acceleration']:.1f} % of the "

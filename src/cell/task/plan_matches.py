@@ -393,6 +393,7 @@ def replayed_to_json(plan: Plan, moves: Sequence[ReplayedMove]) -> dict[str, Any
                 "proved_mm": 1e3 * max(c.clearance for c in (m.check, m.erring) if c is not None),
                 "proved_erring_mm": None if m.erring is None else 1e3 * m.erring.clearance,
                 "closest": list(m.check.pair),
+                "threaded": m.move.threaded,
             }
             for m in moves
         ],

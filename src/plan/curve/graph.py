@@ -25,7 +25,7 @@ from plan.curve.samples import Samples, samples_of
 from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.freedom import coordinates_of
-from plan.kinematics.ik import nearest_turns
+from plan.kinematics.ik import BranchReport, explain_pose, nearest_turns
 
 STEP = 0.008  # m (or 0.16 rad of turn) between stations
 _JUMP = 0.5  # rad, largest motion of a joint from station to station
@@ -133,10 +133,14 @@ class CurveGraph:
         place = f"{1e3 * self.places[stuck]:.0f} mm from its start, at ({at}) mm"
         data = {"target": name, "done_m": float(self.places[stuck]), "length_m": self.curve.length}
         if not reached.all():
+            best = self._nearest(stuck)
             return ImpossibleError(
-                f"path {name!r}: {place}, the tool is out of reach with everything that is free there; "
-                "move the workpiece, or free more directions",
+                f"path {name!r}: {place}, the tool is out of reach with everything that is free there: in the "
+                f"nearest of all branches {best.why()}; move the workpiece, or free more directions",
                 solutions=0,
+                joint=None if best.outside > 0.0 else best.joint,
+                excess_rad=best.excess,
+                outside_m=best.outside,
                 **data,
             )
         data["solutions"] = int(self.reached.sum())
@@ -155,6 +159,14 @@ class CurveGraph:
             clearance_m=clearance,
             **data,
         )
+
+    def _nearest(self, station: int) -> BranchReport:
+        """Return the branch that is nearest to the tool at a station, with the best of what is free there."""
+        count = len(self.samples.coordinates)
+        T = self.curve.placed(np.full(count, self.places[station]), self.samples.coordinates)
+        lower, upper = self.limits.lower, self.limits.upper
+        reports = [report for pose in T for report in explain_pose(self.robot, pose, lower, upper)]
+        return min(reports, key=lambda report: report.miss)
 
     def _last_refused(self) -> int:
         """Return the station at which the chains that lead farthest end: the last one with a refusal, if there is."""

@@ -34,7 +34,6 @@ _ROUNDS, _MORE_ROUNDS = 24, 3  # steps of the smoothing of a chain, and with mor
 _ROOM = 5e-3  # rad (m), to the limits of the joints, for what lies between stations
 _MOST_STATIONS = 120  # with which a path is still smoothed after stations were added
 _FINER = 8  # times that stations are added where the spline is off
-_FINE = 0.2  # of the tolerances, beyond which stations are added
 _GIVEN = 2e-4  # m, of the largest distance, for the sake of time
 _WIDER = (0.0, 5e-4, 1.5e-3)  # m, further clearance of the smoothing, after a certificate has failed
 
@@ -133,9 +132,9 @@ class CurvePlanner:
         smooth = smoothing.smoothed(smooth, _ROUNDS) if shifts else smooth
         beyond = self.beyond(smooth)
         for _ in range(_FINER):
-            if beyond.max() <= _FINE:
+            if beyond.max() <= 1.0:
                 break
-            finer = smoothing.finer(smooth, _with_neighbours(beyond > _FINE))
+            finer = smoothing.finer(smooth, _with_neighbours(beyond > 1.0))
             if finer is None:
                 break
             few = len(finer.q) <= _MOST_STATIONS

@@ -75,6 +75,17 @@ class BranchReport:
     excess: float
     outside: float
 
+    @property
+    def miss(self) -> tuple[float, float]:
+        """How far the branch is from the pose, to compare branches: `outside` first, then `excess`."""
+        return round(self.outside, 9), round(self.excess, 9)
+
+    def why(self) -> str:
+        """Return what keeps this branch from its pose, for a message."""
+        if self.outside > 0.0:
+            return f"the wrist would have to be {1e3 * self.outside:.1f} mm further than the links reach"
+        return f"{self.branch} has joint {self.joint} {np.degrees(self.excess):.1f} deg beyond its limit"
+
 
 def inverse_kinematics(
     robot: Robot, T_base_tool: npt.ArrayLike, lower: npt.ArrayLike, upper: npt.ArrayLike

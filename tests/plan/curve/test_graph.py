@@ -16,7 +16,7 @@ from arm.se3 import Array, frozen, rot_z, transform
 from plan.collision.world import World
 from plan.curve.graph import CurveGraph
 from plan.curve.tool_curve import ToolCurve
-from plan.kinematics.closed_form import BRANCH_NAMES
+from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.freedom import Freedom
 from plans.curves import CLEARANCE, LINE, PLATE, POST, arc
 from tasks.pose_lists import TABLE, down
@@ -137,7 +137,13 @@ def test_a_path_out_of_reach_is_refused_with_its_first_place_that_is(robot: Robo
     assert f"path 'cut': {1e3 * done:.0f} mm from its start, at ({420 + 1e3 * done:.0f}, 0, 120) mm" in str(
         error
     )
-    assert "out of reach" in str(error)
+    assert "is out of reach with everything that is free there: in the nearest of all branches " in str(error)
+    assert f"{1e3 * error.data['outside_m']:.1f} mm further than the links reach" in str(error)
+    rng, T = np.random.default_rng(0), graph.curve.poses(np.array([done]))
+    some = [
+        all_branches(robot, T @ transform(rot_z(rng.uniform(-np.pi, np.pi)))).outside.min() for _ in range(50)
+    ]
+    assert 0.0 < error.data["outside_m"] <= min(some) + 0.002  # of samples at most 0.26 rad apart
     reached = graph.reached.any(axis=(1, 2))
     assert reached[graph.places < done].all()
     assert not reached[graph.places >= done].any()

@@ -128,15 +128,10 @@ class Candidates:
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
         if has_closed_form(self.robot):
             reports = explain_pose(self.robot, T_base_tool, self.limits.lower, self.limits.upper)
-            best = min(reports, key=lambda r: (round(r.outside, 9), round(r.excess, 9)))
-            why = (
-                f"the wrist would have to be {best.outside * 1e3:.1f} mm further than the links reach"
-                if best.outside > 0.0
-                else f"the best of {len(reports)} branches, {best.branch}, has joint {best.joint} "
-                f"{np.degrees(best.excess):.1f} deg beyond its limit"
-            )
+            best = min(reports, key=lambda report: report.miss)
             return ImpossibleError(
-                f"{head}: {why}; try another pose or more free directions",
+                f"{head}: in the nearest of {len(reports)} branches {best.why()}; try another pose or more free "
+                "directions",
                 target=target.name,
                 solutions=0,
                 joint=None if best.outside > 0.0 else best.joint,

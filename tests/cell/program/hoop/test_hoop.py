@@ -25,7 +25,7 @@ from cell.program.planning import plan_of_program, require_threads
 from cell.program.points import read_wire
 from cell.program.program_file import read_program
 from cell.program.steps import Step
-from cell.task.plan_matches import replayed, scene_of_now
+from cell.task.plan_matches import replayed, replayed_to_json, scene_of_now
 from typed.command_line import a465, replace_in
 from typed.doc_commands import ROOT
 from vision.observation import Observation
@@ -181,6 +181,8 @@ def test_the_program_of_a_wire_is_planned_and_its_plan_proves_that_the_ring_stay
     assert all(move.threaded is None for move in plan.moves if move not in along)
     moves = replayed(task, plan)
     assert min(move.check.clearance for move in moves) >= 0.005 - 1e-6
+    told = [move["name"] for move in replayed_to_json(plan, moves)["moves"] if move["threaded"] == wire]
+    assert told == [move.name for move in along]
     require_threads(task, plan)
     touches = replace(along[0], allowed_pairs=(("bar 1", "ring 1"),))
     edited = replace(plan, steps=tuple(touches if step is along[0] else step for step in plan.steps))
