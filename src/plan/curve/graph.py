@@ -133,14 +133,14 @@ class CurveGraph:
         place = f"{1e3 * self.places[stuck]:.0f} mm from its start, at ({at}) mm"
         data = {"target": name, "done_m": float(self.places[stuck]), "length_m": self.curve.length}
         if not reached.all():
-            best = self._nearest(stuck)
+            branch = self._nearest(stuck)
             return ImpossibleError(
                 f"path {name!r}: {place}, the tool is out of reach with everything that is free there: in the "
-                f"nearest of all branches {best.why()}; move the workpiece, or free more directions",
+                f"nearest of all branches {branch.why()}; move the workpiece, or free more directions",
                 solutions=0,
-                joint=None if best.outside > 0.0 else best.joint,
-                excess_rad=best.excess,
-                outside_m=best.outside,
+                joint=None if branch.outside > 0.0 else branch.joint,
+                excess_rad=branch.excess,
+                outside_m=branch.outside,
                 **data,
             )
         data["solutions"] = int(self.reached.sum())
