@@ -20,7 +20,15 @@ from vision.camera.model import Camera
 from vision.markers.detect import Marker
 
 RESIDUAL_PX = 1.0  # largest rms residual of the mean corners, per coordinate
-MOVED_PX = 2.0  # largest deviation of a frame's markers from the median of all frames
+MOVED_PX = (
+    2.0  # largest deviation of a frame's markers from the median of all frames; more if the camera shakes
+)
+# Standard deviations of that deviation in images of a camera that shakes, and how many images tell that it does: a
+# board that moves once, or evenly, leaves most second differences of its places small, a camera that shakes few.
+_SHAKEN_SIGMAS, _LEAST_SHAKEN = 5.0, 10
+_MEDIAN_SIGMAS = np.sqrt(
+    2.0 * np.log(2.0) * 6.0
+)  # median length of a second difference, in those of one coordinate
 # largest deviation of the best-fitting marker size from the stated one, in m (more if the board's tolerance allows it)
 # and in its standard deviations
 SIZE_M, SIZE_SIGMAS = 0.3e-3, 4.0
@@ -96,14 +104,17 @@ def seen_twice(board: Board, frames: Sequence[Sequence[Marker]]) -> ImpossibleEr
 
 
 def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:
-    """Doubt that the board stood still: in some frame all corners of a marker are off in the same direction."""
+    """Doubt that the board stood still: in some frame all corners of a marker are off in the same direction.
+
+    With 10 frames or more, as much is allowed as shaking explains that the other frames show too.
+    """
     off = (corners.pixels - corners.median()).reshape(len(corners.pixels), 2, 4, 2)
     detected = np.asarray(np.isfinite(off).all(axis=(2, 3)))
     shift = np.where(detected[..., None], np.median(off, axis=2), 0.0)  # (frames, markers, 2)
     noise = np.linalg.norm(off - shift[:, :, None], axis=-1)[detected]
     distance = np.linalg.norm(shift, axis=-1).max(axis=1)
     worst = int(np.argmax(distance))
-    if distance[worst] > max(MOVED_PX, 3.0 * float(np.median(noise))):
+    if distance[worst] > max(MOVED_PX, 3.0 * float(np.median(noise)), _SHAKEN_SIGMAS * _shaking(shift)):
         yield ImpossibleError(
             f"board {board.name}: image {worst + 1} of {len(off)} shows it {distance[worst]:.1f} px off the "
             f"others, more than {MOVED_PX:g} px; it moved between images: look again once it is at rest",
@@ -112,6 +123,14 @@ def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:
             off_px=float(distance[worst]),
             limit_px=MOVED_PX,
         )
+
+
+def _shaking(shift: Array) -> float:
+    """Standard deviation, px, of shifts (frames, markers, 2) by a camera that shakes; 0 with too few frames."""
+    if len(shift) < _LEAST_SHAKEN:
+        return 0.0
+    bends = np.linalg.norm(np.diff(shift, n=2, axis=0), axis=-1).max(axis=1)
+    return float(np.median(bends)) / _MEDIAN_SIGMAS
 
 
 def misfit(

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose
+from arm.se3 import Array, frozen
 from outlined.puzzle import PUZZLE
 from pictures.board_errors import CAMERA, TILTS
 from pictures.boards import lab_board, random_pose, seen_corners, twist_between
-from vision.boards.checks import BoardLimits, Spread
+from vision.boards.checks import MOVED_PX, BoardLimits, Spread
 from vision.boards.pose import assess_board, estimate_board_pose
+from vision.markers.detect import Marker
 
 
 def pose_of(size: float, common_px: float, seed: int = 0) -> BoardPose:
@@ -49,6 +53,49 @@ def test_a_marker_that_is_in_a_frame_twice_is_refused_and_no_pose_is_made() -> N
         assert len(doubt.data["markers_px"]) == 2
     apart = assess_board(board, [[first[0], second[1]]], CAMERA)
     assert not apart.accepted
+
+
+def shifted(frames: list[list[Marker]], by: Array) -> list[list[Marker]]:
+    """Frames whose markers are shifted by (frames, 2) px each."""
+    return [
+        [replace(m, corners_px=frozen(m.corners_px + shift)) for m in frame]
+        for frame, shift in zip(frames, by, strict=True)
+    ]
+
+
+def doubts_of_motion(by: Array, seed: int) -> list[ImpossibleError]:
+    board, rng = lab_board(), np.random.default_rng([seed, 1])
+    frames = seen_corners(board, random_pose(rng, 7.0), CAMERA, rng, frames=len(by))
+    doubts = assess_board(board, shifted(frames, by), CAMERA, BoardLimits(1.0, 1.0, 1.0)).doubts
+    return [doubt for doubt in doubts if "it moved between images" in str(doubt)]
+
+
+@pytest.mark.parametrize("count", [10, 32])
+def test_a_camera_that_shakes_is_no_board_that_moves(count: int) -> None:
+    seen = refused = 0
+    for seed in range(25):
+        by = np.random.default_rng(seed).normal(0.0, 1.0, (count, 2))
+        seen += np.linalg.norm(by - np.median(by, axis=0), axis=1).max() > MOVED_PX + 0.2
+        refused += len(doubts_of_motion(by, seed))
+    assert seen >= 8  # of these, fewer images would be refused
+    assert refused <= 1
+
+
+@pytest.mark.parametrize("count", [3, 10, 32])
+@pytest.mark.parametrize("kind", ["once", "there and back", "slides"])
+def test_a_board_that_moves_is_told_beside_a_camera_that_shakes(count: int, kind: str) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        by = rng.normal(0.0, 0.4, (count, 2))
+        at = int(rng.integers(1, count))
+        if kind == "once":
+            by[at:] += [8.0, 3.0]
+        elif kind == "there and back":
+            by[at] += [8.0, 3.0]
+        else:
+            by += np.linspace(0.0, 1.0, count)[:, None] * [8.0, 3.0]
+        (doubt,) = doubts_of_motion(by, seed)
+        assert doubt.data["off_px"] > MOVED_PX
 
 
 @pytest.mark.parametrize(
