@@ -130,7 +130,7 @@ def _shaking(shift: Array) -> float:
     if len(shift) < _LEAST_SHAKEN:
         return 0.0
     bends = np.linalg.norm(np.diff(shift, n=2, axis=0), axis=-1).max(axis=1)
-    return float(np.median(bends)) / _MEDIAN_SIGMAS
+    return float(np.median(bends) / _MEDIAN_SIGMAS)
 
 
 def misfit(
