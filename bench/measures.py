@@ -24,6 +24,7 @@ import shutil
 import sys
 import tempfile
 from collections import defaultdict
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
@@ -302,11 +303,15 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--kind", choices=KINDS, help="only cases with this weakness")
     options = parser.parse_args()
     print(__doc__)
     print(f"{run_conditions()}; {options.cases} cases from seed {options.first_seed}\n", flush=True)
     with ProcessPoolExecutor(options.jobs) as pool:
-        seeds = range(options.first_seed, options.first_seed + options.cases)
+        seeds: Sequence[int] = range(options.first_seed, options.first_seed + options.cases)
+        if options.kind is not None:
+            first = options.first_seed - options.first_seed % len(KINDS) + KINDS.index(options.kind)
+            seeds = range(first, first + options.cases * len(KINDS), len(KINDS))
         outcomes = []
         for outcome in pool.map(outcome_of, seeds):
             outcomes.append(outcome)
