@@ -19,7 +19,7 @@ COMMANDS = {
     "reach LOOK": ("reach", "scenes/task2.toml", "--look", "/dev/zero"),
     "look DETECTIONS": ("look", "--detections", "/dev/zero"),
     "look WORLD": ("look", "scenes/task1.toml", "--world", "/dev/zero"),
-    "plan-poses POSES": ("plan-poses", "scenes/cell.toml", "/dev/zero"),
+    "plan POSES": ("plan", "scenes/cell.toml", "/dev/zero"),
     "calibrate hand-eye": ("calibrate", "hand-eye", "/dev/zero"),
     "calibrate kinematic": ("calibrate", "kinematic", "/dev/zero"),
     "emulate FAULT": ("emulate", "--fault", "/dev/zero"),

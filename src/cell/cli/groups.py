@@ -9,7 +9,7 @@ from typer.core import TyperGroup
 GROUPS = {
     "Set up": ("new-cell", "doctor", "calibrate"),
     "See": ("look", "snap", "status", "view", "compare"),
-    "Plan": ("reach", "plan", "plan-poses", "check", "preview", "certify", "teach"),
+    "Plan": ("reach", "plan", "check", "preview", "certify", "teach"),
     "Move": ("run", "execute", "home", "park", "move", "jog", "gripper", "release", "stop"),
     "Tools": ("emulate", "render", "report", "runs", "export"),
 }

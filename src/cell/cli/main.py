@@ -30,7 +30,7 @@ app = typer.Typer(
 )
 app.add_typer(calibrate_app)
 _LOOK = "Boards as written by a465 look; a program needs it if its workpiece is on one."
-_AVOIDED = "Detected boards, to be avoided like the table and the walls; default: none."
+_SEEN = "Boards as written by a465 look; needed by a task, and by a program whose workpiece is on one."
 
 
 def _version(wanted: bool) -> None:
@@ -166,14 +166,34 @@ def reach(
 
 
 @app.command(
-    short_help="Plan a whole task from the detected boards.",
-    help="Plan a whole task from the detected boards and write the plan file.",
-    epilog=examples("a465 plan scenes/task2.toml --look look.json -o plan.json"),
+    short_help="Plan a task, a program, or a motion through a list of poses.",
+    help="Plan a whole task from the detected boards, a program, or a collision-free motion through a list of poses "
+    "and joint angles, and write the plan file. docs/interop.md describes lists, docs/adding.md files of other arms.",
+    epilog=examples(
+        "a465 plan scenes/task2.toml --look look.json -o plan.json",
+        "a465 plan scenes/hoop/b.toml",
+        "a465 plan scenes/cell.toml poses.npy --frame flange --back",
+    ),
 )
 def plan(
-    task: shared.ProgramFile,
-    look: Annotated[Path | None, Option(help=_LOOK)] = None,
+    place: Annotated[
+        Path,
+        Argument(
+            help="Task or program file; with POSES, the task, cell or arm file of the arm that moves.",
+            metavar="FILE",
+        ),
+    ],
+    poses: Annotated[
+        Path | None, Argument(help="List of poses: JSON, CSV or .npy.", show_default=False)
+    ] = None,
+    look: Annotated[Path | None, Option(help=_SEEN)] = None,
     output: shared.PlanOutput = Path("plan.json"),
+    frame: Annotated[
+        str | None, Option(help="Frame of poses that do not name one: flange (as in ctu_crs) or tool.")
+    ] = None,
+    angles: Annotated[str | None, Option(help="Unit of angles that do not name one: rad or deg.")] = None,
+    lengths: Annotated[str | None, Option(help="Unit of the poses' positions: m or mm. Default: m.")] = None,
+    back: Annotated[bool, Option("--back", help="Return to q_start after the last pose.")] = False,
     speed: shared.Speed = None,
     advice: shared.Advice = True,
     budget: shared.Budget = None,
@@ -181,14 +201,32 @@ def plan(
     as_json: shared.Json = False,
 ) -> None:
     with answering("planning", as_json) as console:
-        from cell.program.program_file import is_program
         from cell.session.budget import budget_of
 
         allowed = budget_of(budget, give_up)
-        if is_program(task):
+        if poses is not None:
+            from cell.commands.plan_poses import plan_poses_step
+            from cell.files.pose_list import reading_of
+
+            reading = reading_of(frame, angles, "m" if lengths is None else lengths)
+            console.result(
+                plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed, advice)
+            )
+            return
+        of_lists = {"--frame": frame, "--angles": angles, "--lengths": lengths, "--back": back or None}
+        if given := [name for name, value in of_lists.items() if value is not None]:
+            raise InputError(
+                f"{given[0]} is for a list of poses, and none is given: a465 plan FILE POSES", option=given[0]
+            )
+        from cell.program.program_file import is_of_poses, is_program
+
+        if is_of_poses(place):
+            why = f"{place} is no task and no program; a list of poses has to follow it: a465 plan {place} POSES"
+            raise InputError(why, file=str(place))
+        if is_program(place):
             from cell.commands.plan_poses import plan_program_step
 
-            console.result(plan_program_step(task, look, output, speed, console, advice, allowed))
+            console.result(plan_program_step(place, look, output, speed, console, advice, allowed))
             return
         from cell.commands.steps import plan_step
 
@@ -196,45 +234,7 @@ def plan(
             raise InputError(
                 "--look is missing: a task is planned for boards that were seen", option="--look"
             )
-        console.result(plan_step(task, look, output, speed, console, advice, allowed))
-
-
-@app.command(
-    "plan-poses",
-    short_help="Plan a motion through a list of poses and configurations.",
-    help="Plan a collision-free motion through a list of poses and joint configurations, as used by ctu_crs programs, "
-    "and write the plan file. docs/interop.md describes the formats, docs/adding.md the file of another arm.",
-    epilog=examples(
-        "a465 plan-poses scenes/cell.toml poses.json -o plan.json",
-        "a465 plan-poses scenes/task2.toml poses.npy --frame flange --look look.json",
-    ),
-)
-def plan_poses(
-    place: Annotated[Path, Argument(help="Cell file, task file with its cell, or arm file.", metavar="CELL")],
-    poses: Annotated[Path, Argument(help="List of poses: JSON, CSV or .npy.", metavar="POSES")],
-    look: Annotated[Path | None, Option(help=_AVOIDED)] = None,
-    output: shared.PlanOutput = Path("plan.json"),
-    frame: Annotated[
-        str | None, Option(help="Frame of poses that do not name one: flange (as in ctu_crs) or tool.")
-    ] = None,
-    angles: Annotated[str | None, Option(help="Unit of angles that do not name one: rad or deg.")] = None,
-    lengths: Annotated[str, Option(help="Unit of the poses' positions: m or mm.")] = "m",
-    speed: shared.Speed = None,
-    back: Annotated[bool, Option("--back", help="Return to q_start at the end.")] = False,
-    advice: shared.Advice = True,
-    budget: shared.Budget = None,
-    give_up: shared.GiveUp = None,
-    as_json: shared.Json = False,
-) -> None:
-    with answering("planning", as_json) as console:
-        from cell.commands.plan_poses import plan_poses_step
-        from cell.files.pose_list import reading_of
-        from cell.session.budget import budget_of
-
-        reading, allowed = reading_of(frame, angles, lengths), budget_of(budget, give_up)
-        console.result(
-            plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed, advice)
-        )
+        console.result(plan_step(place, look, output, speed, console, advice, allowed))
 
 
 @app.command(

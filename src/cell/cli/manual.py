@@ -204,7 +204,7 @@ def release(
 
 @manual.command(
     short_help="Append the arm's present pose to a list of poses.",
-    help="Append the arm's present pose to a list of poses in JSON, which a465 plan-poses reads. The list is created "
+    help="Append the arm's present pose to a list of poses in JSON, which a465 plan reads. The list is created "
     "if there is none. Nothing moves.",
     epilog=examples('a465 teach poses.json scenes/cell.toml /dev/mars --name "above the tray"'),
 )

@@ -1,4 +1,4 @@
-"""``a465 plan-poses``, and ``a465 plan`` of a program file: poses and configurations become a certified plan file."""
+"""``a465 plan`` of a list of poses, and of a program file: poses and configurations become a certified plan file."""
 
 from __future__ import annotations
 

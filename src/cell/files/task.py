@@ -181,7 +181,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     cell = read_cell(keys.cell, on_uncalibrated)
     if not cell.has_jaws:
         rule = "names a cell whose tool has no jaws (its tool.bodies): tasks move cubes"
-        raise root.error_at("cell", rule, "a465 plan-poses plans poses for such a cell")
+        raise root.error_at("cell", rule, "a465 plan takes a list of poses for such a cell")
     to_board = places = height = None
     to_holes: tuple[int, ...] = HOLES
     if isinstance(keys, Task1Keys):

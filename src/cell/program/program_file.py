@@ -20,7 +20,7 @@ from arm.numerics.products import mul, norm
 from arm.robot.shapes import Body, Box, Sphere, Torus, body_to_json
 from arm.robot.thread import ray_names
 from arm.se3 import Array, apply, frozen, transform
-from cell.config.arm_file import ArmFile
+from cell.config.arm_file import ARM, ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
@@ -166,6 +166,16 @@ def is_program(path: Path) -> bool:
         InputError: it cannot be read.
     """
     return PROGRAM in task_or_cell(path)
+
+
+def is_of_poses(path: Path) -> bool:
+    """Whether a TOML file is a cell or arm file, for which poses are planned: no task and no program.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    root = task_or_cell(path)
+    return ("unit" in root or ARM in root) and "task" not in root and PROGRAM not in root
 
 
 def place_of_file(path: Path) -> Task | ArmFile:

@@ -32,7 +32,6 @@ VERBS = (
     "look",
     "reach",
     "plan",
-    "plan-poses",
     "check",
     "preview",
     "execute",

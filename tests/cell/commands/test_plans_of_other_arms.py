@@ -145,7 +145,7 @@ def test_what_is_missing_is_told_by_file_key_and_value(six: Path, tmp_path: Path
 
 def test_a_list_is_planned_from_an_arm_file(tmp_path: Path) -> None:
     file, plan = scara_files(tmp_path), tmp_path / "plan.json"
-    said, _ = a465("plan-poses", file, tmp_path / "poses.json", "-o", plan, "--speed", "1", "--back")
+    said, _ = a465("plan", file, tmp_path / "poses.json", "-o", plan, "--speed", "1", "--back")
     assert "3 entries" in said
     read = read_plan(plan)
     assert (read.unit, read.speed, read.task["name"], read.task["kind"]) == ("none", 1.0, "scara", "poses")
@@ -179,7 +179,7 @@ def test_seven_joints_with_a_gripper_from_an_arm_file(tmp_path: Path) -> None:
     there = {"T_base_flange": [1, 0, 0, 0.4, 0, -1, 0, 0.25, 0, 0, -1, 0.23], "free": "rz"}
     poses = [{"q_deg": [-40, 10, 0, -100, 0, 110, 45]}, there]
     (tmp_path / "list.json").write_text(json.dumps(poses))
-    a465("plan-poses", tmp_path / "seven.toml", tmp_path / "list.json", "-o", tmp_path / "plan.json")
+    a465("plan", tmp_path / "seven.toml", tmp_path / "list.json", "-o", tmp_path / "plan.json")
     told = json.loads(a465("check", tmp_path / "plan.json", tmp_path / "seven.toml", "--json")[0])
     assert told["min_clearance_mm"] >= 10.0 - 1e-3
     arm = read_plan(tmp_path / "plan.json").arm["open"]
@@ -208,12 +208,12 @@ def test_what_a_list_of_another_arm_cannot_have_is_told(six: Path, tmp_path: Pat
         ('"dwell_s": 0.5', '"jaws": "close"', "entries[1]: jaws: the arm of scara has no jaws that move"),
     ):
         listed.write_text(text.replace(old, new, 1))
-        _, said = a465("plan-poses", file, listed, code=2, cwd=tmp_path)
+        _, said = a465("plan", file, listed, code=2, cwd=tmp_path)
         assert f"poses.json: {told}" in said
     listed.write_text("0.1,0.2,0.3,0.4,0.5\n")
-    _, said = a465("plan-poses", file, listed, code=2, cwd=tmp_path)
+    _, said = a465("plan", file, listed, code=2, cwd=tmp_path)
     assert "row 1 = '5 numbers': must be one of 4 (joint positions), 12 (" in said
-    _, said = a465("plan-poses", file, listed, "--look", listed, code=2, cwd=tmp_path)
+    _, said = a465("plan", file, listed, "--look", listed, code=2, cwd=tmp_path)
     assert "--look does not go with an arm file" in said
     for verb in ("check", "preview", "execute"):
         _, said = a465(verb, file, six, code=2)
@@ -242,7 +242,7 @@ def test_arms_as_pip_installs_them(name: str, tmp_path: Path) -> None:
     entries = [{"T_base_tool": T.tolist()} for T in problem.poses]
     (tmp_path / "poses.json").write_text(json.dumps(entries))
     plan, folder = tmp_path / "plan.json", tmp_path / "described"
-    a465("plan-poses", file, tmp_path / "poses.json", "-o", plan)
+    a465("plan", file, tmp_path / "poses.json", "-o", plan)
     assert json.loads(a465("check", plan, file, "--json")[0])["min_clearance_mm"] >= 5.0 - 1e-3
     a465("preview", plan)
     a465("export", plan, "--format", "urdf", "-o", folder)

@@ -21,7 +21,7 @@ def plan(scenes: Path, tmp_path: Path) -> Path:
     """A list with an approach, a dwell and a retract."""
     entry = {"T_base_tool": DOWN, "free": "rz", "approach_mm": 60, "retract_mm": 60, "dwell_s": 1.0}
     (tmp_path / "poses.json").write_text(json.dumps([entry]))
-    a465("plan-poses", scenes / "cell.toml", tmp_path / "poses.json", "-o", tmp_path / "plan.json", "--back")
+    a465("plan", scenes / "cell.toml", tmp_path / "poses.json", "-o", tmp_path / "plan.json", "--back")
     return tmp_path / "plan.json"
 
 

@@ -105,7 +105,7 @@ def test_plans_differ_by_what_they_are_made_for_and_by_their_motions(tmp_path: P
     (tmp_path / "list.json").write_text(json.dumps({"frame": "tool", "entries": entries}))
     for name, speed in (("a.json", 0.5), ("b.json", 0.4), ("c.json", 0.5)):
         cell = data_file("scenes/cell.toml")
-        a465("plan-poses", cell, tmp_path / "list.json", "-o", tmp_path / name, "--speed", speed)
+        a465("plan", cell, tmp_path / "list.json", "-o", tmp_path / name, "--speed", speed)
     found = {c.what: c for c in differences(tmp_path / "a.json", tmp_path / "b.json")}
     assert (found["speed"].first, found["speed"].second) == (0.5, 0.4)
     assert found["motion s"].by is not None
@@ -113,7 +113,7 @@ def test_plans_differ_by_what_they_are_made_for_and_by_their_motions(tmp_path: P
     assert any(what.endswith(" s") and what.startswith("to ") for what in found)
     assert list(differences(tmp_path / "a.json", tmp_path / "c.json")) == []
     (tmp_path / "list.json").write_text(json.dumps({"frame": "tool", "entries": entries[:1]}))
-    a465("plan-poses", data_file("scenes/cell.toml"), tmp_path / "list.json", "-o", tmp_path / "d.json")
+    a465("plan", data_file("scenes/cell.toml"), tmp_path / "list.json", "-o", tmp_path / "d.json")
     found = {c.what: c for c in differences(tmp_path / "a.json", tmp_path / "d.json")}
     assert found["steps"].first.startswith("2 steps, ")
     assert found["steps"].second == "1 steps"

@@ -67,7 +67,7 @@ def test_commands_take_a_cell_without_jaws(tmp_path: Path) -> None:
     file = tool_cell(tmp_path)
     poses = written(tmp_path, [{"q_deg": [-30, -20, -90, 0, -60, 10]}])
     plan = tmp_path / "plan.json"
-    said, _ = a465("plan-poses", file, poses, "-o", plan, "--json")
+    said, _ = a465("plan", file, poses, "-o", plan, "--json")
     assert json.loads(said)["min_clearance_mm"] >= 10.0
     a465("check", plan, file)
     a465("preview", plan, file, "-o", tmp_path / "page.html")
@@ -79,7 +79,7 @@ def test_commands_take_a_cell_without_jaws(tmp_path: Path) -> None:
 def test_what_asks_for_jaws_is_refused_in_one_line(tmp_path: Path) -> None:
     file = tool_cell(tmp_path)
     jaws = written(tmp_path, [{"q_deg": [-30, -20, -90, 0, -60, 10], "jaws": "close"}])
-    _, told = a465("plan-poses", file, jaws, "-o", tmp_path / "p", code=2)
+    _, told = a465("plan", file, jaws, "-o", tmp_path / "p", code=2)
     assert "[0]: jaws: the arm of cell has no jaws that move; leave it out" in told
     _, told = a465("run", file.with_name("task2.toml"), code=2)
     assert "cell = 'cell.toml': names a cell whose tool has no jaws (its tool.bodies)" in told

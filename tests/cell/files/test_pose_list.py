@@ -196,13 +196,13 @@ def test_arrays_that_are_no_list_are_refused(tmp_path: Path) -> None:
 def test_options_that_are_no_words_and_files_that_are_both(tmp_path: Path) -> None:
     poses = written(tmp_path, [{"q_deg": CTU_DEG[1]}])
     for option, value in (("--frame", "wrist"), ("--angles", "turns"), ("--lengths", "inch")):
-        _, told = a465("plan-poses", CELL, poses, option, value, code=2)
+        _, told = a465("plan", CELL, poses, option, value, code=2)
         assert f"{option} {value}: must be one of" in told
-    _, told = a465("plan-poses", CELL, poses, "-o", poses, code=2)
+    _, told = a465("plan", CELL, poses, "-o", poses, code=2)
     assert "is read by this command" in told
-    _, told = a465("plan-poses", data_file("scenes/fixtures/mesh.toml"), poses, code=2)
+    _, told = a465("plan", data_file("scenes/fixtures/mesh.toml"), poses, code=2)
     assert "is missing" in told
-    _, told = a465("plan-poses", CELL, poses, "--speed", "0", code=2)
+    _, told = a465("plan", CELL, poses, "--speed", "0", code=2)
     assert "speed" in told
 
 

@@ -42,9 +42,7 @@ def test_budgets_that_are_none_are_refused(tmp_path: Path, option: str, value: s
     scenes = small_scenes(tmp_path)
     poses = tmp_path / "poses.json"
     poses.write_text(json.dumps([POSE]))
-    _, told = a465(
-        "plan-poses", scenes / "cell.toml", poses, "-o", tmp_path / "p.json", option, value, code=2
-    )
+    _, told = a465("plan", scenes / "cell.toml", poses, "-o", tmp_path / "p.json", option, value, code=2)
     assert rule in told
 
 
@@ -52,7 +50,7 @@ def test_a_budget_that_is_spent_writes_nothing(tmp_path: Path, looked: tuple[Pat
     task, look = looked
     poses = tmp_path / "poses.json"
     poses.write_text(json.dumps([POSE]))
-    for command in (("plan", task, "--look", look), ("plan-poses", task.parent / "cell.toml", poses)):
+    for command in (("plan", task, "--look", look), ("plan", task.parent / "cell.toml", poses)):
         _, told = a465(*command, "-o", tmp_path / "p.json", "--budget", "0.001", code=3)
         assert "the budget of 0.001 s of effort is spent: n" in told
         assert not (tmp_path / "p.json").exists()

@@ -37,7 +37,7 @@ from typed.command_line import a465, replace_in
 
 def test_no_entry_has_the_name_of_the_way_back(tmp_path: Path) -> None:
     listed = written(tmp_path, [{"name": "q_start", "q_deg": CTU_DEG[1]}])
-    _, told = a465("plan-poses", CELL, listed, "-o", tmp_path / "p", "--back", code=2)
+    _, told = a465("plan", CELL, listed, "-o", tmp_path / "p", "--back", code=2)
     assert "list.json: [0] = 'q_start': is where --back leads to" in told
 
 
@@ -53,15 +53,13 @@ def test_what_cannot_be_reached_or_is_in_the_way_names_its_entry(tmp_path: Path)
         with pytest.raises(ImpossibleError, match=rule) as caught:
             planned(written(tmp_path, entries))
         assert caught.value.data["entry"] == "[1]"
-    _, told = a465(
-        "plan-poses", CELL, written(tmp_path, [{"T_base_tool": far}]), "-o", tmp_path / "p", code=3
-    )
+    _, told = a465("plan", CELL, written(tmp_path, [{"T_base_tool": far}]), "-o", tmp_path / "p", code=3)
     assert "is out of reach" in told
     assert "what would help" in told
     assert "cube" not in told
     across = [transform(rot_x(np.pi), (0.42, y, 0.2)).tolist() for y in (-0.2, 0.2)]
     stops = [{"T_base_tool": across[0]}, {"T_base_tool": across[1], "by": "line"}]
-    _, told = a465("plan-poses", CELL, written(tmp_path, stops), "-o", tmp_path / "p", code=3)
+    _, told = a465("plan", CELL, written(tmp_path, stops), "-o", tmp_path / "p", code=3)
     assert told.count("is at its upper limit") == 1
     assert "raise the speed" not in told
     assert not (tmp_path / "p").exists()
@@ -170,7 +168,7 @@ def test_after_jaws_closed_for_no_cube_a_plan_is_judged_with_jaws_anywhere(tmp_p
 def test_a_plan_through_poses_is_for_the_cell_that_it_was_made_in(tmp_path: Path) -> None:
     small_scenes(tmp_path)
     cell, poses = tmp_path / "scenes/cell.toml", written(tmp_path, [{"q_deg": CTU_DEG[1]}])
-    a465("plan-poses", cell, poses, "-o", tmp_path / "p.json")
+    a465("plan", cell, poses, "-o", tmp_path / "p.json")
     a465("check", tmp_path / "p.json", cell)
     _, told = a465("check", tmp_path / "p.json", tmp_path / "scenes/task2.toml", code=3)
     assert "the plan is for task cell (poses), but task2.toml is of task task2" in told
@@ -184,14 +182,14 @@ def test_less_clearance_than_usual_is_asked_for_by_name_and_shown(tmp_path: Path
     small_scenes(tmp_path)
     cell, poses = tmp_path / "scenes/cell.toml", written(tmp_path, [{"q_deg": CTU_DEG[1]}])
     replace_in(cell, "clearance_mm = 10", "clearance_mm = 3")
-    _, told = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json", code=2)
+    _, told = a465("plan", cell, poses, "-o", tmp_path / "p.json", code=2)
     assert "motion.clearance_mm = 3: must be a number in mm from 5 to 100" in told
     assert "motion.least_clearance_mm" in told
     replace_in(cell, "clearance_mm = 3", "least_clearance_mm = 3.5\nclearance_mm = 3")
-    _, told = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json", code=2)
+    _, told = a465("plan", cell, poses, "-o", tmp_path / "p.json", code=2)
     assert "must be a number in mm from 3.5 to 100" in told
     replace_in(cell, "least_clearance_mm = 3.5", "least_clearance_mm = 3")
-    told, _ = a465("plan-poses", cell, poses, "-o", tmp_path / "p.json")
+    told, _ = a465("plan", cell, poses, "-o", tmp_path / "p.json")
     line = "planned with only 3 mm of clearance, as least_clearance allows; the usual minimum is 5 mm"
     assert f"NOTE: {line}" in told
     options = read_plan(tmp_path / "p.json").provenance["options"]
@@ -200,7 +198,7 @@ def test_less_clearance_than_usual_is_asked_for_by_name_and_shown(tmp_path: Path
     assert line in (tmp_path / "p.html").read_text()
     a465("check", tmp_path / "p.json", cell)
     replace_in(cell, "least_clearance_mm = 3\nclearance_mm = 3", "clearance_mm = 10")
-    told, _ = a465("plan-poses", cell, poses, "-o", tmp_path / "q.json")
+    told, _ = a465("plan", cell, poses, "-o", tmp_path / "q.json")
     assert "NOTE" not in told
 
 
@@ -215,7 +213,7 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     ]
     poses = written(tmp_path, entries)
     a465("look", task, "-o", tmp_path / "look.json")
-    said, _ = a465("plan-poses", task, poses, "--look", tmp_path / "look.json", "-o", tmp_path / "p.json")
+    said, _ = a465("plan", task, poses, "--look", tmp_path / "look.json", "-o", tmp_path / "p.json")
     assert "only the table and the walls" not in said
     assert "objects in the jaws are unknown" in said
     plan = read_plan(tmp_path / "p.json")
@@ -239,7 +237,7 @@ def test_a_plan_through_poses_is_executed_in_its_task(tmp_path: Path) -> None:
     assert np.abs(last - reached).max() < 0.05
     with pytest.raises(ImpossibleError, match="moves no cubes, so its remaining part is unknown"):
         resume_plan(tmp_path / "p.json", task, Console(as_json=True), WhichCell("/dev/null"))
-    a465("plan-poses", task, poses, "-o", tmp_path / "blind.json")
+    a465("plan", task, poses, "-o", tmp_path / "blind.json")
     _, told = a465(
         "execute", tmp_path / "blind.json", task, "--world", world, "--time-scale", 60, code=3, cwd=tmp_path
     )
@@ -262,3 +260,18 @@ def test_in_a_calibrated_cell_every_move_keeps_clearance_with_errors(tmp_path: P
     with pytest.raises(ImpossibleError, match="for all errors of the arm within 3 standard deviations"):
         plan_poses_step(cell, *asked)
     assert not (tmp_path / "plan.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ((CELL,), "cell.toml is no task and no program; a list of poses has to follow it: a465 plan "),
+        ((CELL.with_name("task2.toml"), "--back"), "--back is for a list of poses, and none is given"),
+        ((CELL.with_name("hoop") / "b.toml", "--frame", "tool"), "--frame is for a list of poses"),
+        ((CELL.with_name("task2.toml"), "--lengths", "m"), "--lengths is for a list of poses"),
+    ],
+)
+def test_what_is_for_lists_needs_one(asked: tuple[Path | str, ...], words: str, tmp_path: Path) -> None:
+    _, told = a465("plan", *asked, "-o", tmp_path / "p.json", code=2)
+    assert words in told
+    assert not (tmp_path / "p.json").exists()

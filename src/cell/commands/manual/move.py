@@ -1,6 +1,6 @@
 """``a465 move``: a certified motion from where the arm is to joint angles, a tool position, or a pose of a list.
 
-The goal becomes a list of one pose in the run folder, and is planned as `a465 plan-poses` plans it.
+The goal becomes a list of one pose in the run folder, and is planned as `a465 plan` plans lists.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def _read(file: Path, name: str | None) -> tuple[dict[str, Any], set[str]]:
     if file.suffix.lower() in (".csv", ".npy", ".txt"):
         raise FileInputError(file, "", None, "is no JSON: teach appends to lists in JSON only")
     content = read_json(file)
-    listed = read_pose_list(file, Interpretation(FRAME, "deg"))  # refuses what plan-poses would
+    listed = read_pose_list(file, Interpretation(FRAME, "deg"))  # refuses what plan would
     names = {entry.name for entry in listed.entries}
     if name in names:
         raise FileInputError(file, "name", name, "is in the list already; names must differ")
