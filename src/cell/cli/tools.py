@@ -153,7 +153,8 @@ def export(
     cell: Annotated[
         Path | None,
         Option(
-            help="For a plan of a calibrated arm: its cell or task file; or the arm file to compare with."
+            help="For a plan of a calibrated arm: its cell or task file; or the arm file to compare with. For a log "
+            "as mcap: the cell file to show; default: the one that it names."
         ),
     ] = None,
     look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm.controller.unit import Unit
-from arm.errors import InputError
+from arm.errors import A465Error, InputError
 from arm.io.storage import keep_apart, keep_unread, read_text, write_atomic
 from arm.plan_file import read_plan
 from cell.console import Console
@@ -22,8 +22,11 @@ from driver.log.read import Session, is_log, read_log
 from plan.trajectory.virtual_unit import NO_UNIT
 
 if TYPE_CHECKING:
+    from arm.plan_file import Plan
+    from cell.config.arm_file import ArmFile
     from cell.export.ros import Message
     from cell.export.urdf import Surroundings
+    from cell.files.task import Task
 
 PERIOD_S = 0.02  # between samples of a plan
 URDF = "urdf"
@@ -40,7 +43,7 @@ class ExportOptions:
         planned: of a log: export the trajectory that was sent, not the sampled positions.
         unit: of a log; None: the one that the log names.
         period: between samples of a plan, s.
-        cell: cell, task or arm file that a plan is for.
+        cell: cell, task or arm file that a plan is for; or cell or task file of a log, to show it in MCAP.
         look: observation to add to a cell or task.
     """
 
@@ -61,7 +64,7 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
             output cannot be written.
     """
     if is_log(file):
-        _refuse_options(file, "a log", asked, ("planned", "unit"), tuple(SUFFIXES))
+        _refuse_options(file, "a log", asked, ("planned", "unit", "cell"), tuple(SUFFIXES))
         return _log_step(file, asked, console)
     if read_text(file, "JSON").lstrip().startswith(("{", "[")):
         _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
@@ -112,9 +115,32 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
     elif form == "trajectory":
         content, counted = _points(trajectory_of(plan, unit))
     else:
-        content, counted = _messages(messages_of(plan, unit, period))
+        content, counted = _messages(
+            [*messages_of(plan, unit, period), *_cell_of_plan(file, plan, place, period, console)]
+        )
     summary = {"plan": str(file), "plan_sha256": plan.sha256, "format": form, "unit": unit.name}
     return _write(path, content, summary, counted | {"damaged": 0}, console)
+
+
+def _cell_of_plan(
+    file: Path, plan: Plan, place: Task | ArmFile | None, period: float, console: Console
+) -> list[Message]:
+    """Return what shows the cell of a plan; nothing, with a word why, if its task is not found."""
+    from cell.export.foxglove import messages_of_plan
+    from cell.export.scene import arm_of_plan, require_arm_of_plan
+    from cell.program.find_task import task_or_none
+    from cell.program.program_file import place_of_file
+
+    try:
+        found = task_or_none(file, plan, None) if place is None else None
+        arm = arm_of_plan(file, plan, place if found is None else place_of_file(found))
+        require_arm_of_plan(file, plan, arm)
+    except A465Error as error:
+        if place is not None:
+            raise
+        console.say(f"the cell is not shown: {error}")
+        return []
+    return messages_of_plan(plan, arm, period)
 
 
 def _points(trajectory: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -173,6 +199,8 @@ def _log_step(log: Path, asked: ExportOptions, console: Console) -> dict[str, An
     form = asked.form or "csv"
     if asked.planned and form != "trajectory":
         raise InputError(f"--planned goes with --format trajectory only, not {form}", format=form)
+    if asked.cell is not None and form != "mcap":
+        raise InputError(f"--cell goes with --format mcap only, not {form}", format=form)
     session = read_log(log)
     unit = unit_of(session, asked.unit)
     path = asked.output or log.with_suffix(SUFFIXES[form])
@@ -187,13 +215,45 @@ def _log_step(log: Path, asked: ExportOptions, console: Console) -> dict[str, An
     else:
         from cell.export.mcap import messages_of
 
-        content, counted = _messages(messages_of(session, executed(session, unit), planned(session, unit)))
+        samples = executed(session, unit)
+        shown = _cell_of_log(session, samples, asked.cell, console)
+        content, counted = _messages([*messages_of(session, samples, planned(session, unit)), *shown])
     counted |= {
         "motions": len(session.motions),
         "plans_sha256": [note.data.get("sha256") for note in session.noted("plan")],
         "damaged": session.damaged,
     }
     return _write(path, content, {"log": str(log), "format": form, "unit": unit.name}, counted, console)
+
+
+def _cell_of_log(session: Session, samples: Executed, cell: Path | None, console: Console) -> list[Message]:
+    """Return what shows the cell of a log; without the arm, with a word why, if its task is not found."""
+    from cell.export.foxglove import Image, image_message, messages_of_log
+    from cell.files.task import cell_of
+
+    folder, images = session.file.resolve().parent, []
+    for note in session.noted("look"):
+        picture = folder / str(note.data.get("picture"))
+        if picture.parent == folder and picture.is_file():
+            images.append(image_message(Image(note.time_s, "png", picture.read_bytes())))
+    noted = [folder / str(note.data["task"]) for note in session.noted("run") if "task" in note.data]
+    file = noted[-1] if cell is None and noted else cell
+    if file is None:
+        console.say("the cell is not shown: the log names no task; give --cell FILE")
+        return images
+    try:
+        place = cell_of(file)
+    except A465Error as error:
+        if cell is not None:
+            raise
+        console.say(f"the cell is not shown: {error}; give --cell FILE")
+        return images
+    plans = []
+    for note in session.noted("plan"):
+        kept = folder / str(note.data.get("file"))
+        if kept.parent == folder and kept.is_file():
+            plans.append((note.time_s, read_plan(kept)))
+    return [*images, *messages_of_log(session, samples, place, plans)]
 
 
 def csv_text(samples: Executed) -> str:

@@ -21,11 +21,23 @@ from cell.export.ros import (
 from cell.export.series import Executed, Planned
 from driver.log.read import Session
 
+_LIST = {"type": "array", "items": {"type": "object"}}
 TOPICS = {
     "/joint_states": JOINT_STATE_SCHEMA,
     "/planned": JOINT_TRAJECTORY_SCHEMA,
     "/jaws": message_schema("a465/Jaws", fraction_closed={"type": "number"}),
     "/events": message_schema("a465/Event", kind={"type": "string"}, data={"type": "object"}),
+    "/robot_description": message_schema("std_msgs/msg/String", data={"type": "string"}),
+    # by these names Foxglove knows its own schemas
+    "/tf": message_schema("foxglove.FrameTransforms", transforms=_LIST),
+    "/scene": message_schema("foxglove.SceneUpdate", deletions=_LIST, entities=_LIST),
+    "/images": message_schema(
+        "foxglove.CompressedImage",
+        timestamp={"type": "object"},
+        frame_id={"type": "string"},
+        format={"type": "string"},
+        data={"type": "string", "contentEncoding": "base64"},
+    ),
 }
 
 
@@ -46,11 +58,13 @@ def mcap_of(messages: Sequence[Message]) -> tuple[bytes, dict[str, int]]:
     buffer = BytesIO()
     writer = Writer(buffer, compression=CompressionType.NONE)
     writer.start(profile="", library="a465")
-    channels = {}
+    channels, there = {}, {topic for _, topic, _ in messages}
     for topic, schema in TOPICS.items():
+        if topic not in there:
+            continue
         schema_id = writer.register_schema(schema["title"], "jsonschema", _json(schema))
         channels[topic] = writer.register_channel(topic, "json", schema_id)
-    counted = dict.fromkeys(TOPICS, 0)
+    counted = dict.fromkeys(channels, 0)
     for time_ns, topic, message in sorted(messages, key=lambda m: m[0]):
         writer.add_message(channels[topic], time_ns, _json(message), time_ns, counted[topic])
         counted[topic] += 1

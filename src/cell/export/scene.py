@@ -99,12 +99,21 @@ def surroundings_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -
         InputError: the arm is not that of the plan.
     """
     arm = arm_of_plan(path, plan, place)
-    if plan.scene.get("robot_open") != arm.robot_open.digest:
-        help = "plan again" if plan.unit == NO_UNIT else _GIVE_CELL
-        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", help)
+    require_arm_of_plan(path, plan, arm)
     states = {} if plan.unit == NO_UNIT else {"home": arm.unit.soft_home}
     states["q_start"] = arm.unit.positions(plan.start)
     return _around(arm.scene(plan), arm.limits, states)
+
+
+def require_arm_of_plan(path: Path, plan: Plan, arm: StatedArm) -> None:
+    """Require that an arm is that of a plan.
+
+    Raises:
+        InputError: it is not.
+    """
+    if plan.scene.get("robot_open") != arm.robot_open.digest:
+        help = "plan again" if plan.unit == NO_UNIT else _GIVE_CELL
+        raise FileInputError(path, "scene.robot_open", None, "does not match this arm", help)
 
 
 def arm_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> StatedArm:

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 from arm.controller.unit import Unit
 from arm.plan_file import Motion, Plan, Step
+from cell.export.timeline import timed_steps
 from cell.preview.executed import OnPath
-from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
 from driver.execution.progress import Progress
 

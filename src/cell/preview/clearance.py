@@ -11,8 +11,8 @@ from arm.controller.unit import Unit
 from arm.plan_file import Move, Plan, touching_pairs
 from arm.robot.model import Robot
 from arm.robot.shapes import body_from_json
+from cell.export.timeline import cube_tracks, timed_steps
 from cell.preview.overlays import ClearanceSample
-from cell.preview.timeline import cube_tracks, timed_steps
 from plan.collision.world import World
 
 CLEARANCE_EVERY_S = 0.2

@@ -19,6 +19,7 @@ from arm.plan_file import GripperStep, LookStep, Move, Pause, Plan
 from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Body, body_from_json
 from arm.se3 import Array, inverse, rotation_vector
+from cell.export.timeline import TimedStep, cube_tracks, timed_steps
 from cell.preview.overlays import (
     ClearanceSample,
     ExecutedMove,
@@ -30,7 +31,6 @@ from cell.preview.overlays import (
     pose_numbers,
     shape_numbers,
 )
-from cell.preview.timeline import TimedStep, cube_tracks, timed_steps
 from plan.options import clearance_words
 from vision.camera.model import Camera
 

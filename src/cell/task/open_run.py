@@ -146,6 +146,7 @@ class OpenRun:
         """Look from where the arm is, without requirements."""
         picture = self.folder / f"look-{next(self._looks)}.png"
         self.pictures.append(Picture(why, picture))
+        self.connection.mars.note("look", picture=picture.name, why=why)
         with self.console.doing("looking"):
             seen = look_and_save(
                 self.task, self.connection.frames, picture, self.console, why, arm_in_view, self.photographs

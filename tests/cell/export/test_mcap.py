@@ -12,6 +12,9 @@ from mcap.reader import make_reader
 
 from arm.controller.unit import Unit, load_unit
 from arm.errors import InputError
+from arm.io.storage import data_file
+from cell.console import Console
+from cell.export.export import ExportOptions, export_file
 from cell.export.series import executed, planned
 from driver.log.read import Session
 from wire.exported import export, seconds
@@ -70,3 +73,28 @@ def test_without_the_library_it_is_told_how_to_get_it(
     with pytest.raises(InputError, match="make mcap"):
         export(run, "mcap", tmp_path / "log.mcap")
     assert not (tmp_path / "log.mcap").exists()
+
+
+def test_a_log_shows_its_cell_and_the_images_of_its_looks(run: LoggedRun, tmp_path: Path) -> None:
+    log = tmp_path / "wire.jsonl"
+    lines = run.log.read_text().splitlines()
+    end_s = json.loads(lines[-1])["t"]
+    looks = [
+        {"t": end_s, "kind": "look", "picture": name, "why": "a test"} for name in ("look-1.png", "../a.png")
+    ]
+    log.write_text("\n".join([*lines, *map(json.dumps, looks)]) + "\n")
+    for name in ("look-1.png", "../a.png"):  # the second is not in the log's folder, so it is left out
+        (tmp_path / name).write_bytes(b"an image")
+    without, with_cell = (
+        export_file(log, ExportOptions("mcap", tmp_path / f"{n}.mcap", cell=cell), Console(as_json=True))[
+            "messages"
+        ]
+        for n, cell in enumerate((None, data_file("scenes/cell.toml")))
+    )
+    assert without["/images"] == with_cell["/images"] == 1
+    assert "/tf" not in without
+    assert with_cell["/tf"] == with_cell["/joint_states"]
+    assert (with_cell["/scene"], with_cell["/robot_description"]) == (1, 1)
+    for form in ("csv", "trajectory"):
+        with pytest.raises(InputError, match="--cell goes with --format mcap only"):
+            export_file(log, ExportOptions(form, cell=data_file("scenes/cell.toml")), Console(as_json=True))

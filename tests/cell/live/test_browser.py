@@ -21,10 +21,10 @@ import numpy as np
 import pytest
 
 from arm.plan_file import GripperStep, Move
+from cell.export.timeline import timed_steps
 from cell.live.server import LiveServer
 from cell.live.view import Live
 from cell.preview.page import preview_page
-from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
 from pages.browsers import DEADLINE_MS, complaints_of, keep_screenshot, picture_of, until
 from tasks.small import small_scenes

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from arm.controller.segments import CountPath, Segment
+from cell.export.timeline import timed_steps
 from cell.live.state import MOST_SAMPLES, LiveState
 from cell.preview.executed import OnPath
-from cell.preview.timeline import timed_steps
 from driver.execution.control import Control
 from pages.live import UNIT, new_plan
 from wire.looks_at_motion import looks

@@ -15,11 +15,11 @@ from arm.controller.segments import CountPath
 from arm.plan_file import Move
 from arm.robot.shapes import Torus, body_from_json
 from cell.console import Console
+from cell.export.timeline import cube_tracks, timed_steps
 from cell.preview.clearance import sample_clearance
 from cell.preview.of_log import preview_log
 from cell.preview.overlays import ExecutedMove, Refused, shape_numbers
 from cell.preview.page import write_preview
-from cell.preview.timeline import cube_tracks, timed_steps
 from pages.browsers import keep_screenshot, picture_of
 from pages.preview import opened, write_case
 from plans.other_arms import scara

@@ -10,8 +10,8 @@ from arm.errors import InputError
 from arm.plan_file import GripperStep, Move
 from arm.robot.shapes import body_from_json
 from arm.se3 import inverse
+from cell.export.timeline import LOOK_S, cube_tracks, timed_steps
 from cell.preview.content import page_content
-from cell.preview.timeline import LOOK_S, cube_tracks, timed_steps
 
 
 def test_one_clock_without_gaps(preview_case) -> None:
