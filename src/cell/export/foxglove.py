@@ -38,18 +38,11 @@ from cell.export.ros import NS, Message, nanoseconds
 from cell.export.series import Executed
 from cell.export.timeline import CubePose, cube_tracks
 from cell.export.timeline import timed_steps as shown_steps
+from cell.export.urdf import COLOURS
 from driver.log.read import Session
 from plan.program.stated_arm import StatedArm
 
 BASE, TOOL = "base", "tool"
-_GREY = (0.72, 0.74, 0.77, 1.0)
-_COLOURS = {  # red, green, blue, opacity of bodies by kind
-    "robot": (0.36, 0.42, 0.5, 1.0),
-    "table": (0.82, 0.78, 0.7, 0.6),
-    "board": (0.93, 0.93, 0.9, 1.0),
-    "cube": (0.8, 0.36, 0.2, 1.0),
-    "part": (0.8, 0.36, 0.2, 1.0),
-}
 _DIGITS = 6  # decimals of lengths in m and of quaternions
 
 
@@ -219,7 +212,7 @@ def _entity(time_s: float, frame: str, body: Body) -> dict[str, Any]:
         kind: []
         for kind in ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
     }
-    red, green, blue, opacity = _COLOURS.get(body.kind, _GREY)
+    red, green, blue, opacity = COLOURS.get(body.kind, COLOURS[""])
     colour = {"r": red, "g": green, "b": blue, "a": opacity}
     for part, T_body_part in simple_parts(body.shape):
         for kind, primitive in _primitives(part, mul(body.T_base_body, T_body_part)):

@@ -31,6 +31,14 @@ from plan.collision.world import World
 
 URDF, SRDF, MESHES = "cell.urdf", "cell.srdf", "meshes"
 TOOL = "tool"
+COLOURS = {  # red, green, blue and opacity of bodies by kind, 0 to 1, for display
+    "robot": (0.36, 0.42, 0.5, 1.0),
+    "table": (0.82, 0.78, 0.7, 0.6),
+    "board": (0.93, 0.93, 0.9, 1.0),
+    "cube": (0.8, 0.36, 0.2, 1.0),
+    "part": (0.8, 0.36, 0.2, 1.0),
+    "": (0.72, 0.74, 0.77, 1.0),  # of any other kind
+}
 _COPIED = ("origin", "geometry")  # parts that a visual element copies from a collision element
 Pair = frozenset[str]
 
@@ -111,8 +119,13 @@ def describe(there: Surroundings) -> Description:
     meshes = _with_hulls(root, robot)
     for body, parent in placed:
         _add_body(root, body, links[body.name], parent, body.T_base_body, meshes)
+    kinds = {links[body.name]: body.kind for body, parent in placed if parent in (base, tool)}
+    for kind, colour in COLOURS.items():
+        material = SubElement(root, "material", {"name": f"a465_{kind or 'other'}"})
+        SubElement(material, "color", {"rgba": _numbers(colour)})
     for link in root.iter("link"):
-        _show(link)
+        kind = kinds.get(str(link.get("name")), "robot")
+        _show(link, kind if kind in COLOURS else "")
     disabled = _disabled(there, {**{b.name: b.link for b in robot.bodies if b.link}, **links})
     semantics = _semantics(there, disabled, (base, end, tool), hand)
     semantics.set("name", str(root.get("name")))
@@ -242,13 +255,14 @@ def _collide(link: Element, shape: Simple, mesh: str, T_link_shape: Array) -> No
             SubElement(geometry, "mesh", {"filename": mesh})
 
 
-def _show(link: Element) -> None:
-    """Copy the collision elements as visual elements if the link has none."""
+def _show(link: Element, kind: str) -> None:
+    """Copy the collision elements as visual elements, in the colour of a kind of body, if the link has none."""
     if link.find("visual") is not None:
         return
     for index, collision in enumerate(link.findall("collision")):
         visual = Element("visual")
         visual.extend(deepcopy(part) for part in collision if part.tag in _COPIED)
+        SubElement(visual, "material", {"name": f"a465_{kind or 'other'}"})
         link.insert(index, visual)
 
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from arm.robot.mesh import read_mesh_points
-from arm.robot.model import load_robot
+from arm.robot.model import load_a465, load_robot
 from arm.robot.shapes import Body, Sphere, convex
 from arm.robot.tool import urdf_limits, with_tool
 from arm.se3 import rot_x, rot_y, rot_z, rotation, transform
 from arms.made_up import BOX_OBJ, MESH_ARM
-from cell.export.urdf import Surroundings, describe, link_names, rpy_of, stl_of
+from cell.export.urdf import COLOURS, Surroundings, describe, link_names, rpy_of, stl_of
 from tasks.described import require_same
 
 
@@ -72,3 +73,27 @@ def test_an_arm_of_meshes_is_exported_with_the_hulls_that_are_checked(tmp_path: 
     )  # collision, visual
     assert 'tip_link="tool_2"' in str(described.files["cell.srdf"])
     require_same(Surroundings(robot, urdf_limits(robot, 1.0), (ball,)), tmp_path / "out", seed=9)
+
+
+def test_every_link_that_is_shown_has_the_colour_of_its_kind() -> None:
+    robot = load_a465(0.134112, 0.06)
+    bodies = [
+        Body(kind, Sphere(0.1), transform(t=(x, 0.9, 0.5)), kind) for x, kind in enumerate(("table", "cube"))
+    ]
+    root = ElementTree.fromstring(
+        str(describe(Surroundings(robot, urdf_limits(robot, 1.0), tuple(bodies))).files["cell.urdf"])
+    )
+    known = {m.get("name"): m.find("color") for m in root.findall("material")}
+    for name, colour in known.items():
+        assert colour is not None
+        rgba = [float(part) for part in str(colour.get("rgba")).split()]
+        assert rgba == list(COLOURS[str(name).removeprefix("a465_").replace("other", "")])
+    worn = {
+        str(link.get("name")): {material.get("name") for material in link.findall("visual/material")}
+        for link in root.findall("link")
+        if link.find("collision") is not None
+    }
+    assert worn.pop("table") == {"a465_table"}
+    assert worn.pop("cube") == {"a465_cube"}
+    assert set().union(*worn.values()) == {"a465_robot"}
+    assert all(len(names) == 1 for names in worn.values())
