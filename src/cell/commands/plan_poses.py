@@ -19,7 +19,7 @@ from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
-from cell.program.path_speeds import HEADER, path_speeds
+from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
 from cell.program.planning import plan_of_program
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import Action
@@ -156,6 +156,8 @@ def plan_program_step(
     speeds = path_speeds(task, plan)
     if speeds:
         console.table(HEADER, [one.row() for one in speeds])
+    for kept in plan.task.get("kept_speeds", ()):
+        console.say(KeptSpeed.from_json(kept).words())
     least = 1e3 * min(m.clearance for m in plan.moves)
     console.say(
         f"{task.title}: {plan.duration_s:.1f} s at speed {plan.speed:g}, "

@@ -117,6 +117,7 @@ class PathKeys(FreedomKeys):
     window: float = key("window_mm", number("mm", 0.0, 500.0), 25)
     turn: float = key("turn_deg", number("deg", -360.0, 360.0), 0)
     back: bool = key("back", flag(), False)
+    steady: bool = key("steady", flag(), False)
     threaded: str | None = key("threaded", line(), None)
     clearance_of: frozenset[str] = key("clearance_of", Rule("names of bodies", _names), [])
 
@@ -164,6 +165,7 @@ class PathStep:
         poses: along it.
         free, tilt, ranges, speed, touch: see `FreedomKeys`.
         back: whether the tool returns along the same path.
+        steady: whether the tool keeps one speed, at most `speed`.
         clearance_of: names of bodies whose clearance is maximised if that is the aim; all if empty.
         threaded: the line that stays in a ring of the tool; None for none.
     """
@@ -178,6 +180,7 @@ class PathStep:
     speed: float | None
     touch: Pairs
     back: bool
+    steady: bool
     clearance_of: frozenset[str]
     threaded: ThreadedLine | None
 
@@ -242,8 +245,23 @@ def _path(
         poses = poses_along(outline, fixed, sign * along, keys.window, keys.turn)
     except A465Error as error:
         raise node.error(str(error)) from error
-    values = {key: getattr(keys, key) for key in ("back", "clearance_of", *FreedomKeys.declared())}
+    if keys.steady:
+        _require_steady(node, keys, poses)
+    values = {key: getattr(keys, key) for key in ("back", "steady", "clearance_of", *FreedomKeys.declared())}
     return PathStep(node.key, name, outline, poses, **values, threaded=threaded)
+
+
+def _require_steady(node: Node, keys: PathKeys, poses: PathPoses) -> None:
+    """Require what one speed on a path needs: a speed, a tool that does not turn with the path, and no stop on it."""
+    if keys.speed is None:
+        raise node.error_at("steady", "needs speed_mm_s")
+    if isinstance(keys.axis, str):
+        raise node.error_at(
+            "steady", "needs a direction x, y, z as axis: a tool along its path turns with it"
+        )
+    if len(poses.stops):
+        where = f"the arm stops at the corner {1e3 * poses.stops[0]:.0f} mm after the start"
+        raise node.error_at("steady", f"needs a path without stops: {where}; round it by deviation_mm")
 
 
 def _drawn(node: Node, file: Path, keys: PathKeys) -> list[Outline]:

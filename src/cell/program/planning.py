@@ -14,6 +14,7 @@ from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen
 from cell.program.parts.handled import Handled, Parts, parts_of, standing_on
 from cell.program.parts.plan_check import begins_at, require_parts, scene_of_parts
+from cell.program.path_speeds import with_kept_speeds
 from cell.program.path_step import PathStep
 from cell.program.program_file import PROGRAM, ProgramTask
 from cell.program.steps import Action, JointStep, PoseStep, Step, name_of
@@ -120,13 +121,17 @@ def plan_of_program(
         scene, goals, cell.q_start, cell.unit, cell.limits, options, provenance=provenance, task=stated
     )
     try:
-        found = plan_program(program)
+        found, kept = with_kept_speeds(
+            task, goals, lambda some: plan_program(replace(program, goals=tuple(some)))
+        )
     except ImpossibleError as error:
         if explain is not None:
             asked = scene, (), cell.q_start, cell.unit, cell.limits, options
             explain(Request(*asked, goals=goals), error)
         raise _located(task, error) from error
     reached = [{"name": r.target, "q": [round(float(v), 9) + 0.0 for v in r.q]} for r in found.reached]
+    if kept:
+        stated["kept_speeds"] = [one.to_json() for one in kept]
     return replace(found, task={**stated, "reached": reached}).plan()
 
 

@@ -26,7 +26,9 @@ from plan.trajectory.toppra_timing import parametrise_by_toppra
 Caps = float | Array | None  # on the rate of the path parameter, for a whole path or for each piece of it
 
 GRID = 200  # intervals over all curved pieces, at least; fewer give slower motions
-PER_PIECE = 4  # the same for each curved piece of a spline, however short: knots are where the path needs them
+PER_PIECE = (
+    4  # the same for each curved piece of a spline, however short: knots are where the path needs them
+)
 _TOPPRA_GRID = 400  # intervals over a whole path for the library
 _BEND_GRID = 12  # intervals in a bend, however short; in a parabola, limits hold between them too
 _INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # places in an interval where limits are measured
@@ -210,7 +212,8 @@ def _counts(path: Path, per_piece: int = PER_PIECE) -> npt.NDArray[np.int64]:
     straight = ~(path.c[:-2] != 0.0).any(axis=(0, 2))
     length = np.diff(path.x)
     is_spline = path.c.shape[0] > 3  # which has many pieces
-    step = max(float(length[~straight].sum()), 1e-12) / GRID
+    grid = max(GRID, per_piece * int(np.count_nonzero(~straight))) if is_spline else GRID
+    step = max(float(length[~straight].sum()), 1e-12) / grid
     least = per_piece if is_spline else _BEND_GRID
     return np.where(straight, 1, np.maximum(least, np.ceil(length / step - 1e-9))).astype(np.int64)
 
