@@ -7,7 +7,7 @@ from typing import Any
 from typer.core import TyperGroup
 
 GROUPS = {
-    "Set up": ("new-cell", "doctor", "calibrate"),
+    "Set up": ("new-cell", "doctor", "record", "calibrate"),
     "See": ("look", "snap", "status", "view", "compare"),
     "Plan": ("reach", "plan", "check", "preview", "certify", "teach"),
     "Move": ("run", "execute", "home", "park", "move", "jog", "gripper", "release", "stop"),

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
+from arm.errors import InputError
 from cell.cli import options as shared
 from cell.cli.options import answering, examples
 from cell.console import Console
@@ -43,6 +44,44 @@ def status(port: _PortOrCell = None, cell: _Cell = None, as_json: shared.Json = 
     from cell.commands.manual.status import status_step
 
     console.result(status_step(port, cell, console))
+
+
+@manual.command(
+    short_help="Record how an unknown unit answers; nothing moves.",
+    help="Ask a unit what can be asked (version, states, axes, registers, echo, counts at rest), keep every byte with "
+    "its time in a file for the maintainers, and compare it with what a465 assumes. Nothing moves; only the echo is "
+    "set. The exit code is 3 unless everything agrees.",
+    epilog=examples("a465 record /dev/mars -o unit.json", "a465 record --compare unit.json"),
+)
+def record(
+    context: typer.Context,
+    port: _PortOrCell = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="New file to write.", metavar="FILE")
+    ] = None,
+    seconds: Annotated[float, Option(help="How long to read the counts at rest, s.")] = 60.0,
+    compare: Annotated[
+        Path | None, Option(help="Compare this recording again; no port is opened.", metavar="FILE")
+    ] = None,
+    as_json: shared.Json = False,
+) -> None:
+    console = Console(as_json)
+    if compare is None and output is None:
+        raise InputError("record: give -o FILE, the file to write, or --compare FILE", option="-o")
+    if compare is not None:
+        shared.refuse_given(context, ("output", "seconds"), "cannot be combined with --compare")
+        if port is not None:
+            raise InputError(f"{port}: --compare opens no port; leave it out", port=port)
+    from cell.commands.manual.record import compare_step, record_step
+
+    if output is not None:
+        report = record_step(port, output, seconds, console)
+    elif compare is not None:
+        report = compare_step(compare, console)
+    console.result(report)
+    if report["differing"] or report["not_known"]:
+        found = [("differs", report["differing"]), ("not known", report["not_known"])]
+        shared.refuse("; ".join(f"{what}: {', '.join(names)}" for what, names in found if names))
 
 
 @manual.command(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 ASKED = {  # commands that take the port as an argument, and the option that answers in advance
     **{"status": "", "stop": "", "teach": "", "home": "--free", "park": "--unseen", "gripper": "--unseen"},
-    **{"release": "--supported", "move": "--unseen", "jog": ""},
+    **{"release": "--supported", "move": "--unseen", "jog": "", "record": ""},
 }
 NEEDS_HOMED = ("park", "gripper", "teach", "move")
 

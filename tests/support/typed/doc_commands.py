@@ -347,6 +347,8 @@ class Reader:
             set_value(words, "--speed", f"{SPEED:g}")
         if collects and "--poses" not in words:
             words += ["--poses", str(POSES)]
+        if words[0] == "record" and "-o" in words:
+            words += ["--seconds", "2"]
 
     def _emulate(self, options: list[str]) -> None:
         link = value_of(options, "--link") or "no link"
