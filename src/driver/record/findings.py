@@ -125,13 +125,9 @@ def column(found: Found) -> Finding:
     if not (forms := found.forms(False)):
         return NOTHING
     form = _most(forms)
-    if not form.answered:
-        return _shown(form.text), False
-    return (
-        (f"other text: {_shown(form.prompt)}", False)
-        if form.prompt
-        else ("no other text", form.echo != "odd")
-    )
+    if form.prompt:
+        return f"other text: {_shown(form.prompt)}", False
+    return ("no other text", True) if form.answered and form.echo != "odd" else (_shown(form.text), False)
 
 
 def line_end(found: Found) -> Finding:
