@@ -59,9 +59,15 @@ class Found:
         """The exchange of a question that is asked once, if it was."""
         return next((e for e in self.of("questions") if e.line == line), None)
 
+    @cached_property
+    def _answers(self) -> dict[str, str]:
+        lines = lines_in(self.record.events, "questions")
+        replies = [reply for _, line in lines if isinstance(reply := parse_reply(line), Answer)]
+        return {reply.key: reply.text for reply in replies}
+
     def answer(self, key: str) -> str | None:
-        exchange = self.asked(f"{key}?")
-        return None if exchange is None else exchange.answer
+        """The answer to a question; a late one may have come behind the stamp that follows it."""
+        return self._answers.get(key)
 
     def forms(self, on: bool) -> list[StampForm]:
         """How stamps were answered with the echo on or off."""
@@ -214,12 +220,12 @@ def unknown_query(found: Found) -> Finding:
 def status(found: Found) -> Finding:
     if (exchange := found.asked("ST?")) is None:
         return NOTHING
-    if exchange.answer is None:
+    if (text := found.answer("ST")) is None:
         return _shown(exchange.text), False
     try:
-        status = parse_status(exchange.answer)
+        status = parse_status(text)
     except MalformedAnswer:
-        return _shown(exchange.answer), False
+        return _shown(text), False
     return ", ".join([str(status.word), *status.faults()]), True
 
 
@@ -254,14 +260,14 @@ def gripper(found: Found) -> Finding:
 def group(found: Found) -> Finding:
     if (exchange := found.asked("COORDAP?")) is None:
         return NOTHING
-    if exchange.answer is None:
+    if (text := found.answer("COORDAP")) is None:
         odd = exchange.text.replace("COORDAP?", "").strip()
         return (_shown(exchange.text), False) if odd else ("no answer", True)
     try:
-        parse_position(exchange.answer, len(found.unit.axes))
+        parse_position(text, len(found.unit.axes))
     except MalformedAnswer as error:
-        return f"{_shown(exchange.answer)}: {error}"[:120], False
-    return _shown(exchange.answer), True
+        return f"{_shown(text)}: {error}"[:120], False
+    return _shown(text), True
 
 
 def clock(found: Found) -> Finding | None:

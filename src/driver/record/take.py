@@ -214,11 +214,16 @@ class Recorder:
         self._listen(lines[-1].replace(":", "="), len(self.tape.heard), self.link.deadline(ANSWER_S))
 
     def _optional(self, line: str, answer: str | None, within_s: float = QUERY_S) -> bool:
-        """Send a query that the unit may not know, and make sure that it goes on answering."""
-        answered = self._send(line, answer, within_s)
-        if not answered:
+        """Send a query that the unit may not know. Return whether it was answered, also behind the stamp that follows.
+
+        Raises:
+            NoAnswer: the stamp was not answered.
+        """
+        mark = len(self.tape.heard)
+        self.link.send(line)
+        if not self._listen(answer, mark, self.clock.now() + within_s):
             self._sure()
-        return answered
+        return answer is not None and _is_in(self.tape.heard, answer, mark)
 
     def _sure(self) -> None:
         """Make sure that the unit still answers.
@@ -237,26 +242,26 @@ class Recorder:
         return NoAnswer(why, url=self.link.url, step=self._step_name, reason="silent")
 
     def _send(self, line: str, answer: str | None, within_s: float) -> bool:
-        """Send a line and listen. Return whether a line with the answer came; None: no certain answer is awaited."""
+        """Send a line and listen. Return whether its answer came; None: there may be none."""
         mark = len(self.tape.heard)
         self.link.send(line)
-        limit = self.link.deadline(within_s) if answer is not None else self.clock.now() + within_s
+        limit = self.clock.now() + within_s if answer is None else self.link.deadline(within_s)
         return self._listen(answer, mark, limit)
 
     def _listen(self, answer: str | None, mark: int, deadline: float) -> bool:
         """Keep what comes until the answer is complete and nothing follows, or until the deadline."""
-        whole = None if answer is None else re.compile(rf"{re.escape(answer)}[^\r\n]*[\r\n]")
         complete = False
         begins_by = self.link.deadline(ANSWER_S)  # what has not begun by then does not come
         while (now := self.clock.now()) < deadline:
             came = len(self.tape.heard) > mark
-            if not came and now >= begins_by:
-                break
-            complete = complete or (
-                came and whole is not None and whole.search(self.tape.heard, mark) is not None
-            )
+            complete = complete or (came and answer is not None and _is_in(self.tape.heard, answer, mark))
             quiet_s = QUIET_S if complete else ODD_QUIET_S
-            if came and now - self.tape.heard_at >= quiet_s:
+            if now - self.tape.heard_at >= quiet_s if came else now >= begins_by:
                 break
             self.link.receive(min(deadline, now + _POLL_S))
         return complete
+
+
+def _is_in(text: str, answer: str, mark: int) -> bool:
+    """Whether a line that begins so, or ends in one, is complete behind a mark."""
+    return re.compile(rf"{re.escape(answer)}[^\r\n]*[\r\n]").search(text, mark) is not None

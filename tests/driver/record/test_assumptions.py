@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -138,3 +139,20 @@ def test_every_row_says_what_depends_on_it() -> None:
         assert row.matters
         assert row.assumed
         assert "{" not in row.assumed
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_whatever_came_there_is_a_table(seed: int) -> None:
+    rng = random.Random(seed)
+    events = [
+        replace(event, data="".join(c for c in event.data if rng.random() < 0.9) + chr(rng.randrange(256)))
+        if event.kind == "received" and rng.random() < 0.5
+        else event
+        for event in good(grouped=True).events
+        if rng.random() < 0.95
+    ]
+    assert {row.agrees for row in table(replace(good(), events=tuple(events))).values()} <= {
+        True,
+        False,
+        None,
+    }

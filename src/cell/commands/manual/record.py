@@ -52,11 +52,10 @@ def record_step(port: str | None, output: Path, seconds: float, console: Console
             record = recorder.run()
     except A465Error as error:
         saver.save(recorder.record())
-        why = f"{error}; what came until then is in {output}"
-        raise type(error)(why, **{**error.data, "file": str(output)}) from error
+        raise type(error)(f"{error} (what came: {output})", **{**error.data, "file": str(output)}) from error
     except BaseException:
         saver.save(recorder.record())
-        console.say(f"what came until now is in {output}")
+        console.say(f"what came: {output}")
         raise
     saver.save(record)
     console.say("only questions were sent; the echo was switched on and off, and is as it was found")
