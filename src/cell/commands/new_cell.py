@@ -120,6 +120,11 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
             f"a465 calibrate hand-eye {at('rehearsal.json')} --collect {task} --target {hand}",
         ),
         (
+            "record how the controller answers, nothing moves; send the file to the maintainers (docs/real-cell.md, "
+            "step 3)",
+            f"a465 record /dev/mars -o {at('unit.json')}",
+        ),
+        (
             f"check the installation and devices (a465 cannot verify that the arm is {unit})",
             f"a465 doctor --cell {task} {arm}",
         ),

@@ -1,4 +1,4 @@
-"""Compare a recording, line by line, with what the code assumes of a unit (docs/sources.md).
+"""Compare a recording, line by line, with what the code assumes of a unit (docs/sources.md, "Lines and commands").
 
 Each assumption is read from the code that relies on it: its constants and parsers. So a change there changes the row.
 """

@@ -257,7 +257,7 @@ def test_the_next_commands_are_told_in_order_and_exist(tmp_path: Path) -> None:
 def test_the_next_steps_are_those_of_the_pages() -> None:
     steps = next_commands(Path("my-cell"), "crs93")
     lines = [line for _, line in steps if line]
-    at = lines.index("a465 doctor --cell my-cell/task2.toml --port /dev/mars --camera name:MY-CAMERA")
+    at = lines.index("a465 record /dev/mars -o my-cell/unit.json")
     own, real = ((ROOT / "docs" / page).read_text() for page in ("new-cell.md", "real-cell.md"))
     places = [own.find(f"`{line}`") for line in lines[:at]]
     assert at == 3
@@ -265,7 +265,8 @@ def test_the_next_steps_are_those_of_the_pages() -> None:
     assert places == sorted(places)
     typed = [line.partition("  #")[0].rstrip() for line in re.findall(r"^a465 .*$", real, re.M)]
     assert typed[:2] == ["a465 new-cell my-cell --unit crs93", lines[1]]
-    assert [line for line in typed[2:] if not line.startswith("a465 status ")] == lines[at:]
+    again = ("a465 status ", "a465 record --compare ")
+    assert [line for line in typed[2:] if not line.startswith(again)] == lines[at:]
 
 
 def test_the_next_steps_home_once_before_anything_stands_there() -> None:

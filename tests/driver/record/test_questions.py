@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from driver.emulator import EmulatorOptions
 from driver.line.protocol import COMMANDS, HARMLESS
 from driver.record.questions import AXES, HELP, UNKNOWN, is_question, register_kinds
 from recorded.units import recorded_unit
@@ -79,6 +80,18 @@ def test_no_loss_of_bytes_makes_a_question_a_command() -> None:
         for begin, end in itertools.combinations(range(len(text) + 1), 2):
             for line in (text[:begin] + text[end:]).split("\n"):
                 assert not sets_something(line), (text, line)
+
+
+def test_lines_with_and_without_a_colon_never_come_together() -> None:
+    for options in (
+        EmulatorOptions(),
+        EmulatorOptions(registers_readable=True),
+        EmulatorOptions(echo="byte"),
+    ):
+        events = [e for e in recorded_unit(options).record.events if e.data != "\n" and e.kind != "step"]
+        for a, b in itertools.pairwise(events):
+            if a.kind == b.kind == "sent" and (":" in a.data) != (":" in b.data):
+                assert b.time_s - a.time_s >= 0.4, (a, b)
 
 
 def test_the_search_for_commands_finds_them() -> None:
