@@ -147,7 +147,7 @@ def _interleaved(line: str, answer: str, text: str) -> bool:
             if (first and used < len(line) and line[used] == byte)
             or (not first and place - used < len(answer) and answer[place - used] == byte)
         }
-    return len(line) in reached
+    return bool(reached)  # all of both are used then
 
 
 def _resembles(text: str, line: str) -> bool:

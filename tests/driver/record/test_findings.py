@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
 
 from arm.controller.unit import load_unit
 from driver.emulator import EmulatorOptions
+from driver.line.link import ANSWER_S
 from driver.record import findings
 from driver.record.findings import Found
 from driver.record.unit_record import UnitRecord
@@ -32,6 +34,19 @@ def test_the_time_of_an_answer_is_that_of_the_unit(latency_ms: float) -> None:
     median_ms = float(said.split()[1])
     assert latency_ms + 8.0 < median_ms < latency_ms + 16.0, "with about 20 bytes at 19200 baud"
     assert agrees
+
+
+@pytest.mark.parametrize(("late_s", "agrees"), [(ANSWER_S - 0.1, True), (ANSWER_S + 0.1, False)])
+def test_an_answer_that_comes_later_than_the_driver_waits_is_late(late_s: float, agrees: bool) -> None:
+    events = list(good().events)
+    begin = next(i for i, event in enumerate(events) if event.data == "answer times")
+    sent, came = (
+        next(i for i, e in enumerate(events) if i > begin and e.kind == k) for k in ("sent", "received")
+    )
+    events[came] = replace(events[came], time_s=events[sent].time_s + late_s)
+    said, found = findings.in_time(of(replace(good(), events=tuple(events))))
+    assert f"longest {1e3 * late_s:.0f} ms" in said
+    assert found is agrees
 
 
 @pytest.mark.parametrize(("change", "agrees"), [(0, True), (2, True), (3, False), (-3, False)])
@@ -74,7 +89,7 @@ def test_the_rate_of_the_units_clock_over_its_wrap(rate: float, agrees: bool) ->
     times = [event.time_s for event in good().events if event.data == "APA?\n"]
     events = list(record.events)
     for time_s in times:
-        ms = (65_000 + round(1e3 * rate * time_s)) % 65_536
+        ms = round(1e3 * rate * (time_s - times[len(times) // 2])) % 65_536  # wraps in the middle
         place = next(i for i, e in enumerate(events) if e.data == "APA?\n" and e.time_s == time_s)
         events[place + 1 : place + 1] = [
             type(events[0])(time_s, "received", f"COORDAP={ms},0,0,0,0,0,0,0,0\r\n")
@@ -110,6 +125,8 @@ def test_queries_at_rest_are_counted() -> None:
     asked = sum(event.data.endswith("?\n") for event in _of_rest(good()))
     assert findings.whole_answers(of(good())) == (f"{asked} of {asked} whole", True)
     assert findings.whole_answers(of(lost)) == (f"{asked - 2} of {asked} whole", False)
+    stray = changed(good(), "rest", "", lambda text: f"{text}hello\r\n", most=1)
+    assert findings.whole_answers(of(stray)) == (f"{asked} of {asked} whole, 1 other lines", False)
     noise = changed(good(), "rest", "", lambda text: text.replace("APD=0", "AP\x80=0"), most=1)
     assert findings.whole_answers(of(noise)) == (f"{asked - 1} of {asked} whole, 1 other lines", False)
 

@@ -10,7 +10,7 @@ import pytest
 
 from arm.controller.unit import load_unit
 from arm.errors import A465Error, InputError
-from driver.emulator import Emulator, EmulatorOptions, Fault
+from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.emulator.line.memory import MemoryLine
 from driver.line.link import LinkLost, NoAnswer
 from driver.line.stepped_clock import SteppedClock
@@ -189,6 +189,23 @@ def test_a_cable_that_is_pulled_ends_the_recording_with_what_came(at_s: float) -
     whole = recorded_unit().record.events
     begun = tuple(event for event in whole if event.time_s < at_s - 0.1)
     assert recorded.record.events[: len(begun)] == begun
+    assert only_asked(recorded)
+
+
+def test_a_cable_that_is_pulled_while_the_unit_is_identified_is_told_as_such() -> None:
+    whole = recorded_unit().record.events
+    at_s = next(event.time_s for event in whole if event.data == "identification") + 0.05
+    recorded = recorded_unit(prepare=lambda emulator, line, clock: clock.call_at(at_s, line.hang_up))
+    assert isinstance(recorded.error, LinkLost)
+    assert recorded.record.ended == Ended.LOST
+
+
+def test_a_line_that_looks_like_an_echo_of_a_motion_ends_no_recording() -> None:
+    """The driver would stop the arm for it; a recording sends nothing for it and goes on."""
+    stray = Fault("stray_line", When(command="AP", nth=3), text="COORDMV:1,2,3,4,5,6")
+    recorded = recorded_unit(EmulatorOptions(faults=(stray,)))
+    assert recorded.error is None
+    assert any("COORDMV" in event.data for event in recorded.record.events)
     assert only_asked(recorded)
 
 

@@ -160,4 +160,6 @@ def test_an_interrupt_keeps_what_came(tmp_path: Path) -> None:
     assert running.returncode == 130
     assert "what came: unit.json" in said
     assert told == "a465: interrupted; no file was left half-written\n"
-    assert read_unit_record(tmp_path / "unit.json").ended == Ended.INTERRUPTED
+    record = read_unit_record(tmp_path / "unit.json")
+    assert record.ended == Ended.INTERRUPTED
+    assert any(event.data == "ST?\n" for event in record.events), "all that came, not what was saved before"
