@@ -115,6 +115,14 @@ def test_the_counts_are_read_as_long_as_asked() -> None:
     assert 3 * few < many < 5 * few
 
 
+def test_the_queries_at_rest_are_sent_together_also_to_a_unit_that_interleaves() -> None:
+    """With its echo off there are no turns to take."""
+    events = recorded_unit(EmulatorOptions(echo="byte", echo_order="mixed")).record.events
+    begin = max(event.time_s for event in events if event.data == "ST?\n")
+    end = max(event.time_s for event in events if event.data == "APH?\n")
+    assert 0.0 <= end - begin < 0.02
+
+
 # -- units and lines that do not behave
 
 
