@@ -159,13 +159,13 @@ _ASSUMPTIONS: tuple[tuple[str, str, Callable[[Found], Finding | None], str], ...
         "noise",
         f"counts at rest change by at most {_M} in {SAMPLE_S:g} s",
         findings.still,
-        "the arm never counts as at rest",
+        "the arm never counts as at rest; or the line damaged a number",
     ),
     (
         "jaws",
         f"at rest they change by less than {STILL_ADC}",
         findings.jaws,
-        "the jaws never count as at rest",
+        "the jaws never count as at rest; or the line damaged a number",
     ),
     (
         "answers",
