@@ -45,9 +45,9 @@ from arms.count_paths import departures
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import MemoryLine
 from driver.execution.progress import StreamOptions
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from plan.trajectory.integer_segments import to_segments
 from wire.line_damage import ANSWER, KINDS, SEGMENT, BitErrors, Damage, Kind
 

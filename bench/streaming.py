@@ -34,10 +34,10 @@ from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.commands import Interpreter
 from driver.emulator.unit.machine import Machine
-from driver.execution.stream import stream
 from driver.line.protocol import VERTEX_STEPS, encode, encode_segment
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from plan.trajectory.extremes import segment_extremes
 from plan.trajectory.integer_segments import to_segments
 from plan.trajectory.timing import time_path

@@ -39,6 +39,7 @@ DECIDES_NOTHING = {
     "cell/texts/key_texts.py": "words for keys; test_docs_formats and test_new_cell compare what they make",
     "driver/emulator/options.py": "plain data: what is not known of the real unit",
     "driver/emulator/unit/plant.py": "a protocol without code",
+    "driver/execution/controller.py": "a protocol without code",
     "driver/execution/progress.py": "plain data: options, progress and result of a stream",
     "plan/program/goals/linear_move.py": "plain data: a line or path of a chain, with its role and target",
 }

@@ -74,8 +74,8 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "a damaged segment is no mismatch",
         (
             "driver/line/test_echo.py",
-            "driver/execution/test_stream.py",
-            "driver/execution/test_stream_run.py",
+            "driver/mars/streaming/test_stream.py",
+            "driver/mars/streaming/test_stream_run.py",
         ),
     ),
     (
@@ -86,8 +86,8 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "a segment that is obeyed twice is no mismatch",
         (
             "driver/line/test_echo.py",
-            "driver/execution/test_stream.py",
-            "driver/execution/test_stream_run.py",
+            "driver/mars/streaming/test_stream.py",
+            "driver/mars/streaming/test_stream_run.py",
         ),
     ),
     (
@@ -99,7 +99,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         (
             "driver/line/test_echo.py",
             "driver/mars/test_identity.py",
-            "driver/mars/test_startup.py",
+            "driver/mars/start/test_startup.py",
         ),
     ),
     (
@@ -110,19 +110,19 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "a damaged segment counts as verified",
         (
             "driver/line/test_echo.py",
-            "driver/execution/test_stream.py",
-            "driver/execution/test_stream_run.py",
+            "driver/mars/streaming/test_stream.py",
+            "driver/mars/streaming/test_stream_run.py",
         ),
     ),
     (
         "pathwatch-astray",
-        "driver/execution/path_watch.py",
+        "driver/mars/streaming/path_watch.py",
         "        if self._astray >= ASTRAY:\n",
         "        if False:\n",
         "an arm off its path is not stopped",
         (
-            "driver/execution/test_stream.py",
-            "driver/execution/test_stream_run.py",
+            "driver/mars/streaming/test_stream.py",
+            "driver/mars/streaming/test_stream_run.py",
         ),
     ),
     (
@@ -149,7 +149,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
         "another unit's arm gets this one's registers",
         (
             "driver/mars/test_identity.py",
-            "driver/mars/test_startup.py",
+            "driver/mars/start/test_startup.py",
         ),
     ),
 )

@@ -16,15 +16,15 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/mars/test_stopping.py",
         "driver/mars/test_mars.py",
         "driver/mars/test_gripper.py",
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
     ),
     "driver/line/link.py": (
         "driver/mars/test_mars.py",
         "driver/mars/test_gripper.py",
         "driver/test_bad_line.py",
     ),
-    "driver/execution/stream.py": (
+    "driver/mars/streaming/stream.py": (
         "driver/execution/test_control.py",
         "driver/execution/test_pause.py",
         "driver/execution/test_speed_override.py",
@@ -32,9 +32,9 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/execution/test_execute_control.py",
         "driver/test_bad_line.py",
     ),
-    "driver/execution/stream_run.py": (
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+    "driver/mars/streaming/stream_run.py": (
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
         "driver/execution/test_control.py",
         "driver/execution/test_pause.py",
         "driver/execution/test_speed_override.py",
@@ -44,7 +44,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     ),
     "driver/mars/mars.py": (
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
+        "driver/mars/start/test_startup.py",
         "driver/mars/test_stopping.py",
         "driver/test_session.py",
     ),
@@ -54,9 +54,9 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/execution/test_speed_override.py",
         "driver/execution/test_execute_control.py",
     ),
-    "driver/mars/homing.py": (
+    "driver/mars/start/homing.py": (
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
+        "driver/mars/start/test_startup.py",
         "driver/mars/test_mars.py",
         "driver/mars/test_gripper.py",
         "driver/test_session.py",
@@ -67,17 +67,17 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/execution/test_execute.py",
         "driver/test_session.py",
     ),
-    "driver/mars/startup.py": (
+    "driver/mars/start/startup.py": (
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
+        "driver/mars/start/test_startup.py",
         "driver/mars/test_mars.py",
         "driver/mars/test_gripper.py",
     ),
     "driver/mars/refusals.py": (
         "driver/mars/test_mars.py",
         "driver/mars/test_gripper.py",
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
         "driver/execution/test_execute.py",
     ),
     "driver/mars/ready.py": (
@@ -85,7 +85,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/mars/test_gripper.py",
         "driver/mars/test_stopping.py",
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
+        "driver/mars/start/test_startup.py",
     ),
     "driver/line/transport.py": (
         "driver/line/test_link.py",
@@ -97,33 +97,33 @@ _MORE: dict[str, tuple[str, ...]] = {
     ),
     "driver/line/echo.py": (
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+        "driver/mars/start/test_startup.py",
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
     ),
-    "driver/execution/feed.py": (
+    "driver/mars/streaming/feed.py": (
         "driver/mars/test_lookahead.py",
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
     ),
     "driver/mars/lookahead.py": (
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
     ),
-    "driver/execution/path_watch.py": (
-        "driver/execution/test_stream.py",
-        "driver/execution/test_stream_run.py",
+    "driver/mars/streaming/path_watch.py": (
+        "driver/mars/streaming/test_stream.py",
+        "driver/mars/streaming/test_stream_run.py",
         "driver/test_bad_line.py",
     ),
     "driver/line/manners.py": (
         "driver/test_bad_line.py",
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
+        "driver/mars/start/test_startup.py",
     ),
     "driver/line/unit_time.py": ("driver/mars/test_stopping.py", "driver/test_bad_line.py"),
     "driver/mars/identity.py": (
         "driver/mars/test_identity.py",
-        "driver/mars/test_startup.py",
+        "driver/mars/start/test_startup.py",
         "driver/test_bad_line.py",
     ),
     "cell/session/dialogue.py": (

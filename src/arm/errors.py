@@ -93,6 +93,18 @@ class ExecutionStopped(A465Error):
     word = "stopped"
 
 
+class NoAnswer(ExecutionStopped):
+    """The controller did not answer in time."""
+
+
+class LinkLost(ExecutionStopped):
+    """The line to the controller is gone."""
+
+
+class Aborted(ExecutionStopped):
+    """An abort was requested (`driver.execution.control.Control`)."""
+
+
 class CalibrationRefused(A465Error):
     """A calibration is not good enough to be used; `data` has the deviations."""
 

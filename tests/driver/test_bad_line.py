@@ -14,9 +14,9 @@ from arm.errors import ExecutionStopped
 from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.progress import StreamOptions
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from emulated.near_marks import near_marks
 from wire.fault_matrix import motion
 from wire.line_damage import ANSWER, KINDS, Damage

@@ -11,9 +11,9 @@ import pytest
 from arm.controller.unit import Unit, load_unit
 from arms.count_paths import quintic
 from driver.emulator import Emulator, EmulatorOptions
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from wire.fault_matrix import Object
 
 ANSWER = re.compile(rb"(COORDAP|ST|STAMP|AP[A-H])=")

@@ -11,8 +11,8 @@ from arms.count_paths import distance_deg, sweep
 from driver.emulator import Emulator
 from driver.execution.control import Control
 from driver.execution.progress import Progress
-from driver.execution.stream import stream
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 
 
 @pytest.fixture

@@ -20,10 +20,10 @@ from arms.count_paths import OBJECT_ADC, Jaws, distance_deg, sweep
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
 from driver.execution.execute import execute
 from driver.execution.progress import Progress, StreamOptions
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from emulated.near_marks import near_marks
 
 STRICT = EmulatorOptions(unknown="fail", noise=b"\x00\xff\x80\xfeMARS", registers_readable=True)

@@ -27,7 +27,7 @@ from cell.scene.build import unseen_scene
 from cell.session.homed import home_or_check
 from cell.task.planning import plan_motion
 from cell.task.run import TaskRun
-from driver.mars.stopping import STILL_COUNTS, farthest
+from driver.execution.rest import STILL_COUNTS, farthest
 from plan.scene import Scene
 from vision.camera.model import Image
 from vision.targets.target import TargetFinder

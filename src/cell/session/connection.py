@@ -54,7 +54,7 @@ class WhichCell:
         speed: fraction of what the registers allow (`cell.session.speed`); None: the cell file's, or the plan file's.
         time_scale: maximum controller seconds per wall second of the simulated cell; None: `TIME_SCALE`.
         homed: whether the unit was homed before and kept its positions; it is not homed again.
-        preload: whether each motion is loaded and verified before it begins (`driver.execution.preload`).
+        preload: whether each motion is loaded and verified before it begins (`driver.mars.streaming.preload`).
         contact: whether the simulated cell has contact physics (`cell.contact`).
         blind: whether the real cell is opened without a camera.
     """

@@ -21,8 +21,8 @@ from cell.session.dialogue import asked, at_terminal, require_word, typed
 from cell.session.homed import which_arm
 from cell.session.overview import overview
 from cell.task.run import TaskRun
+from driver.execution.rest import farthest
 from driver.mars.refusals import is_unhomed
-from driver.mars.stopping import farthest
 
 ABOUT_GOING_ON = "the arm will not be homed: it continues from where it stands; keep clear"
 ABOUT_KEPT = (

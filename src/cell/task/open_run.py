@@ -35,8 +35,8 @@ from cell.session.observer import RunObserver
 from cell.task.look import look_and_save
 from driver.execution.control import Control
 from driver.execution.execute import StepResult, execute
-from driver.execution.preload import refuse_preload
 from driver.execution.progress import Progress, StreamOptions
+from driver.mars.streaming.preload import refuse_preload
 from plan.budget import SearchBudget
 from vision.background.camera_shift import UNRECOGNISED
 from vision.observation import Observation

@@ -1,1 +1,1 @@
-"""Execution of plans: streaming, monitoring, pausing, slowing down."""
+"""Execution of plans on any controller: steps in order, monitoring, pausing, slowing down, stopping."""

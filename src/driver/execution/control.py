@@ -7,15 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-from arm.errors import InputError
-from driver.line.link import Aborted, Link
+from arm.errors import Aborted, InputError
 
 LEAST_OVERRIDE = 0.05  # lowest speed override, unless the ceiling is lower
 
 
+class Woken(Protocol):
+    """What waits for the arm (`driver.execution.controller.Controller`)."""
+
+    def wake(self) -> None:
+        """Look at the requests now."""
+        ...
+
+    def interrupt(self) -> None:
+        """Raise `Aborted` now."""
+        ...
+
+
 class Control:
-    """Requests to a running `driver.execution.execute.execute` or `driver.execution.stream.stream`.
+    """Requests to a running `driver.execution.execute.execute`, or to one path (`Controller.follow`).
 
     Every method may be called from a signal handler or from another thread. It sets one value and wakes the thread that
     drives the arm; it neither locks nor waits.
@@ -47,7 +59,7 @@ class Control:
         self.standing = False
         self.tell: Callable[[str], None] = tell or (lambda text: None)
         self._override = ceiling
-        self._link: Link | None = None
+        self._waits: Woken | None = None
         self.override = min(override, ceiling) if 0.0 < override <= 1.0 else override
 
     @property
@@ -87,31 +99,31 @@ class Control:
     def abort(self) -> None:
         """Send STOP at once."""
         self.aborted = True
-        link = self._link
-        if link is not None:
-            link.interrupt()
+        waits = self._waits
+        if waits is not None:
+            waits.interrupt()
 
     def _wake(self) -> None:
-        link = self._link
-        if link is not None:
-            link.wake()
+        waits = self._waits
+        if waits is not None:
+            waits.wake()
 
     @contextmanager
-    def attached(self, link: Link) -> Iterator[None]:
-        """Inside, requests wake the thread that waits on the link; `Aborted` is raised there. May be nested.
+    def attached(self, waits: Woken) -> Iterator[None]:
+        """Inside, requests wake the thread that waits for the arm; `Aborted` is raised there. May be nested.
 
         Raises:
             Aborted: an abort was requested before.
         """
-        if self._link is link:
+        if self._waits is waits:
             yield
             return
-        self._link = link  # set first: an abort that comes now is noticed below or by the link
+        self._waits = waits  # set first: an abort that comes now is noticed below or by what waits
         try:
             self.require()
             yield
         finally:
-            self._link = None
+            self._waits = None
             self.standing = False
 
     def require(self) -> None:

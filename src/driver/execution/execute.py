@@ -1,7 +1,7 @@
 """Execute the steps of a plan: motions and gripper steps in order, each monitored to its end.
 
-Consecutive moves form one motion and are sent as one stream. The move being executed is determined from the
-controller's segment numbers, never from the clock.
+Consecutive moves form one motion and are sent as one. The move being executed is determined from what the controller
+reports, never from the clock.
 """
 
 from __future__ import annotations
@@ -16,13 +16,10 @@ from arm.controller.segments import CountPath
 from arm.errors import A465Error, ExecutionStopped, ImpossibleError
 from arm.plan_file import GripperStep, LookStep, Motion, Move, Pause, Step, motions
 from driver.execution.control import Control
+from driver.execution.controller import Controller, Jaws
 from driver.execution.pause import pause_between_steps
 from driver.execution.progress import Progress, Sent, StreamOptions
-from driver.execution.stream import stream
-from driver.mars.gripper import GripperResult
-from driver.mars.mars import Mars
-from driver.mars.refusals import off_by
-from driver.mars.stopping import farthest
+from driver.execution.rest import farthest, off_by
 
 OnStep = Callable[[Step, int, int], None]
 OnProgress = Callable[[Progress], None]
@@ -42,13 +39,13 @@ class StepResult:
 
     step: Step
     sent: Sent | None
-    gripper: GripperResult | None
+    gripper: Jaws | None
     start_s: float
     end_s: float
 
 
 def execute(
-    mars: Mars,
+    arm: Controller,
     steps: Sequence[Step],
     on_step: OnStep | None = None,
     on_progress: OnProgress | None = None,
@@ -56,9 +53,10 @@ def execute(
     options: StreamOptions | None = None,
     control: Control | None = None,
 ) -> tuple[StepResult, ...]:
-    """Run steps in order on an initialised arm.
+    """Run steps in order on an arm that is taken into use.
 
     Args:
+        arm: on any controller.
         on_step: called before each step with the step, its index and the number of steps. For a move that begins at
             speed it is called when a poll finds the move's first segment running.
         on_progress: called a few times a second during a motion, with the progress of the present move.
@@ -81,33 +79,33 @@ def execute(
     runs = {motion.first: motion for motion in motions(steps)}
     paths = {first: motion.path for first, motion in runs.items()}  # raises InputError before anything moves
     results: list[StepResult] = []
-    with control.attached(mars.link):
-        require_start(mars, steps)
+    with control.attached(arm):
+        require_start(arm, steps)
         while len(results) < len(steps):
             index = len(results)
             step = steps[index]
-            phases = _Phases(mars, steps, index, runs.get(index), on_step, on_progress)
+            phases = _Phases(arm, steps, index, runs.get(index), on_step, on_progress)
             try:
-                pause_between_steps(mars, control)
+                pause_between_steps(arm, control)
                 phases.enter(index)
-                jaws: GripperResult | None = None
+                jaws: Jaws | None = None
                 match step:
                     case Move():
-                        results += phases.results(stream(mars, paths[index], phases.take, options, control))
+                        results += phases.results(arm.follow(paths[index], phases.take, options, control))
                         continue
                     case GripperStep():
-                        jaws = mars.gripper(step.fraction_closed)
-                        with mars.guarded("gripper"):
-                            mars.link.wait(step.settle_s)
+                        jaws = arm.gripper(step.fraction_closed)
+                        with arm.guarded("gripper"):
+                            _wait(arm, step.settle_s)
                     case Pause():
-                        with mars.guarded("pause"):
-                            mars.link.wait(step.dwell_s)
-                results.append(StepResult(step, None, jaws, phases.entered[0], mars.clock.now()))
+                        with arm.guarded("pause"):
+                            _wait(arm, step.dwell_s)
+                results.append(StepResult(step, None, jaws, phases.entered[0], arm.clock.now()))
             except A465Error as error:
                 if index == 0 and not isinstance(error, ExecutionStopped):
                     error.data.update(step=step.name, index=index, steps_done=0)
                     raise
-                raise _stopped(mars, error, steps, phases.index) from error
+                raise _stopped(arm, error, steps, phases.index) from error
             if isinstance(step, LookStep) and on_look is not None and not on_look(step):
                 break
     return tuple(results)
@@ -122,7 +120,7 @@ class _Phases:
         entered: controller clock at the beginning of each move or step.
     """
 
-    mars: Mars
+    arm: Controller
     steps: Sequence[Step]
     index: int
     motion: Motion | None
@@ -138,8 +136,8 @@ class _Phases:
     def enter(self, index: int) -> None:
         """Begin step `index`."""
         self.index = index
-        self.entered.append(self.mars.clock.now())
-        self.mars.note("step", index=index, name=self.steps[index].name)
+        self.entered.append(self.arm.clock.now())
+        self.arm.note("step", index=index, name=self.steps[index].name)
         if self.on_step is not None:
             self.on_step(self.steps[index], index, len(self.steps))
 
@@ -161,7 +159,7 @@ class _Phases:
         """Return the result of every move at the end of the motion."""
         while self.index < self.first + len(self.moves) - 1:
             self.enter(self.index + 1)
-        ends = [*self.entered[1:], self.mars.clock.now()]
+        ends = [*self.entered[1:], self.arm.clock.now()]
         # a beginning that was noticed during the dwell counts from the end of the dwell
         begins = [max(time, sent.start_s) for time in self.entered]
         times = [*begins, max(sent.start_s + sent.duration_s, begins[-1])]
@@ -182,16 +180,22 @@ class _Phases:
         )
 
 
-def _stopped(mars: Mars, error: A465Error, steps: Sequence[Step], index: int) -> ExecutionStopped:
+def _wait(arm: Controller, seconds: float) -> None:
+    until = arm.clock.now() + seconds
+    while arm.clock.now() < until:  # a pause or its end wakes the arm, too
+        arm.wait_until(until)
+
+
+def _stopped(arm: Controller, error: A465Error, steps: Sequence[Step], index: int) -> ExecutionStopped:
     """Turn the error of a step into that of the execution, with the state of the arm."""
     data = dict(error.data)
     if "state" not in data:
-        data["state"] = mars.stop().to_json()
+        data["state"] = arm.stop().to_json()
     data.update(step=steps[index].name, index=index, steps_done=index)
     return ExecutionStopped(f"step {index + 1} of {len(steps)} ({steps[index].name}): {error}", **data)
 
 
-def require_start(mars: Mars, steps: Sequence[Step]) -> None:
+def require_start(arm: Controller, steps: Sequence[Step]) -> None:
     """Refuse to start unless the arm is at the start of the first move.
 
     Raises:
@@ -200,14 +204,14 @@ def require_start(mars: Mars, steps: Sequence[Step]) -> None:
     first = next((s for s in steps if isinstance(s, Move)), None)
     if first is None:
         return
-    here, start = mars.settled_counts(), first.path.start
-    if farthest(here, start) <= mars.unit.rest_tolerance:
+    here, start = arm.settled_counts(), first.path.start
+    if farthest(here, start) <= arm.unit.rest_tolerance:
         return
     off = [h - s for h, s in zip(here, start, strict=True)]
-    off_deg = np.degrees(mars.unit.positions(here) - mars.unit.positions(start))
+    off_deg = np.degrees(arm.unit.positions(here) - arm.unit.positions(start))
     raise ImpossibleError(
-        f"the arm is not at the start of {first.name!r}: {off_by(mars.unit, here, start)}; must be within "
-        f"{mars.unit.rest_tolerance} counts; plan again from where the arm is",
+        f"the arm is not at the start of {first.name!r}: {off_by(arm.unit, here, start)}; must be within "
+        f"{arm.unit.rest_tolerance} counts; plan again from where the arm is",
         counts=list(here),
         start=list(start),
         off_counts=off,

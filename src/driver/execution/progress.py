@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from arm.controller.segments import CountPath
-from driver.line.protocol import Position
 
 
 @dataclass(frozen=True)
 class StreamOptions:
-    """How a path is streamed.
+    """How a path is sent and monitored. A controller ignores what it has no use for (`Controller.follow`).
 
     Attributes:
         dwell_ms: shortest initial dwell, in which segments are loaded; longer if needed to stop before a damaged
@@ -21,7 +21,8 @@ class StreamOptions:
         poll_s: between two polls of position and status, controller seconds.
         following_counts: how far any axis may be outside the part of the path that is being executed.
         tube_counts: how far any axis may be from the path, its servo's lag allowed for, if the unit does not echo
-            (`driver.execution.path_watch`). The unit's rest tolerance is added. What a real arm needs is not known.
+            (`driver.mars.streaming.path_watch`). The unit's rest tolerance is added. What a real arm needs is not
+            known.
         preload: load and verify the whole motion before the arm moves; for bad lines and short motions.
         watch_jaws: poll the jaws too, with every position.
         held_back_counts: how far beyond the rest tolerance any axis may rest from the end of the path, because what the
@@ -37,6 +38,20 @@ class StreamOptions:
     preload: bool = False
     watch_jaws: bool = False
     held_back_counts: int = 0
+
+
+class Position(Protocol):
+    """A sample of where the arm is."""
+
+    @property
+    def time_ms(self) -> int:
+        """The unit's clock; may wrap."""
+        ...
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Positions in the order of `Unit.axes`."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from arm.errors import Aborted, LinkLost, NoAnswer
 from driver.line.clock import Clock
 from driver.line.echo import Kind, Mismatch, kind_of
 from driver.line.port import Port
 from driver.line.protocol import STAMP_RANGE, Answer, encode, encode_query
-from driver.line.transport import ANSWER_S, Aborted, LineDamaged, LinkLost, NoAnswer, PortLink, line_damaged
+from driver.line.transport import ANSWER_S, LineDamaged, PortLink, line_damaged
 from driver.line.wire_log import WireLog
 
 __all__ = ["ANSWER_S", "Aborted", "LineDamaged", "Link", "LinkLost", "NoAnswer", "line_damaged"]

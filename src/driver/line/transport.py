@@ -11,7 +11,7 @@ import queue
 import re
 from collections import deque
 
-from arm.errors import A465Error, ExecutionStopped
+from arm.errors import A465Error, Aborted, ExecutionStopped, LinkLost
 from driver.line.clock import Clock
 from driver.line.echo import EchoWatch, Mismatch
 from driver.line.port import PORT_ERRORS, Port, SerialPort
@@ -41,14 +41,6 @@ TURN_S = 0.2  # how long to wait for pending answers before sending, beyond the 
 _STOP = f"\n{encode('STOP')}\n".encode()
 
 
-class NoAnswer(ExecutionStopped):
-    """The controller did not answer in time."""
-
-
-class LinkLost(ExecutionStopped):
-    """The port is gone."""
-
-
 class LineDamaged(ExecutionStopped):
     """The echo shows that a line did not arrive as sent. With ``sent``, ``received`` and ``column``."""
 
@@ -58,10 +50,6 @@ def line_damaged(text: str, mismatch: Mismatch) -> LineDamaged:
     return LineDamaged(
         text, sent=mismatch.sent, received=mismatch.received, column=mismatch.column, reason="line"
     )
-
-
-class Aborted(ExecutionStopped):
-    """An abort was requested (`driver.execution.control.Control`)."""
 
 
 class PortLink:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from arm.errors import ExecutionStopped
+from driver.execution.rest import STILL_COUNTS, farthest
 from driver.line.link import Link, NoAnswer
 from driver.line.protocol import Failed, Ready, Status, encode
-from driver.mars.stopping import SAMPLE_S, STILL_COUNTS, farthest, read_status, refuse_restarted
+from driver.mars.stopping import SAMPLE_S, read_status, refuse_restarted
 
 POLL_S = 0.25  # between two status polls
 SETTLE_S = 3.0  # time limit for the arm to settle

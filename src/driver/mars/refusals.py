@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError
+from driver.execution.rest import farthest, off_by, refuse_outside
 from driver.line.protocol import Status
-from driver.mars.stopping import farthest
 
 
 def refuse_faults(status: Status) -> None:
@@ -40,16 +38,6 @@ def is_unhomed(unit: Unit, counts: Sequence[int]) -> bool:
     return max(abs(c) for c in counts) <= unit.rest_tolerance
 
 
-def off_by(unit: Unit, here: Sequence[int], there: Sequence[int]) -> str:
-    """Describe each axis that is further from its expected position than the unit's rest tolerance."""
-    off_deg = np.degrees(unit.positions(here) - unit.positions(there))
-    return ", ".join(
-        f"{axis} reads {h}, {h - t:+d} ({degrees:+.2f} deg)"
-        for axis, h, t, degrees in zip(unit.axes, here, there, off_deg, strict=True)
-        if abs(h - t) > unit.rest_tolerance
-    )
-
-
 def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...]) -> None:
     """Refuse to start away from the end of the last motion.
 
@@ -76,23 +64,3 @@ def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...], 
             f"{unit.rest_tolerance + held_back} (rest_tolerance_counts): {off_by(unit, end, goal)}"
         )
         raise ExecutionStopped(why, counts=list(end), target=list(goal), reason="position")
-
-
-def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:
-    """Refuse counts outside the unit's joint limits. `what` begins the message.
-
-    Raises:
-        ImpossibleError: with the axis and the excess in rad.
-    """
-    q = unit.positions(counts)
-    rounding = 1.5 / np.abs(unit.counts_per_rad)
-    excess = np.maximum(unit.lower - q, q - unit.upper) - rounding
-    worst = int(np.argmax(excess))
-    if excess[worst] > 0.0:
-        low, value, high = np.degrees([unit.lower[worst], q[worst], unit.upper[worst]])
-        raise ImpossibleError(
-            f"{what} {value:.2f} deg on axis {unit.axes[worst]}: must be from {low:.2f} to {high:.2f} deg",
-            axis=unit.axes[worst],
-            counts=[int(c) for c in counts],
-            excess=float(excess[worst]),
-        )

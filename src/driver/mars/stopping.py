@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
-import numpy as np
-
-from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
+from driver.execution.rest import STILL_COUNTS, RestState, farthest
 from driver.line.link import ANSWER_S, Link, NoAnswer
 from driver.line.protocol import (
     Answer,
@@ -29,7 +26,6 @@ from driver.line.unit_time import SLACK_S
 _T = TypeVar("_T")
 
 SAMPLE_S = 0.1  # between two position samples that are compared
-STILL_COUNTS = 2  # largest change of an axis between two samples of an arm at rest
 REPEAT_S = 0.05  # between the first REPEATS STOPs
 REPEATS = 30  # by then, after 1.5 s, the arm has usually stopped
 SLOW_REPEAT_S = 0.5  # between further STOPs; more of them would flood a slow unit
@@ -39,56 +35,6 @@ SILENT_S = 6.0  # time without any answer, after which the unit is given up
 SPOILED_POLLS = 3  # after this many polls without a status, queries are sent one at a time
 UNECHOED_POLLS = 20  # if no STOP is echoed, this many polls must find the arm at rest
 STOP_S = 10.0  # time limit, generous: the slowest axis brakes from twice its default speed in 0.4 s
-
-
-@dataclass(frozen=True)
-class RestState:
-    """State of the arm after a stop.
-
-    Attributes:
-        at_rest: whether the arm was observed at rest after the stop.
-        counts: last known position, (6,), or None.
-        status: last known status, or None.
-        note: why something is not known, or "".
-        stops: how often STOP was sent.
-    """
-
-    at_rest: bool
-    counts: tuple[int, ...] | None
-    status: Status | None
-    note: str = ""
-    stops: int = 0
-
-    def describe(self, unit: Unit) -> str:
-        """Describe the state in one phrase for the operator."""
-        if not self.at_rest:
-            return f"THE ARM MAY STILL BE MOVING ({self.note}): stay out of the cell until you see it has stopped"
-        parts = ["the arm has stopped and is still under power"]
-        if self.status is not None and self.status.fault:
-            parts = [f"the arm has stopped ({', '.join(self.status.faults())})"]
-        elif self.note:  # after a power cycle the brakes may hold the arm instead of the motors
-            parts = ["the arm has stopped"]
-        if self.note:
-            parts.append(self.note)
-        elif self.counts is not None:
-            degrees = ", ".join(f"{d:.2f}" for d in np.degrees(unit.positions(self.counts)))
-            parts.append(f"at [{degrees}] deg")
-        return ", ".join(parts)
-
-    def error(self, text: str, unit: Unit, /, **data: Any) -> ExecutionStopped:
-        """Return the error of an execution that ended in this state: `text`, then the state in words."""
-        return ExecutionStopped(f"{text}; {self.describe(unit)}", **{**data, "state": self.to_json()})
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the state as JSON types, for error data and logs."""
-        return {
-            "at_rest": self.at_rest,
-            "counts": list(self.counts) if self.counts is not None else None,
-            "status": self.status.word if self.status is not None else None,
-            "faults": list(self.status.faults()) if self.status is not None else None,
-            "note": self.note,
-            "stops": self.stops,
-        }
 
 
 def read_status(link: Link) -> Status:
@@ -155,11 +101,6 @@ def ask_again(link: Link, name: str, parse: Callable[[str], _T], axis: str = "")
     except (NoAnswer, MalformedAnswer):
         link.synchronise()  # after this no late answer to the first query can come
         return parse(link.ask(name, axis))
-
-
-def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:
-    """Return the largest difference of any axis, counts."""
-    return max(abs(x - y) for x, y in zip(a, b, strict=True))
 
 
 def _send_stop(link: Link, again: bool) -> None:

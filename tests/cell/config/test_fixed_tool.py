@@ -20,7 +20,7 @@ from cell.config.inputs import changes
 from cell.export.scene import surroundings_of_plan
 from cell.files.task import read_place
 from cell.task.plan_matches import replayed, require_match
-from driver.mars.startup import gripper_lines
+from driver.mars.start.startup import gripper_lines
 from programs.tool_cells import tool_cell
 from tasks.pose_list_files import planned, written
 from typed.command_line import a465, replace_in

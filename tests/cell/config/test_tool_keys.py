@@ -23,7 +23,7 @@ from cell.scene.options import options_of
 from cell.scene.places import reach_of
 from cell.task.plan_matches import replayed
 from cell.task.planning import Rest, plan_rest
-from driver.mars.startup import gripper_lines
+from driver.mars.start.startup import gripper_lines
 from tasks.small import leave_cubes
 from typed.command_line import a465, replace_in
 

@@ -18,11 +18,11 @@ from arms.count_paths import quintic
 from cell.console import Console
 from cell.session.connection import WhichCell
 from driver.emulator import Emulator
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.log.read import read_log
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from tasks.full_disks import TASK, execute
 
 pytestmark = pytest.mark.xdist_group("logs")

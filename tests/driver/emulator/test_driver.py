@@ -12,10 +12,10 @@ from arm.errors import ExecutionStopped, ImpossibleError
 from arms.count_paths import DISTANCE, quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.progress import Progress
-from driver.execution.stream import stream
 from driver.line.clock import Clock
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from emulated.near_marks import near_marks
 
 

@@ -10,10 +10,10 @@ import pytest
 
 from arm.errors import ExecutionStopped, InputError
 from driver.execution.control import Control
-from driver.execution.stream import stream
 from driver.line.protocol import BYTES_PER_SECOND
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from wire.controlled_stream import Script, moved, moved_after_stop, reaches, run
 
 

@@ -11,9 +11,9 @@ from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
 from driver.execution.control import Control
 from driver.execution.progress import Progress, Sent, StreamOptions
-from driver.execution.stream import stream
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from wire.controlled_stream import Script, moved, moved_after_stop, opened, reaches, run
 
 

@@ -12,8 +12,8 @@ from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
 from driver.execution.control import LEAST_OVERRIDE, Control
 from driver.execution.speed_override import stretched
-from driver.execution.stream import stream
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from wire.controlled_stream import moved, run
 
 

@@ -22,13 +22,13 @@ from arms.count_paths import quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.line.memory import MemoryLine
 from driver.execution.progress import Progress
-from driver.execution.stream import stream
 from driver.line.clock import Clock
 from driver.line.link import Link, NoAnswer
 from driver.line.signals import interruptible
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from emulated.near_marks import near_marks
 
 

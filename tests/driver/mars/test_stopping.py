@@ -12,14 +12,12 @@ from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
 from driver.line.clock import Clock
 from driver.line.link import ANSWER_S
-from driver.line.protocol import Status
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from driver.mars.stopping import (
     SAMPLE_S,
     STOP_S,
     UNECHOED_POLLS,
-    RestState,
     bring_to_rest,
     group_is_gone,
     read_status,
@@ -191,14 +189,6 @@ def test_a_group_that_is_gone_is_asked_for_axis_by_axis_however_many_there_are(
     state = bring_to_rest(mars.link, axes)
     assert state.at_rest
     assert state.counts == tuple(fake.counts[: len(axes)])
-
-
-@pytest.mark.parametrize(
-    ("word", "told"), [(None, "under power"), (0, "under power"), (0x20000, "motion stop is pressed")]
-)
-def test_a_fault_is_part_of_what_is_said_of_an_arm_at_rest(mars: Mars, word: int | None, told: str) -> None:
-    status = None if word is None else Status(word)
-    assert told in RestState(True, (0,) * 6, status).describe(mars.unit)
 
 
 @pytest.mark.parametrize("hangs_s", [0.5, 1.9, 2.02, 2.5, 3.9])

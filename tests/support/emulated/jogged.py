@@ -14,9 +14,9 @@ from cell.commands.jog.command import JOINT_SPEED, Choice, Session
 from cell.commands.jog.steps import StepMaker
 from cell.config.cell import Cell
 from driver.emulator import Emulator, EmulatorOptions, Fault
-from driver.execution.jog import Jog
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
+from driver.mars.streaming.jog import Jog
 from emulated.stepped_cell import set_homed
 from plan.scene import Scene
 from typed.heard import Heard

@@ -9,10 +9,10 @@ from arm.controller.unit import Unit, load_unit
 from arms.count_paths import DISTANCE, Jaws, quintic
 from driver.emulator import Emulator
 from driver.emulator.faults.model import Fault, When
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 
 ABSOLUTE_MOVES = 3  # of every log, two of them by homing; no axis is off after them
 WITH_MOTION = When(command="COORDSPLINET")

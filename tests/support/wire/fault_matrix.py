@@ -25,10 +25,10 @@ from arm.se3 import Array
 from arms.blended_paths import time_blended
 from arms.count_paths import off_path_deg
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from plan.trajectory.integer_segments import to_segments
 
 MOMENTS = ("idle", "homing", "streaming", "gripping", "waiting")

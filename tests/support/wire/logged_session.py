@@ -11,10 +11,10 @@ from arm.errors import ExecutionStopped
 from arms.count_paths import DISTANCE, Jaws, quintic
 from driver.emulator import Emulator, Record
 from driver.execution.progress import Progress
-from driver.execution.stream import stream
 from driver.line.stepped_clock import SteppedClock
 from driver.line.wire_log import WireLog
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 
 
 @dataclass(frozen=True)

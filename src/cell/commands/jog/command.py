@@ -1,7 +1,7 @@
 """``a465 jog``: a key moves the arm one step; every step is certified before it is sent.
 
-The terminal is read by a thread of its own. Each key has its time of arrival, and `driver.execution.jog` sends no step
-that would end too late after it.
+The terminal is read by a thread of its own. Each key has its time of arrival, and `driver.mars.streaming.jog` sends no
+step that would end too late after it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from cell.session.dialogue import at_terminal
 from cell.session.homed import home_or_check, which_arm
 from cell.session.keyboard import reading_keys
 from cell.task.run import TaskRun
-from driver.execution.jog import REST_S, Jog
+from driver.mars.streaming.jog import REST_S, Jog
 
 DEG, MM = 0.1, 0.5  # default steps
 RANGE_DEG, RANGE_MM = (0.01, 1.0), (0.05, 5.0)

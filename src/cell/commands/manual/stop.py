@@ -21,6 +21,7 @@ from cell.console import Console
 from cell.doctor.devices import FIRMWARE
 from cell.session.ports import choose_port, port_or_place
 from driver.line.port import port_holder
+from driver.line.protocol import Status
 from driver.line.signals import interruptible
 from driver.mars.identity import identified
 from driver.mars.stopping import bring_to_rest
@@ -51,7 +52,8 @@ def stop_step(port: str | None, console: Console) -> dict[str, Any]:
                 rest = bring_to_rest(
                     link, ()
                 )  # the group of an earlier program may be gone, so only the status counts
-                state = read_arm(link).to_json() if rest.at_rest else Reading(rest.status, None).to_json()
+                last = None if rest.status is None else Status(rest.status.word)
+                state = read_arm(link).to_json() if rest.at_rest else Reading(last, None).to_json()
         except InputError as error:
             raise InputError(f"{error}; {BUTTON}", **error.data) from error
     if not rest.at_rest or state["moving"]:

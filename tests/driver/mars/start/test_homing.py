@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from arm.errors import ExecutionStopped
-from driver.mars.homing import HOMING_TOLERANCE, _home_axes, home_all
 from driver.mars.mars import Mars
+from driver.mars.start.homing import HOMING_TOLERANCE, _home_axes, home_all
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -50,6 +50,6 @@ def test_an_axis_was_seen_to_move_if_it_ever_was_elsewhere_than_at_first(
 ) -> None:
     """By more than two counts, which an arm at rest may show; one that was not seen to is homed once more."""
     seen = iter([SimpleNamespace(counts=(place,) + (0,) * 5) for place in looks])
-    monkeypatch.setattr("driver.mars.homing.read_position", lambda *_: next(seen))
-    monkeypatch.setattr("driver.mars.homing.wait_ready", lambda *_, on_poll: on_poll())
+    monkeypatch.setattr("driver.mars.start.homing.read_position", lambda *_: next(seen))
+    monkeypatch.setattr("driver.mars.start.homing.wait_ready", lambda *_, on_poll: on_poll())
     assert _home_axes(mars.link, mars.unit, ("A",)) == (() if moved else ("A",))

@@ -15,13 +15,13 @@ from arm.errors import ExecutionStopped, ImpossibleError
 from arms.count_paths import off_path_deg, quintic
 from driver.emulator import Emulator, EmulatorOptions
 from driver.execution.control import Control
-from driver.execution.preload import PRELOADS, preloaded
 from driver.execution.progress import Sent, StreamOptions
-from driver.execution.stream import stream
 from driver.line.link import LineDamaged
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from driver.mars.stopping import RestState
+from driver.mars.streaming.preload import PRELOADS, preloaded
+from driver.mars.streaming.stream import stream
 from emulated.near_marks import near_marks
 from wire.line_damage import KINDS, SEGMENT, Damage
 

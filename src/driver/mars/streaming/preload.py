@@ -12,16 +12,16 @@ from arm.controller.segments import CountPath
 from arm.errors import A465Error, ImpossibleError
 from driver.execution.control import Control
 from driver.execution.progress import Sent
-from driver.execution.stream_run import StreamRun
+from driver.execution.rest import farthest
 from driver.line.link import LineDamaged
-from driver.mars.mars import Mars
-from driver.mars.stopping import farthest
+from driver.mars.session import Session
+from driver.mars.streaming.stream_run import StreamRun
 
 PRELOADS = 3  # attempts to send a motion
 SLOWER = 1.5  # each attempt allows this many times the time of the one before
 
 
-def refuse_preload(mars: Mars) -> None:
+def refuse_preload(mars: Session) -> None:
     """Refuse to preload on a unit that does not echo, as nothing can be verified there.
 
     Raises:
@@ -34,7 +34,7 @@ def refuse_preload(mars: Mars) -> None:
         )
 
 
-def preloaded(mars: Mars, begin: Callable[[float], StreamRun], path: CountPath, control: Control) -> Sent:
+def preloaded(mars: Session, begin: Callable[[float], StreamRun], path: CountPath, control: Control) -> Sent:
     """Load a motion while the arm is at rest, in up to `PRELOADS` attempts, then let it run.
 
     Args:

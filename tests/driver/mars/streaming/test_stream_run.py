@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from arms.wave_paths import wave
-from driver.execution.feed import Feed
 from driver.execution.progress import Progress, StreamOptions
-from driver.execution.stream import stream
-from driver.execution.stream_run import LEAST_STEP_S
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
+from driver.mars.streaming.feed import Feed
+from driver.mars.streaming.stream import stream
+from driver.mars.streaming.stream_run import LEAST_STEP_S
 from wire.controlled_stream import splines
 from wire.soft_home import SOFT_HOME
 

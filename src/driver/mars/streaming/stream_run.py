@@ -10,10 +10,7 @@ from arm.controller.segments import CountPath
 from arm.controller.unit import Counts
 from arm.errors import ExecutionStopped
 from driver.execution.control import Control
-from driver.execution.feed import Feed
-from driver.execution.path_watch import PathWatch
 from driver.execution.pause import Pause
-from driver.execution.polls import Poll, Polls
 from driver.execution.progress import Progress, Sent, StreamOptions
 from driver.execution.speed_override import stretched
 from driver.line.link import ANSWER_S, NoAnswer
@@ -34,9 +31,12 @@ from driver.line.protocol import (
     parse_status,
 )
 from driver.line.unit_time import SLACK_S
-from driver.mars.mars import Mars
 from driver.mars.ready import refuse_failure
 from driver.mars.running import Running
+from driver.mars.session import Session
+from driver.mars.streaming.feed import Feed
+from driver.mars.streaming.path_watch import PathWatch
+from driver.mars.streaming.polls import Poll, Polls
 
 STALL_S = 5.0  # a segment may take this much longer than planned
 SILENT_POLLS, SILENT_TRIPS = 3.0, 4.0  # poll periods, and round trips, without an answer: it is silent
@@ -59,7 +59,7 @@ def encoded(path: CountPath, knots: Counts) -> list[str]:
 class StreamRun:
     """One run of a stream. Counts of segments leave out dwells; `done` leaves out the segment being executed."""
 
-    mars: Mars
+    mars: Session
     planned: CountPath
     on_progress: Callable[[Progress], None] | None
     options: StreamOptions

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from driver.execution.polls import Poll, Polls
 from driver.line.protocol import Status
+from driver.mars.streaming.polls import Poll, Polls
 
 BUSY, IDLE, FAULT = Status(0x10), Status(0), Status(0x18)
 

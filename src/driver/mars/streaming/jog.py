@@ -19,6 +19,7 @@ import numpy as np
 
 from arm.controller.segments import Segment
 from arm.errors import ExecutionStopped, InputError
+from driver.execution.rest import farthest
 from driver.line.echo import Mismatch
 from driver.line.link import ANSWER_S, NoAnswer, line_damaged
 from driver.line.protocol import (
@@ -37,9 +38,8 @@ from driver.line.protocol import (
 )
 from driver.line.unit_time import SLACK_S
 from driver.mars.lookahead import ANSWERS_BYTES, BUSY_HOST_S, Needs
-from driver.mars.mars import Mars
 from driver.mars.ready import refuse_failure
-from driver.mars.stopping import farthest
+from driver.mars.session import Session
 
 REST_S = 0.38  # from the arrival of a key until the arm is at rest, at most
 LEAST_STEP_S = 0.06  # shortest step: the line carries no more of them
@@ -85,7 +85,7 @@ class Jog:
         ExecutionStopped: the arm is not ready.
     """
 
-    def __init__(self, mars: Mars, speed: Sequence[float]) -> None:
+    def __init__(self, mars: Session, speed: Sequence[float]) -> None:
         if not mars.link.echoes:
             raise InputError(
                 "jog: the unit does not echo, so a damaged step would move the arm; use a465 move"

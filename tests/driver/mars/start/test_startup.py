@@ -11,7 +11,7 @@ from arm.controller.unit import Unit, load_unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from driver.line.clock import Clock
 from driver.mars.mars import Mars
-from driver.mars.startup import limit_lines, move_time, slow_registers
+from driver.mars.start.startup import limit_lines, move_time, slow_registers
 from wire.soft_home import SOFT_HOME
 
 

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
+from driver.execution.rest import STILL_COUNTS
 from driver.line.link import Link
 from driver.line.protocol import encode
 from driver.mars.ready import wait_ready
-from driver.mars.stopping import STILL_COUNTS, read_position
+from driver.mars.stopping import read_position
 
 HOMING_TOLERANCE = 2000  # counts: largest reading at the mark after homing
 HOMING_S = 120.0  # time limit of one group

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from arm.controller.unit import load_unit
-from driver.execution.feed import ANSWER_S, DWELLS, LATE_S, LONGEST_POLL_S, Feed
 from driver.execution.progress import StreamOptions
 from driver.line.link import NoAnswer
 from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.lookahead import ANSWERS_BYTES
+from driver.mars.streaming.feed import ANSWER_S, DWELLS, LATE_S, LONGEST_POLL_S, Feed
 
 USUAL = StreamOptions()
 LINE = "COORDMVT:100," + ",".join(["1000"] * 6)

@@ -11,7 +11,7 @@ from driver.line.echo import Mismatch
 from driver.line.link import LineDamaged, NoAnswer, line_damaged
 from driver.line.protocol import BYTES_PER_SECOND, MAX_LINE, encode_dwell
 from driver.mars.lookahead import BUSY_HOST_S, JITTER_S, JITTER_WALL_S, Needs, Timeline, braking_s, dwell_for
-from driver.mars.mars import Mars
+from driver.mars.session import Session
 
 AHEAD_S = 0.3  # reserve of motion that the unit holds, beyond the time needed to stop and the age of a poll
 BLIND_POLL_S = 0.1  # longest poll period if only the arm's position shows that a line was damaged
@@ -41,7 +41,7 @@ class Feed:
         load_end: segments before this one are loaded and verified before any of them begins.
     """
 
-    def __init__(self, mars: Mars, options: StreamOptions, slower: float = 1.0) -> None:
+    def __init__(self, mars: Session, options: StreamOptions, slower: float = 1.0) -> None:
         self._mars, self._link, self._options = mars, mars.link, options
         self._slower = slower
         self.load_end = 0

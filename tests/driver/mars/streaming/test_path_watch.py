@@ -8,7 +8,7 @@ import pytest
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ExecutionStopped
 from arms.count_paths import quintic
-from driver.execution.path_watch import ASTRAY, PathWatch, _widened
+from driver.mars.streaming.path_watch import ASTRAY, PathWatch, _widened
 
 AXES = "ABCDEF"
 SEGMENTS = 30

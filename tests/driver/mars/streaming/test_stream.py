@@ -14,8 +14,8 @@ from arm.controller.segments import CountPath, Segment
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arms.wave_paths import wave
 from driver.execution.progress import Progress, StreamOptions
-from driver.execution.stream import stream
 from driver.mars.mars import Mars
+from driver.mars.streaming.stream import stream
 from wire.controlled_stream import splines
 from wire.soft_home import SOFT_HOME
 

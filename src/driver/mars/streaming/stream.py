@@ -11,17 +11,16 @@ from collections.abc import Callable
 from arm.controller.segments import CountPath
 from arm.errors import ImpossibleError, InputError
 from driver.execution.control import Control
-from driver.execution.preload import preloaded, refuse_preload
 from driver.execution.progress import Progress, Sent, StreamOptions
+from driver.execution.rest import farthest, refuse_outside
 from driver.execution.speed_override import stretched
-from driver.execution.stream_run import StreamRun, encoded
-from driver.mars.mars import Mars
-from driver.mars.refusals import refuse_outside
-from driver.mars.stopping import farthest
+from driver.mars.session import Session
+from driver.mars.streaming.preload import preloaded, refuse_preload
+from driver.mars.streaming.stream_run import StreamRun, encoded
 
 
 def stream(
-    mars: Mars,
+    mars: Session,
     path: CountPath,
     on_progress: Callable[[Progress], None] | None = None,
     options: StreamOptions | None = None,
@@ -55,7 +54,7 @@ def stream(
         refuse_outside(mars.unit, corner.tolist(), "the path reaches")
     with mars.guarded("stream"):
         control.require()
-    with control.attached(mars.link):
+    with control.attached(mars):
         with mars.guarded("stream"):
             here = mars.require_ready()
         if farthest(here, path.start) > mars.unit.rest_tolerance:

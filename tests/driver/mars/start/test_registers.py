@@ -10,12 +10,12 @@ from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
 from arms.count_paths import quintic
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
-from driver.execution.stream import stream
 from driver.line.clock import Clock
 from driver.line.link import ASKED_AT_ONCE
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
-from driver.mars.startup import slow_registers
+from driver.mars.start.startup import slow_registers
+from driver.mars.streaming.stream import stream
 from emulated.near_marks import near_marks
 
 

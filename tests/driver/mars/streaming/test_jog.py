@@ -11,7 +11,7 @@ import pytest
 from arm.controller.unit import Unit, load_unit
 from arm.errors import ExecutionStopped, InputError
 from driver.emulator import Fault, When
-from driver.execution.jog import REST_S
+from driver.mars.streaming.jog import REST_S
 from emulated.jogged import Jogged, jogged
 
 AT_DEG = (-57.0, -40.0, -80.0, 0.0, -60.0, 5.0)

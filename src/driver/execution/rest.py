@@ -1,0 +1,117 @@
+"""An arm at rest: its state after a stop, how far it is from where it should be, and where it must not be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from arm.controller.unit import Unit
+from arm.errors import ExecutionStopped, ImpossibleError
+
+STILL_COUNTS = 2  # largest change of an axis between two samples of an arm at rest
+
+
+class UnitStatus(Protocol):
+    """What a unit tells of itself besides positions."""
+
+    @property
+    def word(self) -> int:
+        """The unit's own number for it, for logs."""
+        ...
+
+    @property
+    def fault(self) -> bool:
+        """Whether anything forbids motion."""
+        ...
+
+    def faults(self) -> tuple[str, ...]:
+        """Name the faults; empty if there is none."""
+        ...
+
+
+@dataclass(frozen=True)
+class RestState:
+    """State of the arm after a stop.
+
+    Attributes:
+        at_rest: whether the arm was observed at rest after the stop.
+        counts: last known position, (n,), or None.
+        status: last known status, or None.
+        note: why something is not known, or "".
+        stops: how often STOP was sent.
+    """
+
+    at_rest: bool
+    counts: tuple[int, ...] | None
+    status: UnitStatus | None = None
+    note: str = ""
+    stops: int = 0
+
+    def describe(self, unit: Unit) -> str:
+        """Describe the state in one phrase for the operator."""
+        if not self.at_rest:
+            return f"THE ARM MAY STILL BE MOVING ({self.note}): stay out of the cell until you see it has stopped"
+        parts = ["the arm has stopped and is still under power"]
+        if self.status is not None and self.status.fault:
+            parts = [f"the arm has stopped ({', '.join(self.status.faults())})"]
+        elif self.note:  # after a power cycle the brakes may hold the arm instead of the motors
+            parts = ["the arm has stopped"]
+        if self.note:
+            parts.append(self.note)
+        elif self.counts is not None:
+            degrees = ", ".join(f"{d:.2f}" for d in np.degrees(unit.positions(self.counts)))
+            parts.append(f"at [{degrees}] deg")
+        return ", ".join(parts)
+
+    def error(self, text: str, unit: Unit, /, **data: Any) -> ExecutionStopped:
+        """Return the error of an execution that ended in this state: `text`, then the state in words."""
+        return ExecutionStopped(f"{text}; {self.describe(unit)}", **{**data, "state": self.to_json()})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the state as JSON types, for error data and logs."""
+        return {
+            "at_rest": self.at_rest,
+            "counts": list(self.counts) if self.counts is not None else None,
+            "status": self.status.word if self.status is not None else None,
+            "faults": list(self.status.faults()) if self.status is not None else None,
+            "note": self.note,
+            "stops": self.stops,
+        }
+
+
+def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:
+    """Return the largest difference of any axis, counts."""
+    return max(abs(x - y) for x, y in zip(a, b, strict=True))
+
+
+def off_by(unit: Unit, here: Sequence[int], there: Sequence[int]) -> str:
+    """Describe each axis that is further from its expected position than the unit's rest tolerance."""
+    off_deg = np.degrees(unit.positions(here) - unit.positions(there))
+    return ", ".join(
+        f"{axis} reads {h}, {h - t:+d} ({degrees:+.2f} deg)"
+        for axis, h, t, degrees in zip(unit.axes, here, there, off_deg, strict=True)
+        if abs(h - t) > unit.rest_tolerance
+    )
+
+
+def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:
+    """Refuse counts outside the unit's joint limits. `what` begins the message.
+
+    Raises:
+        ImpossibleError: with the axis and the excess in rad.
+    """
+    q = unit.positions(counts)
+    rounding = 1.5 / np.abs(unit.counts_per_rad)
+    excess = np.maximum(unit.lower - q, q - unit.upper) - rounding
+    worst = int(np.argmax(excess))
+    if excess[worst] > 0.0:
+        low, value, high = np.degrees([unit.lower[worst], q[worst], unit.upper[worst]])
+        raise ImpossibleError(
+            f"{what} {value:.2f} deg on axis {unit.axes[worst]}: must be from {low:.2f} to {high:.2f} deg",
+            axis=unit.axes[worst],
+            counts=[int(c) for c in counts],
+            excess=float(excess[worst]),
+        )
