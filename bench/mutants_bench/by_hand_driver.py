@@ -62,7 +62,7 @@ ROWS: tuple[tuple[str, str, str, str, str, tuple[str, ...]], ...] = (
             "driver/line/test_link.py",
             "driver/line/test_port.py",
             "driver/line/test_transport.py",
-            "driver/mars/test_mars.py",
+            "driver/mars/test_session.py",
             "driver/mars/test_gripper.py",
         ),
     ),

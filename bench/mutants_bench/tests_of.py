@@ -14,13 +14,13 @@ _MORE: dict[str, tuple[str, ...]] = {
     "cell/scene/build.py": ("cell/task/test_planning.py", "cell/task/test_resume.py"),
     "driver/mars/stopping.py": (
         "driver/mars/test_stopping.py",
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/mars/streaming/test_stream.py",
         "driver/mars/streaming/test_stream_run.py",
     ),
     "driver/line/link.py": (
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/test_bad_line.py",
     ),
@@ -42,7 +42,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/execution/test_execute_control.py",
         "driver/test_bad_line.py",
     ),
-    "driver/mars/mars.py": (
+    "driver/mars/session.py": (
         "driver/mars/test_identity.py",
         "driver/mars/start/test_startup.py",
         "driver/mars/test_stopping.py",
@@ -57,12 +57,12 @@ _MORE: dict[str, tuple[str, ...]] = {
     "driver/mars/start/homing.py": (
         "driver/mars/test_identity.py",
         "driver/mars/start/test_startup.py",
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/test_session.py",
     ),
     "driver/mars/gripper.py": (
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/execution/test_execute.py",
         "driver/test_session.py",
@@ -70,18 +70,18 @@ _MORE: dict[str, tuple[str, ...]] = {
     "driver/mars/start/startup.py": (
         "driver/mars/test_identity.py",
         "driver/mars/start/test_startup.py",
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
     ),
     "driver/mars/refusals.py": (
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/mars/streaming/test_stream.py",
         "driver/mars/streaming/test_stream_run.py",
         "driver/execution/test_execute.py",
     ),
     "driver/mars/ready.py": (
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/mars/test_stopping.py",
         "driver/mars/test_identity.py",
@@ -91,7 +91,7 @@ _MORE: dict[str, tuple[str, ...]] = {
         "driver/line/test_link.py",
         "driver/line/test_port.py",
         "driver/line/test_transport.py",
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "driver/test_bad_line.py",
     ),
@@ -290,7 +290,7 @@ _MORE: dict[str, tuple[str, ...]] = {
     "cell/task/approval.py": (),
     "cell/task/resume.py": (),
     "arm/controller/unit.py": (
-        "driver/mars/test_mars.py",
+        "driver/mars/test_session.py",
         "driver/mars/test_gripper.py",
         "plan/trajectory/test_integer_segments.py",
         "plan/trajectory/test_extremes.py",
