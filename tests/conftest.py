@@ -112,7 +112,7 @@ def patient() -> Iterator[None]:
     Stepped time knows of no host.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("driver.line.transport.LEAST_WALL_S", 10.0)
+        patch.setattr("driver.line.clock.LEAST_WALL_S", 10.0)
         patch.setattr("driver.mars.streaming.feed.BUSY_HOST_S", 2.0)
         patch.setattr("driver.mars.absolute_move.BUSY_HOST_S", 1.0)
         yield

@@ -77,6 +77,13 @@ def test_files_and_folders_of_tests_are_as_small_as_those_of_src() -> None:
     assert {str(folder.relative_to(TESTS)): n for folder, n in counts.items() if n > MOST_FILES} == {}
 
 
+def test_the_planner_names_no_maker_of_controllers() -> None:
+    found = [
+        path for path in (SRC / "plan").rglob("*.py") if re.search("mars|crs|pikron", path.read_text(), re.I)
+    ]
+    assert found == []
+
+
 def test_no_docstring_has_a_word_that_the_pages_take_for_a_link() -> None:
     """A word that ends with an underscore is a reference in reStructuredText; `make docs` fails for it."""
     for file in sorted(SRC.rglob("*.py")):

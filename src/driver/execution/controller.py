@@ -1,7 +1,7 @@
 """What execution needs of a controller.
 
-`driver.mars.mars.Mars` is one, ``examples/11_another_controller.py`` another. Nothing else in `driver.execution` knows
-which it has. `driver.execution.guard.Guarded` has `guarded` for any controller that can stop.
+`driver.mars.mars.Mars` is one, that of ``examples/rows_over_a_socket.py`` another. Nothing else in `driver.execution`
+knows which it has. `driver.execution.guard.Guarded` has what any session needs that can stop its arm.
 
 Positions are encoder counts, (n,), in the order of `Unit.axes`; `Unit.positions` and `Unit.counts` convert. Times are
 controller seconds of `Controller.clock`. Every wait has a deadline in them.
@@ -125,7 +125,8 @@ class Controller(Protocol):
         """Wait until controller time `until` or until `wake`, whichever is first.
 
         Raises:
-            Aborted, LinkLost: at once.
+            Aborted: at once.
+            LinkLost: if it is noticed meanwhile.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Stop the arm before an error or a signal is passed on. The same for every controller that can stop."""
+"""What every session with a controller has: it stops the arm before an error or a signal is passed on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Self
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
-from driver.execution.rest import RestState
+from driver.execution.rest import RestState, wait_settled
+from driver.line.clock import Clock
 from driver.line.signals import caught, hear_again, interruptible
 
 
@@ -21,10 +22,12 @@ class Guarded(ABC):
 
     Args:
         unit: the expected arm and controller.
+        clock: controller time.
     """
 
-    def __init__(self, unit: Unit) -> None:
+    def __init__(self, unit: Unit, clock: Clock) -> None:
         self.unit = unit
+        self.clock = clock
         self._guarded = False
         self._signals = ExitStack()
 
@@ -32,6 +35,14 @@ class Guarded(ABC):
     @abstractmethod
     def identified(self) -> bool:
         """Whether the other side is known to be the expected unit. If not, nothing moves and STOP is not sent."""
+
+    @abstractmethod
+    def counts(self) -> tuple[int, ...]:
+        """Read the encoder counts, (n,)."""
+
+    @abstractmethod
+    def wait_until(self, until: float) -> None:
+        """Wait until controller time `until`, or until woken (`driver.execution.controller.Controller`)."""
 
     @abstractmethod
     def stop(self) -> RestState:
@@ -57,6 +68,28 @@ class Guarded(ABC):
         finally:
             self.close()
             self._signals.close()
+
+    def wait(self, seconds: float) -> None:
+        """Wait for that many controller seconds, whatever wakes it.
+
+        Raises:
+            Aborted, LinkLost: at once.
+        """
+        until = self.clock.now() + seconds
+        while self.clock.now() < until:
+            self.wait_until(until)
+
+    def settled_counts(self) -> tuple[int, ...]:
+        """Wait until two samples 0.1 s apart differ by at most `STILL_COUNTS` on every axis. Return the counts.
+
+        Raises:
+            NoAnswer: still moving after `driver.execution.rest.SETTLE_S`.
+        """
+        return wait_settled(self.clock, self.wait, self.counts)
+
+    def note(self, kind: str, **data: object) -> None:
+        """Record an event; a session with a log overrides this."""
+        return
 
     @contextmanager
     def guarded(self, what: str) -> Iterator[None]:

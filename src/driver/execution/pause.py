@@ -12,10 +12,9 @@ from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, NoAnswer
 from driver.execution.control import Control
 from driver.execution.controller import Controller
-from driver.execution.rest import STILL_COUNTS, farthest, off_by
+from driver.execution.rest import SETTLE_S, STILL_COUNTS, farthest, off_by
 from driver.line.clock import Clock
 
-SETTLE_S, SETTLE_WALL_S = 3.0, 1.0  # time limit for the arm to settle, and at least this much wall time
 RELEASE_MARGIN_S = 60.0  # engage again this long before the unit would release an idle arm
 POLL_S = 0.25  # between two samples of a pause between steps
 DISPLACED_SAMPLES = 2  # in a row: a single sample may be damaged on the line
@@ -73,7 +72,7 @@ class Pause:
         still, off = farthest(counts, self._last) <= STILL_COUNTS, farthest(counts, place)
         self._last = counts
         if self.stood is None and not still:
-            if now > since + self.arm.clock.at_least(SETTLE_S, SETTLE_WALL_S):
+            if now > since + self.arm.clock.patience(SETTLE_S):
                 raise NoAnswer(f"pause: the arm does not settle within {SETTLE_S:g} s", reason="settle")
             return
         self._away = self._away + 1 if off > self.arm.unit.rest_tolerance else 0

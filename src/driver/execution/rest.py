@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
+from arm.controller.segments import CountPath
 from arm.controller.unit import Unit
-from arm.errors import ExecutionStopped, ImpossibleError
+from arm.errors import ExecutionStopped, ImpossibleError, NoAnswer
+from driver.line.clock import Clock
 
+SAMPLE_S = 0.1  # between two position samples that are compared
 STILL_COUNTS = 2  # largest change of an axis between two samples of an arm at rest
+SETTLE_S = 3.0  # time limit for the arm to settle
 
 
 class UnitStatus(Protocol):
@@ -82,6 +86,30 @@ class RestState:
         }
 
 
+def wait_settled(
+    clock: Clock, wait: Callable[[float], None], read: Callable[[], tuple[int, ...]]
+) -> tuple[int, ...]:
+    """Wait until two samples SAMPLE_S apart differ by at most STILL_COUNTS on every axis. Return the counts.
+
+    Args:
+        clock: controller time.
+        wait: waits for so many controller seconds.
+        read: returns the present counts.
+
+    Raises:
+        NoAnswer: still moving after SETTLE_S.
+    """
+    last = read()
+    deadline = clock.now() + clock.patience(SETTLE_S)
+    while clock.now() < deadline:
+        wait(SAMPLE_S)
+        now = read()
+        if farthest(last, now) <= STILL_COUNTS:
+            return now
+        last = now
+    raise NoAnswer(f"the arm does not settle within {SETTLE_S:g} s", counts=list(last), reason="settle")
+
+
 def farthest(a: tuple[int, ...], b: tuple[int, ...]) -> int:
     """Return the largest difference of any axis, counts."""
     return max(abs(x - y) for x, y in zip(a, b, strict=True))
@@ -115,3 +143,38 @@ def refuse_outside(unit: Unit, counts: Sequence[int], what: str) -> None:
             counts=[int(c) for c in counts],
             excess=float(excess[worst]),
         )
+
+
+def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...], held_back: int = 0) -> None:
+    """Refuse a motion that has ended away from its target, by more than contact may hold it back, in counts.
+
+    Raises:
+        ExecutionStopped: with the counts and the axes that are off.
+    """
+    if farthest(end, goal) > unit.rest_tolerance + held_back:
+        why = (
+            f"the arm settled {farthest(end, goal)} counts from the target, must be at most "
+            f"{unit.rest_tolerance + held_back} (rest_tolerance_counts): {off_by(unit, end, goal)}"
+        )
+        raise ExecutionStopped(why, counts=list(end), target=list(goal), reason="position")
+
+
+def refuse_path_outside(unit: Unit, path: CountPath) -> None:
+    """Refuse a path that leaves the unit's joint limits, at or between its points.
+
+    Raises:
+        ImpossibleError: as `refuse_outside`.
+    """
+    for corner in path.extremes():
+        refuse_outside(unit, corner.tolist(), "the path reaches")
+
+
+def refuse_elsewhere(unit: Unit, here: tuple[int, ...], start: tuple[int, ...]) -> None:
+    """Refuse a path that does not start where the arm is, within `Unit.rest_tolerance`.
+
+    Raises:
+        ImpossibleError: with the counts of both.
+    """
+    if farthest(here, start) > unit.rest_tolerance:
+        why = f"the path starts {farthest(here, start)} counts from the arm, must be at most {unit.rest_tolerance}"
+        raise ImpossibleError(why, counts=list(here), start=list(start))

@@ -12,6 +12,8 @@ from typing import TypeVar
 
 _T = TypeVar("_T")
 
+LEAST_WALL_S = 1.0  # shortest time limit in wall time, as a busy host may suspend this process that long
+
 
 class Clock:
     """A monotonic clock in controller seconds.
@@ -40,6 +42,10 @@ class Clock:
     def at_least(self, seconds: float, wall_s: float) -> float:
         """Return `seconds`, extended to at least `wall_s` of wall time, as a busy host may be suspended that long."""
         return max(seconds, wall_s * self.time_scale)
+
+    def patience(self, seconds: float) -> float:
+        """Return that many controller seconds, but at least LEAST_WALL_S of wall time: the host may be busy."""
+        return self.at_least(seconds, LEAST_WALL_S)
 
     def next_of(self, items: queue.SimpleQueue[_T], until: float) -> _T:
         """Return the next item; wait for it until controller time `until`.

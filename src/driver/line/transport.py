@@ -31,7 +31,6 @@ from driver.line.unit_time import UnitTime
 from driver.line.wire_log import WireLog
 
 ANSWER_S = 2.0  # time limit of an answer
-LEAST_WALL_S = 1.0  # shortest time limit in wall time, as a busy host may suspend this process that long
 UNSENT_BYTES = 64  # a STOP waits behind at most this many bytes
 CHUNK_BYTES = 32  # written at once
 LONGEST_LINE = 1024  # bytes; more without a line end are noise
@@ -103,8 +102,8 @@ class PortLink:
     # -- time
 
     def patience(self, seconds: float) -> float:
-        """Return that many controller seconds, but at least LEAST_WALL_S of wall time: the host may be busy."""
-        return self.clock.at_least(seconds, LEAST_WALL_S)
+        """As `Clock.patience`."""
+        return self.clock.patience(seconds)
 
     def deadline(self, seconds: float) -> float:
         """Return the controller time `patience(seconds)` from now."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from arm.errors import ExecutionStopped
-from driver.execution.rest import STILL_COUNTS, farthest
 from driver.line.link import Link, NoAnswer
 from driver.line.protocol import Failed, Ready, Status, encode
-from driver.mars.stopping import SAMPLE_S, read_status, refuse_restarted
+from driver.mars.stopping import read_status, refuse_restarted
 
 POLL_S = 0.25  # between two status polls
-SETTLE_S = 3.0  # time limit for the arm to settle
 IDLE_POLLS = 4  # R is sent again if this many polls in a row find the unit idle and R! has not come
 
 
@@ -55,26 +53,6 @@ def wait_ready(
             link.send(encode("R", axis=axis))
         if link.clock.now() >= deadline:
             raise NoAnswer(f"{what}: not finished within {timeout:.1f} s", timeout=timeout, reason="deadline")
-
-
-def wait_settled(link: Link, read: Callable[[], tuple[int, ...]]) -> tuple[int, ...]:
-    """Wait until two samples SAMPLE_S apart differ by at most STILL_COUNTS on every axis. Return the counts.
-
-    Args:
-        read: returns the present counts.
-
-    Raises:
-        NoAnswer: still moving after SETTLE_S.
-    """
-    last = read()
-    deadline = link.deadline(SETTLE_S)
-    while link.clock.now() < deadline:
-        link.wait(SAMPLE_S)
-        now = read()
-        if farthest(last, now) <= STILL_COUNTS:
-            return now
-        last = now
-    raise NoAnswer(f"the arm does not settle within {SETTLE_S:g} s", counts=list(last), reason="settle")
 
 
 def refuse_failure(link: Link, status: Status, what: str) -> None:

@@ -50,17 +50,3 @@ def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...
             f"({off_by(unit, here, expected)}); was it pushed, or the unit switched off? Initialise it again"
         )
         raise ExecutionStopped(why, counts=list(here), expected=list(expected), reason="displaced")
-
-
-def refuse_not_arrived(unit: Unit, end: tuple[int, ...], goal: tuple[int, ...], held_back: int = 0) -> None:
-    """Refuse a motion that has ended away from its target, by more than contact may hold it back, in counts.
-
-    Raises:
-        ExecutionStopped: with the counts and the axes that are off.
-    """
-    if farthest(end, goal) > unit.rest_tolerance + held_back:
-        why = (
-            f"the arm settled {farthest(end, goal)} counts from the target, must be at most "
-            f"{unit.rest_tolerance + held_back} (rest_tolerance_counts): {off_by(unit, end, goal)}"
-        )
-        raise ExecutionStopped(why, counts=list(end), target=list(goal), reason="position")

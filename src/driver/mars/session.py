@@ -13,7 +13,7 @@ from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from driver.execution.guard import Guarded
 from driver.execution.pause import RELEASE_MARGIN_S
-from driver.execution.rest import RestState, farthest, refuse_outside
+from driver.execution.rest import RestState, farthest, refuse_not_arrived, refuse_outside
 from driver.line.clock import Clock
 from driver.line.link import Link
 from driver.line.manners import Manners
@@ -23,11 +23,10 @@ from driver.line.wire_log import WireLog
 from driver.mars.absolute_move import send_verified
 from driver.mars.gripper import GripperResult, move_gripper, read_jaws
 from driver.mars.identity import gripper_answers, identify, refuse_another
-from driver.mars.ready import refuse_failure, wait_ready, wait_settled
+from driver.mars.ready import refuse_failure, wait_ready
 from driver.mars.refusals import (
     refuse_displaced,
     refuse_faults,
-    refuse_not_arrived,
     refuse_unhomed,
 )
 from driver.mars.running import ParameterScale
@@ -65,8 +64,7 @@ class Session(Guarded):
     def __init__(
         self, port: str | Port, unit: Unit, clock: Clock | None = None, log: WireLog | None = None
     ) -> None:
-        super().__init__(unit)
-        self.clock = clock or Clock()
+        super().__init__(unit, clock or Clock())
         self.log = log
         self.link = Link(port, self.clock, log)
         self.reference: tuple[int, ...] | None = None
@@ -180,14 +178,6 @@ class Session(Guarded):
     def counts(self) -> tuple[int, ...]:
         """Read the encoder counts, (6,)."""
         return self.position().counts
-
-    def settled_counts(self) -> tuple[int, ...]:
-        """Wait until two samples 0.1 s apart differ by at most `STILL_COUNTS` on every axis. Return the counts.
-
-        Raises:
-            NoAnswer: still moving after `driver.mars.ready.SETTLE_S`.
-        """
-        return wait_settled(self.link, self.counts)
 
     # -- moving
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import TypeVar
 
 from arm.errors import ExecutionStopped
-from driver.execution.rest import STILL_COUNTS, RestState, farthest
+from driver.execution.rest import SAMPLE_S, STILL_COUNTS, RestState, farthest
 from driver.line.link import ANSWER_S, Link, NoAnswer
 from driver.line.protocol import (
     Answer,
@@ -25,7 +25,6 @@ from driver.line.unit_time import SLACK_S
 
 _T = TypeVar("_T")
 
-SAMPLE_S = 0.1  # between two position samples that are compared
 REPEAT_S = 0.05  # between the first REPEATS STOPs
 REPEATS = 30  # by then, after 1.5 s, the arm has usually stopped
 SLOW_REPEAT_S = 0.5  # between further STOPs; more of them would flood a slow unit

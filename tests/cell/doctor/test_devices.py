@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import driver.line.clock
 import driver.line.link
 import driver.line.transport
 from arm.controller.unit import load_unit
@@ -101,7 +102,7 @@ def test_a_silent_line_is_wrong_and_gets_harmless_lines_only(
     silent_port: tuple[int, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other, port = silent_port
-    monkeypatch.setattr(driver.line.transport, "LEAST_WALL_S", 0.1)
+    monkeypatch.setattr(driver.line.clock, "LEAST_WALL_S", 0.1)
     monkeypatch.setattr(driver.line.link.Link.synchronise, "__defaults__", (0.2, 1))
     found = guarded("controller", lambda: doctordevices.check_controller(port), 20.0, "h")
     assert isinstance(found, CheckResult)

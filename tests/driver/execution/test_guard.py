@@ -9,12 +9,21 @@ import pytest
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError, NoAnswer
 from driver.execution.guard import Guarded
-from driver.execution.rest import RestState
+from driver.execution.rest import SAMPLE_S, SETTLE_S, RestState
+from driver.line.stepped_clock import SteppedClock
 
 
 class Arm(Guarded):
     identified = True
+    places: list[tuple[int, ...]] = []  # noqa: RUF012
     stops = closed = 0
+
+    def counts(self) -> tuple[int, ...]:
+        return self.places.pop(0) if self.places else (0,) * 6
+
+    def wait_until(self, until: float) -> None:
+        """Woken all the time."""
+        self.clock.sleep(min(0.03, until - self.clock.now()))
 
     def stop(self) -> RestState:
         self.stops += 1
@@ -30,7 +39,7 @@ def fail(error: BaseException) -> NoReturn:
 
 @pytest.fixture
 def arm(unit: Unit) -> Arm:
-    return Arm(unit)
+    return Arm(unit, SteppedClock())
 
 
 def test_a_block_that_ends_well_stops_nothing(arm: Arm) -> None:
@@ -81,3 +90,17 @@ def test_an_arm_that_is_not_identified_is_told_nothing(arm: Arm) -> None:
     with pytest.raises(ValueError), arm:  # noqa: PT011
         fail(ValueError())
     assert (arm.stops, arm.closed) == (0, 1)
+
+
+def test_an_arm_has_settled_when_two_samples_agree_that_are_far_enough_apart(arm: Arm) -> None:
+    arm.places = [(90 - k,) * 6 for k in range(0, 30, 3)] + [(61,) * 6]
+    assert arm.settled_counts() == (61,) * 6
+    assert arm.clock.now() == pytest.approx(10 * SAMPLE_S)
+
+
+def test_an_arm_that_never_settles_is_given_up(arm: Arm) -> None:
+    arm.places = [(3 * k,) * 6 for k in range(1000)]
+    with pytest.raises(NoAnswer, match="does not settle") as late:
+        arm.settled_counts()
+    assert late.value.data["reason"] == "settle"
+    assert arm.clock.now() == pytest.approx(max(SETTLE_S, arm.clock.patience(SETTLE_S)), abs=SAMPLE_S)

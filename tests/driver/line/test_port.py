@@ -56,7 +56,7 @@ def test_two_programs_on_one_port(unit: Unit, tmp_path: Path) -> None:
 
 
 def test_a_unit_that_takes_no_bytes_is_an_error_not_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("driver.line.transport.LEAST_WALL_S", 1.0)  # as it is
+    monkeypatch.setattr("driver.line.clock.LEAST_WALL_S", 1.0)  # as it is
     master, slave = pty.openpty()
     tty.setraw(slave)
     link = Link(os.ttyname(slave), Clock(1000.0))

@@ -48,7 +48,7 @@ def test_a_host_that_is_busy_is_given_a_second_of_wall_time(
     unit: Unit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However fast the emulated unit lives: 2 s of its time are 2 ms here."""
-    monkeypatch.setattr("driver.line.transport.LEAST_WALL_S", 1.0)  # as it is
+    monkeypatch.setattr("driver.line.clock.LEAST_WALL_S", 1.0)  # as it is
     with Emulator(unit, Clock(1000.0)) as emulator:
         link = Link(emulator.open_pty(), emulator.clock)
         begin = time.monotonic()

@@ -1,4 +1,4 @@
-"""A MARS-8 as a controller of `driver.execution`: it has all that execution needs, and follows a path by streaming it."""
+"""A MARS-8 as a controller of `driver.execution`: it has all that execution needs, and streams paths."""
 
 from __future__ import annotations
 

@@ -10,12 +10,12 @@ import pytest
 
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped
+from driver.execution.rest import SAMPLE_S
 from driver.line.clock import Clock
 from driver.line.link import ANSWER_S
 from driver.line.stepped_clock import SteppedClock
 from driver.mars.mars import Mars
 from driver.mars.stopping import (
-    SAMPLE_S,
     STOP_S,
     UNECHOED_POLLS,
     bring_to_rest,

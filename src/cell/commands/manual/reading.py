@@ -13,12 +13,12 @@ from arm.se3 import Array
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import cell_of
-from driver.execution.rest import STILL_COUNTS, farthest
+from driver.execution.rest import SAMPLE_S, STILL_COUNTS, farthest
 from driver.line.link import Link
 from driver.line.protocol import ARM_POWER_OFF, AXIS_ERROR, MOTION_STOP, Status, parse_integer
 from driver.mars.identity import axis_of_gripper, gripper_answers, refuse_another
 from driver.mars.refusals import is_unhomed
-from driver.mars.stopping import SAMPLE_S, ask_again, read_status
+from driver.mars.stopping import ask_again, read_status
 
 BY_CELL, BY_GRIPPER, BY_LOG = "cell file", "axis of its gripper", "log"
 

@@ -30,8 +30,8 @@ from cell.task.approval import Approval
 from cell.task.planning import plan_motion, require_above_table
 from cell.task.run import TaskRun
 from driver.execution.control import Control
+from driver.execution.rest import wait_settled
 from driver.mars.gripper import read_jaws
-from driver.mars.ready import wait_settled
 from plan.scene import Scene
 
 SPEED = 0.2  # of what the registers allow, unless the cell file has less
@@ -107,7 +107,7 @@ def q_now(run: TaskRun) -> Array:
         ExecutionStopped: it moves, or does not answer.
     """
     mars = run.connection.mars
-    return run.task.cell.unit.positions(wait_settled(mars.link, mars.counters))
+    return run.task.cell.unit.positions(wait_settled(mars.clock, mars.link.wait, mars.counters))
 
 
 def jaws_width(run: TaskRun) -> float | None:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from arm.controller.segments import CountPath
-from arm.errors import ImpossibleError, InputError
+from arm.errors import InputError
 from driver.execution.control import Control
 from driver.execution.progress import Progress, Sent, StreamOptions
-from driver.execution.rest import farthest, refuse_outside
+from driver.execution.rest import refuse_elsewhere, refuse_path_outside
 from driver.execution.speed_override import stretched
 from driver.mars.session import Session
 from driver.mars.streaming.preload import preloaded, refuse_preload
@@ -50,19 +50,13 @@ def stream(
     options = options or StreamOptions()
     if options.preload:
         refuse_preload(mars)
-    for corner in path.extremes():
-        refuse_outside(mars.unit, corner.tolist(), "the path reaches")
+    refuse_path_outside(mars.unit, path)
     with mars.guarded("stream"):
         control.require()
     with control.attached(mars):
         with mars.guarded("stream"):
             here = mars.require_ready()
-        if farthest(here, path.start) > mars.unit.rest_tolerance:
-            why = (
-                f"the path starts {farthest(here, path.start)} counts from the arm, must be at most "
-                f"{mars.unit.rest_tolerance}"
-            )
-            raise ImpossibleError(why, counts=list(here), start=list(path.start))
+        refuse_elsewhere(mars.unit, here, path.start)
         if mars.reference != path.start:
             mars.anchor(path.start)
         with mars.guarded("stream"):
