@@ -19,6 +19,7 @@ SAYS = {
     "09_hand_eye.py": "0.197 -0.305  0.102 -0.2    0.   ] deg\naccepted",
     "10_pose_pairs.py": "not used: pairs 7",
     "11_another_controller.py": "2 steps done in",
+    "12_follow_joint_trajectory.py": "times feedback, then {'status': 6, 'result': {'error_code': -1",
 }
 
 
