@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from arm.controller.unit import Unit
+from driver.execution.rest import SAMPLE_S, STILL_COUNTS
 from driver.line.link import ANSWER_S
 from driver.line.protocol import BUSY
 from driver.mars.gripper import STILL_ADC
-from driver.mars.stopping import SAMPLE_S, STILL_COUNTS
 from driver.record import findings
 from driver.record.findings import Finding, Found
 from driver.record.unit_record import UnitRecord

@@ -13,6 +13,7 @@ from itertools import pairwise
 from statistics import median
 
 from arm.controller.unit import Unit
+from driver.execution.rest import STILL_COUNTS
 from driver.line.link import ANSWER_S
 from driver.line.protocol import (
     CLOCK_RANGE_MS,
@@ -27,7 +28,6 @@ from driver.line.protocol import (
 from driver.line.unit_time import DRIFT, LARGEST_RATE
 from driver.mars.gripper import STILL_ADC
 from driver.mars.identity import GRIPPER_AXES, axis_of_gripper
-from driver.mars.stopping import STILL_COUNTS
 from driver.record.exchanges import Exchange, StampForm, exchanges, form_of, heard_in, lines_in
 from driver.record.questions import AXES, UNKNOWN, register_kinds
 from driver.record.tape import STEP
