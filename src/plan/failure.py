@@ -9,6 +9,7 @@ from typing import Any
 from arm.errors import ImpossibleError
 from arm.former import renamed_arguments
 from plan.cartesian.reachability import GraspCandidate
+from plan.kinematics.nearest import AskedPose
 
 OUT_OF_REACH = "out of reach"
 LINE_BLOCKED = "line blocked"
@@ -32,6 +33,8 @@ class Rejected:
         pair: the two bodies with the smallest distance.
         distance_mm: their distance; negative if they overlap.
         required_mm: the required clearance; ``asked_mm`` in JSON.
+        at: where the two bodies are that near; see `plan.collision.world.World.state`.
+        pose: that is out of reach; see `plan.kinematics.nearest.AskedPose`.
     """
 
     where: str
@@ -44,6 +47,8 @@ class Rejected:
     pair: tuple[str, str] | None = None
     distance_mm: float | None = None
     required_mm: float | None = None
+    at: Mapping[str, Any] | None = None
+    pose: Mapping[str, Any] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the attributes that are not None, as JSON types."""
@@ -123,4 +128,7 @@ def of_choice(choice: GraspCandidate) -> Rejected:
     measures.pop("miss", None)  # the reason says it
     if (racing := measures.pop("racing", "")) != "":
         measures["joint"] = racing
-    return Rejected(f"line at {choice.hole}", choice.reason(), choice.yaw, choice.branch, **measures)
+    pose = None if choice.T_worst is None else AskedPose(choice.T_worst).to_json()
+    return Rejected(
+        f"line at {choice.hole}", choice.reason(), choice.yaw, choice.branch, pose=pose, **measures
+    )

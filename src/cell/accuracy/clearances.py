@@ -124,5 +124,6 @@ def _proved(of: MoveScene, bound: float, unit: Unit, errors: ArmErrors, least: f
             pair=list(certificate.pair),
             clearance_mm=kept,
             required_mm=1e3 * least,
+            **of.world().state(unit.positions(move.path.at([certificate.time]))[0]),
         )
     return max(bound, certificate.clearance)

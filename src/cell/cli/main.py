@@ -15,7 +15,7 @@ from cell.cli.calibrate import app as calibrate_app
 from cell.cli.ending import fail, finish
 from cell.cli.groups import GroupedCommands
 from cell.cli.manual import manual
-from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, refuse, refuse_given
+from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, pictured, refuse, refuse_given
 from cell.cli.tools import tools
 from driver.line.signals import interruptible
 
@@ -148,9 +148,10 @@ def reach(
     task: shared.ProgramFile,
     look: Annotated[Path | None, Option(help=_LOOK)] = None,
     advice: shared.Advice = True,
+    page: shared.RefusalPage = None,
     as_json: shared.Json = False,
 ) -> None:
-    with answering("checking reach", as_json) as console:
+    with answering("checking reach", as_json) as console, pictured(page, task, look, console):
         from cell.program.program_file import is_program
 
         if is_program(task):
@@ -198,9 +199,10 @@ def plan(
     advice: shared.Advice = True,
     budget: shared.Budget = None,
     give_up: shared.GiveUp = None,
+    page: shared.RefusalPage = None,
     as_json: shared.Json = False,
 ) -> None:
-    with answering("planning", as_json) as console:
+    with answering("planning", as_json) as console, pictured(page, place, look, console, output):
         from cell.session.budget import budget_of
 
         allowed = budget_of(budget, give_up)

@@ -83,6 +83,8 @@ _GIVE_UP = "Wall time in s after which planning is refused. It never changes a p
 GiveUp = Annotated[float | None, Option(help=_GIVE_UP, metavar="S")]
 Output = Annotated[Path | None, Option("-o", "--output", help="File to write; an existing one is replaced.")]
 PlanOutput = Annotated[Path, Option("-o", "--output", help="Plan file to write.")]
+_PAGE = "HTML page to write: the plan in 3D, or if there is none, where and why it is refused."
+RefusalPage = Annotated[Path | None, Option("--page", help=_PAGE)]
 LiveFlag = Annotated[bool, Option("--live", help="Serve a page on this machine that shows the run live.")]
 LivePort = Annotated[int | None, Option(help="Port of the live view on 127.0.0.1; default: any free port.")]
 _UNSEEN = "With --port: do not ask for the unit's name before executing plans that nobody has previewed."
@@ -119,6 +121,28 @@ def answering(what: str, as_json: bool) -> Iterator[Console]:
     console = Console(as_json)
     with console.doing(what):
         yield console
+
+
+@contextmanager
+def pictured(
+    page: Path | None, file: Path, look: Path | None, console: Console, plan: Path | None = None
+) -> Iterator[None]:
+    """Write a page of what comes out inside: of a refusal, or else of the plan, or of the place without one."""
+    if page is None:
+        yield
+        return
+    from cell.preview.refusal.page import refusal_shown
+
+    with refusal_shown(page, file, look, plan):
+        yield
+    if plan is None:
+        from cell.preview.of_place import view_step
+
+        view_step(file, look, None, page, console)
+    else:
+        from cell.commands.preview import preview_file
+
+        preview_file(plan, file, page, console)
 
 
 def watched(console: Console, live: bool, port: int | None) -> AbstractContextManager[RunObserver | None]:

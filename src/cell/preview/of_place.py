@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from arm.board import Board
 from arm.controller.segments import CountPath, Segment
-from arm.errors import InputError
+from arm.errors import ImpossibleError, InputError
 from arm.io.storage import keep_apart, keep_unread
+from arm.numerics.products import mul
 from arm.plan_file import Move
-from arm.se3 import Array
+from arm.se3 import Array, transform
 from cell.config.arm_file import ArmFile
 from cell.console import Console
 from cell.files.observation import read_observation
@@ -56,7 +59,7 @@ def view_step(
     output = output or Path(f"{file.stem}.html")
     keep_apart(output, file, look)
     keep_unread(output)
-    setting, drawn, q_start = _place(file, look)
+    setting, drawn, q_start, _ = place_shown(file, look)
     q = q_start if angles is None else _configuration(setting, angles)
     world = World(setting.robot, (*setting.scene.bodies, *setting.scene.cubes))
     closest = world.distance(q)
@@ -78,8 +81,20 @@ def view_step(
     return {"page": str(output), "closest": list(closest.pair), "distance_mm": 1e3 * closest.value}
 
 
-def _place(file: Path, look: Path | None) -> tuple[Setting, Drawn, Array]:
-    """Return the arm among its bodies, what else is drawn, and q_start."""
+class Shown(NamedTuple):
+    """A place that is shown: the arm among its bodies, what else is drawn, q_start, and boards and holes by name."""
+
+    setting: Setting
+    drawn: Drawn
+    q_start: Array
+    known: Mapping[str, Array]
+
+
+def place_shown(file: Path, look: Path | None, whole: bool = True) -> Shown:
+    """Return what a cell, task, program or arm file describes, and what was detected.
+
+    Without `whole`, the workpiece of a program is left out where it cannot be placed.
+    """
     root = task_or_cell(file)
     if not any(name in root for name in KINDS):
         raise root.error("must be a cell, task, program or arm file", "a scene file is for a465 check")
@@ -88,12 +103,26 @@ def _place(file: Path, look: Path | None) -> tuple[Setting, Drawn, Array]:
         if look is not None:
             raise InputError(f"--look does not go with an arm file ({file})", option="--look")
         arm = place_of_arm(place, place.speed)
-        return Setting(arm.scene, arm.unit, arm.limits, arm.options), Drawn(resting=True), arm.q_start
+        setting = Setting(arm.scene, arm.unit, arm.limits, arm.options)
+        return Shown(setting, Drawn(resting=True), arm.q_start, {})
     cell = place.cell
     seen = Observation() if look is None else read_observation(look, cell.boards)
-    scene = program_scene(place, seen) if isinstance(place, ProgramTask) else build_scene(cell, seen)
+    try:
+        scene = program_scene(place, seen) if isinstance(place, ProgramTask) else build_scene(cell, seen)
+    except ImpossibleError:
+        if whole:
+            raise
+        scene = build_scene(cell, seen)
     drawn = Drawn(boards=cell.boards, dictionary=cell.dictionary, camera=cell.camera, resting=True)
-    return Setting(scene, cell.unit, cell.limits, PlanOptions(speed=cell.speed)), drawn, cell.q_start
+    setting = Setting(scene, cell.unit, cell.limits, PlanOptions(speed=cell.speed))
+    known = {board.name: mul(board.pose.T_base_board, _middle(board.pose.board)) for board in seen.boards}
+    holes = {hole.name: hole.T_base_hole for board in seen.boards for hole in board.pose.holes}
+    return Shown(setting, drawn, cell.q_start, known | holes)
+
+
+def _middle(board: Board) -> Array:
+    """Return the pose 4x4 of the middle of a board's plate in the board's frame."""
+    return transform(t=(*board.plate.centre, 0.0))
 
 
 def _configuration(setting: Setting, text: str) -> Array:

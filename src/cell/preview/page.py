@@ -22,7 +22,7 @@ _HERE = Path(__file__).resolve().parent
 # Ordered: a later script may use what an earlier one defines.
 SCRIPTS = (
     *("palette.js", "motion.js", "shapes.js", "stage.js", "cell3d.js"),
-    *("trace.js", "chart.js", "plots.js", "panels.js", "main.js"),
+    *("trace.js", "chart.js", "plots.js", "panels.js", "marks.js", "main.js"),
 )
 LIVE_SCRIPTS = ("live.js",)
 

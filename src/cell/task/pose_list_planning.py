@@ -203,6 +203,7 @@ class _Planner:
                 pair=list(closest.pair),
                 distance_m=closest.value,
                 clearance_m=self.clearance,
+                **self.world.state(q),
             )
 
     def moves(self, places: Sequence[_Place], back: bool) -> Planned | None:
@@ -285,7 +286,8 @@ class _Planner:
         check = certify_move(self.world, path, self.place.unit, self.clearance)
         if not check.proved:
             why = f"{self.poses.file}: rest at {name}: {nearness(check.pair, check.seen, self.clearance)}"
-            raise ImpossibleError(why, target=name, pair=list(check.pair), distance_m=check.seen)
+            at = self.world.state(self.place.unit.positions(self.at))
+            raise ImpossibleError(why, target=name, pair=list(check.pair), distance_m=check.seen, **at)
         clearance = float(np.floor(check.clearance * 1e7)) / 1e7
         clearances = (clearance,) * len(path.segments)
         dwell = Move(name, "transit", None, path, None, 0.0, clearance, check.pair, True, (), clearances)

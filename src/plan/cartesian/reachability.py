@@ -46,6 +46,7 @@ class GraspCandidate:
         outside: largest distance of the line beyond the reach of the links, m; 0 within reach.
         racing: name of a joint that would exceed its velocity limit even at the slowest tool speed, or "".
         miss: why an arm without a closed form does not serve the hole so, or "".
+        T_worst: pose 4x4 of the tool on the line where it misses most, or has least room.
     """
 
     hole: str
@@ -57,6 +58,7 @@ class GraspCandidate:
     outside: float
     racing: str
     miss: str = ""
+    T_worst: Array | None = None
 
     @property
     def q_hole(self) -> Array:
@@ -185,7 +187,7 @@ def reach(
     lines = np.repeat(poses[:, None], len(heights), axis=1)
     lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
     raw = all_branches(robot, lines.reshape(-1, 4, 4))
-    steps = _Steps(robot, limits, raw, len(heights), limits.velocity * (heights[1] / slowest))
+    steps = _Steps(robot, limits, lines, raw, limits.velocity * (heights[1] / slowest))
     holes, row = [], 0
     for name, yaws in grasps.items():
         each = product(range(len(yaws)), range(len(BRANCH_NAMES)))
@@ -225,7 +227,7 @@ def _numeric_reach(
                 try:
                     path = follow_line(robot, q, T, end, limits, options)
                 except ImpossibleError as error:
-                    choices.append(_missed(robot, name, yaw, f"{number:02d}", str(error)))
+                    choices.append(_missed(robot, name, yaw, f"{number:02d}", str(error), end))
                     continue
                 q_line = path.spline(heights)
                 room = np.minimum(q_line - limits.lower, limits.upper - q_line).min(axis=0)
@@ -234,14 +236,14 @@ def _numeric_reach(
                 nearest = float(max(room[joint], 0.0)), robot.joint_names[joint]
                 choices.append(GraspCandidate(name, yaw, f"{number:02d}", frozen(q_line), *nearest, 0.0, ""))
         if not choices:
-            choices.append(_missed(robot, name, 0, "none", "no solution of the pose was found"))
+            choices.append(_missed(robot, name, 0, "none", "no solution of the pose was found", yaws[0]))
         holes.append(HoleReach(name, tuple(sorted(choices, key=_rank))))
     return ReachTable(tuple(holes))
 
 
-def _missed(robot: Robot, hole: str, yaw: int, branch: str, why: str) -> GraspCandidate:
+def _missed(robot: Robot, hole: str, yaw: int, branch: str, why: str, T: Array) -> GraspCandidate:
     nowhere = frozen(np.zeros((2, len(robot.joint_names))))
-    return GraspCandidate(hole, yaw, branch, nowhere, -np.inf, robot.joint_names[0], 0.0, "", why)
+    return GraspCandidate(hole, yaw, branch, nowhere, -np.inf, robot.joint_names[0], 0.0, "", why, T)
 
 
 def _spread(q: Array, limits: Limits, most: int) -> Array:
@@ -260,9 +262,10 @@ def _spread(q: Array, limits: Limits, most: int) -> Array:
 class _Steps:
     """Continuous joint positions along every line, and the candidates made from them."""
 
-    def __init__(self, robot: Robot, limits: Limits, raw: RawBranches, samples: int, fastest: Array) -> None:
+    def __init__(self, robot: Robot, limits: Limits, lines: Array, raw: RawBranches, fastest: Array) -> None:
         self.names, self.limits, self.fastest = robot.joint_names, limits, fastest
-        shape = (-1, samples, len(BRANCH_NAMES))
+        self.lines = lines  # (k, samples, 4, 4)
+        shape = (*lines.shape[:2], len(BRANCH_NAMES))
         q = raw.q.reshape(*shape, len(self.names))
         q = np.unwrap(q, axis=1)
         # shift by whole revolutions, so that the middle of the line is nearest to the middle of the limits
@@ -273,8 +276,10 @@ class _Steps:
 
     def choice(self, hole: str, line: int, yaw: int, branch: int) -> GraspCandidate:
         q = self.q[line, :, branch]
-        room = np.minimum(q - self.limits.lower, self.limits.upper - q).min(axis=0)
+        rooms = np.minimum(q - self.limits.lower, self.limits.upper - q)
+        room, outside = rooms.min(axis=0), self.outside[line, :, branch]
         joint = int(np.argmin(room))
+        worst = int(np.argmax(outside) if outside.max() > 0.0 else np.argmin(rooms[:, joint]))
         hurry = (np.abs(np.diff(q, axis=0)).max(axis=0)) / self.fastest
         fastest = int(np.argmax(hurry))
         return GraspCandidate(
@@ -284,8 +289,9 @@ class _Steps:
             q_line=frozen(q),
             margin=float(room[joint]),
             joint=self.names[joint],
-            outside=float(self.outside[line, :, branch].max()),
+            outside=float(outside.max()),
             racing=self.names[fastest] if hurry[fastest] > 1.0 else "",
+            T_worst=self.lines[line, worst],
         )
 
 

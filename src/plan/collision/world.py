@@ -34,6 +34,8 @@ _FLOAT = np.dtype(float)
 # Largest error of a distance, m, which lower bounds subtract: 50 times the largest difference measured between GJK at
 # this tolerance and MuJoCo on the same primitives.
 DISTANCE_ERROR = 1e-5
+# Kinds of bodies that a program may move.
+MOVABLE = ("cube", "work")
 # Distance that stands for a depth that coal cannot compute (in a few of a million configurations), m.
 UNKNOWN_DEPTH = -1.0
 
@@ -130,7 +132,7 @@ class World:
                 raise InputError(f"bodies: {given.shown(body)}: must be a Body", value=given.shown(body))
         allowed = given.pairs("allowed", allowed)
         self._made_of = robot, tuple(bodies), held, T_tool_held, allowed, padding
-        self.robot = robot
+        self.robot, self._moving = robot, [body for body in bodies if body.kind in MOVABLE]
         self.padding = given.number("padding", padding, 0.0, 100.0, "m", "distances are reduced by it")
         given.rigid("robot.T_end_tool", robot.T_end_tool)
         n = int(robot.model.nq)
@@ -220,6 +222,23 @@ class World:
     def joint_of(self, name: str) -> int:
         """Return the index of the joint that moves a body, 1 to n; 0 for a fixed body."""
         return int(self._joint[self.names.index(name)])
+
+    def state(self, q: npt.ArrayLike) -> dict[str, Any]:
+        """Return what a program can change of this world, and the configuration q (n,) rad, as data of a refusal.
+
+        It has one key, ``at``, with JSON types: q; robot, the digest of the arm with its jaws in place; held, the name
+        of the held body, with T_tool_held, or None; moved, the pose T_base_body of each movable body, by name.
+        """
+        _, _, held, T_tool_held, _, _ = self._made_of
+        return {
+            "at": {
+                "q": np.round(self._configuration(q), 12).tolist(),
+                "robot": self.robot.digest,
+                "held": None if held is None else held.name,
+                "T_tool_held": None if held is None else np.round(np.asarray(T_tool_held), 12).tolist(),
+                "moved": {body.name: np.round(body.T_base_body, 12).tolist() for body in self._moving},
+            }
+        }
 
     def distance(self, q: npt.ArrayLike) -> Distance:
         """Return the smallest distance over all pairs at configuration q (n,) rad; infinite if there is no pair."""

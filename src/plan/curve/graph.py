@@ -26,6 +26,7 @@ from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.freedom import coordinates_of
 from plan.kinematics.ik import BranchReport, explain_pose, nearest_turns
+from plan.kinematics.nearest import AskedPose
 
 STEP = 0.008  # m (or 0.16 rad of turn) between stations
 _JUMP = 0.5  # rad, largest motion of a joint from station to station
@@ -129,9 +130,11 @@ class CurveGraph:
         """
         reached = self.reached.any(axis=(1, 2))
         stuck = int(np.argmin(reached)) if not reached.all() else self._last_refused()
-        at = ", ".join(f"{1e3 * x:.0f}" for x in self.curve.poses(self.places[stuck : stuck + 1])[0, :3, 3])
+        T_base_tool = self.curve.poses(self.places[stuck : stuck + 1])[0]
+        at = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
         place = f"{1e3 * self.places[stuck]:.0f} mm from its start, at ({at}) mm"
         data = {"target": name, "done_m": float(self.places[stuck]), "length_m": self.curve.length}
+        data["pose"] = AskedPose(T_base_tool, self.curve.freedom, self.curve.free).to_json()
         if not reached.all():
             branch = self._nearest(stuck)
             return ImpossibleError(
@@ -144,7 +147,8 @@ class CurveGraph:
                 **data,
             )
         data["solutions"] = int(self.reached.sum())
-        misses = [self.world.distance(q) for q in self.refused[stuck][-_MISSES:]]
+        refused = self.refused[stuck][-_MISSES:]
+        misses = [self.world.distance(q) for q in refused]
         if not misses:
             why = f"path {name!r}: {place}, no solution continues; free more directions"
             return ImpossibleError(why, **data)
@@ -158,6 +162,7 @@ class CurveGraph:
             distance_m=best.value,
             clearance_m=clearance,
             **data,
+            **self.world.state(refused[misses.index(best)]),
         )
 
     def _nearest(self, station: int) -> BranchReport:

@@ -156,6 +156,7 @@ class CurvePlanner:
                 pair=list(check.pair),
                 distance_m=check.seen,
                 clearance_m=self.clearance,
+                **self.world.state(path.spline(check.time)),
             )
         return path
 

@@ -109,7 +109,7 @@ class MotionBuilder:
                 continue
             check = self._check(phase, path)
             if not check.proved:
-                raise _unproved(phase, check)
+                raise _unproved(phase, check, self.unit.positions(path.at([check.time]))[0])
             beyond = self._beyond_limits(path)
             if beyond.max() > _BEYOND:
                 raise _past_limit(phase, self.robot.joint_names[int(np.argmax(beyond))], float(beyond.max()))
@@ -357,7 +357,7 @@ def _move(group: Sequence[MotionPhase], path: CountPath, check: ClearanceCertifi
     )
 
 
-def _unproved(phase: MotionPhase, check: ClearanceCertificate) -> ImpossibleError:
+def _unproved(phase: MotionPhase, check: ClearanceCertificate, q: Array) -> ImpossibleError:
     return ImpossibleError(
         f"step {phase.name!r}: {check.pair[0]} comes within {check.seen * 1e3:.2f} mm of {check.pair[1]} after "
         f"{check.time:.2f} s (required: {phase.clearance * 1e3:g} mm, proved: {check.clearance * 1e3:.2f} mm); "
@@ -369,6 +369,7 @@ def _unproved(phase: MotionPhase, check: ClearanceCertificate) -> ImpossibleErro
         proved_m=check.clearance,
         clearance_m=phase.clearance,
         time_s=check.time,
+        **phase.world.state(q),
     )
 
 

@@ -159,6 +159,7 @@ def _end_blocked(world: World, end: str, q: Array, clearance: float) -> Impossib
         distance_m=closest.value,
         clearance_m=clearance,
         end=end,
+        **world.state(q),
     )
 
 
@@ -216,6 +217,7 @@ class TransitPlanner:
                 distance_m=straight.seen,
                 clearance_m=self.clearance,
                 end=None,
+                **self.world.state(start + straight.time * (goal - start)),
             )
         return list(found)
 

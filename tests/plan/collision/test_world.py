@@ -388,3 +388,13 @@ def test_near_pairs_have_a_limit_each() -> None:
     assert 0 < some.sum() < len(some)
     for key in ("row", "pair", "distance", "gradient"):
         np.testing.assert_array_equal(getattr(found, key), getattr(every.chosen(some), key))
+
+
+def test_the_state_of_a_world_says_where_movable_bodies_are(robot: Robot) -> None:
+    bodies, q = random_bodies(np.random.default_rng(5), 6), np.full(robot.model.nq, 0.4)
+    cubes = [replace(b, name=f"cube {b.name}", kind="cube") for b in bodies[:2]]
+    world = World(robot, [*bodies[2:], *cubes], HELD, T_TOOL_HELD)
+    at = world.state(q)["at"]
+    moved = [cube.at(np.array(at["moved"].pop(cube.name))) for cube in cubes]
+    again = World(robot, [*bodies[2:], *moved], HELD, at["T_tool_held"]).distance(at["q"])
+    assert again.value == pytest.approx(world.distance(q).value, abs=1e-9)

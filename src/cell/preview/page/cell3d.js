@@ -25,7 +25,7 @@ class Cell3D {
       const body = mesh(bodyGeometry(cube.shape, 0.07 * x), standardMaterial(CUBE_COLOURS[i % CUBE_COLOURS.length], 0.5));
       scene.add(body);
       this.named.set(cube.name, body);
-      return { mesh: body, track: cube.track.map((p) => ({ start: p.start, held: p.held, T: matrix(p.T) })) };
+      return { mesh: body, track: cube.track.map((p) => ({ start: p.start, held: p.held, T: p.T && matrix(p.T) })) };
     });
     if (content.camera) scene.add((this.view = cameraView(content.camera)));
     scene.add((this.triad = triad(0.05)));
@@ -103,10 +103,19 @@ class Cell3D {
     return [...moving, ...still, ...cubes.map((cube, i) => shell(cube, undefined, this.cubes[i].mesh))];
   }
 
-  // Bodies in red: those that are too close.
-  mark(names) {
-    const red = standardMaterial(styleColour("warn"), 0.5);
-    for (const name of names) this.named.get(name)?.traverse((part) => part.isMesh && (part.material = red));
+  // Bodies in red: those that are too close. What was red before gets its own colours again.
+  mark(names, opacity = [1, 1]) {
+    for (const [part, material] of this.marked || []) part.material = material;
+    this.marked = [];
+    names.forEach((name, i) => {
+      const red = standardMaterial(styleColour("warn"), 0.5);
+      Object.assign(red, { transparent: opacity[i] < 1, opacity: opacity[i] });
+      this.named.get(name)?.traverse((part) => {
+        if (!part.isMesh) return;
+        this.marked.push([part, part.material]);
+        part.material = red;
+      });
+    });
   }
 
   theme(dark) {
@@ -173,8 +182,8 @@ class Cell3D {
     const T_base_tool = this.motion.toolPose(q);
     for (const cube of this.cubes) {
       const now = cube.track.filter((p) => p.start <= t + 1e-9).pop();
-      cube.mesh.visible = now !== undefined; // the next part comes when the one before is put down
-      if (now) place(cube.mesh, now.held ? T_base_tool.clone().multiply(now.T) : now.T);
+      cube.mesh.visible = Boolean(now?.T); // the next part comes when the one before is put down
+      if (now?.T) place(cube.mesh, now.held ? T_base_tool.clone().multiply(now.T) : now.T);
     }
     place(this.triad, T_base_tool);
     return T_base_tool;
@@ -211,6 +220,7 @@ function cameraView(camera) {
     points.push(...eye.toArray(), ...corner.toArray(), ...corner.toArray(), ...corners[(i + 1) % 4].toArray());
   });
   group.add(thickSegments(points, styleColour("accent"), 1.3, 0.55));
+  [group.corner] = group.corners = corners;
   const housing = mesh(roundedBox([0.05, 0.05, 0.08], 0.006), standardMaterial("#30363c", 0.5, 0.3));
   const lens = mesh(roundedCylinder(0.019, 0.04, 0.004).translate(0, 0, 0.055), standardMaterial("#15181b", 0.3, 0.4));
   const body = new THREE.Group();

@@ -17,9 +17,11 @@
   setTheme(system.matches);
 
   // ---- the picture
+  // of a refusal without a miss: what the camera sees may be why
+  const unmissed = content.misses?.every((miss) => !miss.pair.length && miss.away === null) ?? false;
   const boards = content.boards.length
     ? content.boards.map((board) => [board.T[3], board.T[7], board.T[11]])
-    : content.cubes.map((cube) => [3, 7, 11].map((i) => cube.track[0].T[i]));
+    : content.cubes.filter((cube) => cube.track[0].T).map((cube) => [3, 7, 11].map((i) => cube.track[0].T[i]));
   const forward = boards.length ? boards.reduce((sum, p) => sum + p[0], 0) / boards.length : 0.4;
   let stage = null;
   try {
@@ -31,6 +33,8 @@
   const trace = stage && new Trace(content, motion, stage.scene);
   if (stage) {
     stage.shown = [...cell.passed(), ...boards.map((place) => new THREE.Vector3(...place))];
+    if (content.misses) stage.shown.push(...Marks.places(content));
+    if (unmissed && cell.view) stage.shown.push(...cell.view.corners);
     stage.view("room");
   }
 
@@ -38,8 +42,9 @@
   fillHeading(content, motion);
   fillRefused(content, (t) => seek(t));
   if (content.refused) cell?.mark(content.refused.pair);
+  const marks = content.misses ? new Marks(content, cell, stage) : null;
   fillProvenance(content);
-  const rows = fillSteps(content, (index) => seek(motion.steps[index].start));
+  const rows = (marks ? fillMisses : fillSteps)(content, (index) => seek(motion.steps[index].start));
   const parts = fillBar(content);
   const plots = new Plots(content, motion, (t) => seek(t));
   slider.max = motion.duration;
@@ -71,6 +76,7 @@
     const top = row.offsetTop - list.offsetTop;
     if (top < list.scrollTop + 30 || top > list.scrollTop + list.clientHeight - 40) list.scrollTop = top - list.clientHeight / 3;
     parts.forEach((part, i) => part.classList.toggle("done", i <= index));
+    marks?.show(index);
   }
 
   function showNow(step, clearance) {
@@ -79,6 +85,7 @@
     const title = element("b");
     title.append(role, step.name);
     const facts = [];
+    if (content.misses?.length > 1) facts.push(marks.miss.why);
     if (step.held) facts.push(`holds ${step.held}`);
     if (step.threaded) facts.push(`stays threaded on ${step.threaded}`);
     if (clearance) facts.push(`${clearance.sampled ? "" : "≥ "}${millimetres(clearance.mm)} ${clearance.pair.join(" – ")}`);
@@ -153,14 +160,15 @@
       change(on);
       views.append(made);
     };
-    switchOn("trace", true, (on) => trace.show(on));
+    if (marks) trace.show(false);
+    else switchOn("trace", true, (on) => trace.show(on));
     const known = motion.steps.some((step) => step.kind === "move" && step.clearance !== null);
-    switchOn("clearance", known, (on) => {
+    if (!marks) switchOn("clearance", known, (on) => {
       trace.colour(on ? "clearance" : "role");
       fillLegend(content, trace.mode);
     });
     switchOn("checked", false, (on) => cell.showChecked(on));
-    if (cell.view) switchOn("camera", false, (on) => (cell.view.visible = on));
+    if (cell.view) switchOn("camera", unmissed, (on) => (cell.view.visible = on));
   }
   const showTheme = () => {
     cell?.theme(root.dataset.theme === "dark");
@@ -210,5 +218,5 @@
       })),
     });
   }
-  window.a465 = { content, motion, state, seek, stage, cell, trace, live };
+  window.a465 = { content, motion, state, seek, stage, cell, trace, marks, live };
 })();

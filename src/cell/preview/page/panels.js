@@ -26,7 +26,9 @@ function fillHeading(content, motion) {
   document.getElementById("summary").textContent = [
     content.unit === "none" ? `${motion.chain.length} joints, no unit` : content.unit,
     cubes ? `${cubes} cube${cubes === 1 ? "" : "s"}` : "",
-    content.resting ? content.steps[0].name : `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
+    content.misses ? "there is no plan" : "",
+    content.misses ? "" : content.resting ? content.steps[0].name : `${moves.length} move${moves.length === 1 ? "" : "s"} in ${content.motions} motion${content.motions === 1 ? "" : "s"}, ${clockText(content.motion_s)} of motion at speed ${content.speed}`,
+    content.misses ? armShape(content.arm) : "",
     known.length ? `least clearance ${millimetres(1e3 * Math.min(...known))} (${armShape(content.arm)})` : "",
     erring.length ? `${millimetres(1e3 * Math.min(...erring))} with the arm's errors` : "",
     content.less_clearance,
@@ -44,9 +46,10 @@ function fillHeading(content, motion) {
 
 // Why the motion is refused; a click goes back to that moment.
 function fillRefused(content, seek) {
-  const { refused } = content;
+  const { refused, what } = content;
   const line = document.getElementById("refused");
-  line.hidden = !refused;
+  line.hidden = !refused && !what;
+  if (what) line.append(element("b", "", "refused"), ` ${what}`);
   if (!refused) return;
   line.append(element("b", "", "refused"), ` ${refused.what} `, button("show", () => seek(refused.time_s)));
 }

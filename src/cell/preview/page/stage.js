@@ -103,6 +103,19 @@ class Stage {
     this.drawNow();
   }
 
+  // Draw what another camera sees, where an element is over the canvas.
+  inset(camera, frame) {
+    const [all, part] = [this.canvas.getBoundingClientRect(), frame.getBoundingClientRect()];
+    const box = [part.left - all.left, all.bottom - part.bottom, part.width, part.height];
+    this.renderer.setScissorTest(true);
+    this.renderer.setScissor(...box);
+    this.renderer.setViewport(...box);
+    this.renderer.clear();
+    this.renderer.render(this.scene, camera);
+    this.renderer.setScissorTest(false);
+    this.renderer.setViewport(0, 0, all.width, all.height);
+  }
+
   // Redraw after a motion, shadows included.
   moved() {
     this.renderer.shadowMap.needsUpdate = true;
@@ -118,6 +131,7 @@ class Stage {
     cancelAnimationFrame(this.waiting);
     this.waiting = 0;
     this.renderer.render(this.scene, this.camera);
+    this.drawn?.();
     this.frames = (this.frames || 0) + 1;
   }
 }

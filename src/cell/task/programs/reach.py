@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,10 @@ from cell.program.planning import (
     program_scene,
 )
 from cell.program.program_file import ProgramTask
-from plan.collision.world import World
+from plan.collision.world import Distance, World
 from plan.curve.graph import CurveGraph
+from plan.failure import LINE_BLOCKED, OUT_OF_REACH, Failure, Rejected
+from plan.kinematics.nearest import AskedPose
 from plan.kinematics.numeric_ik import SearchOptions, solve_ik
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.setting import planned_limits
@@ -37,20 +40,30 @@ class StationReach:
         step: name of the path or pose.
         place: along the path from its start, with 0.05 m for each rad of turn; or along the tool's z axis from the
             pose (negative before it), m.
-        position: of the tool, (3,) m.
+        pose: what the tool should reach.
         solutions: number of solutions within the joint limits, over all samples of the free directions; collisions
             are not checked.
+        required: clearance, m.
         best: largest distance of such a solution less the required clearance, m: the first positive one, or the best of
             those that were tried; None without solutions.
         pair: the bodies that are nearest then.
+        at: where they are too near; see `plan.collision.world.World.state`.
     """
 
     step: str
     place: float
-    position: tuple[float, float, float]
+    pose: AskedPose
     solutions: int
-    best: float | None
-    pair: tuple[str, str]
+    required: float
+    best: float | None = None
+    pair: tuple[str, str] = ("", "")
+    at: Mapping[str, Any] | None = None
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """Of the tool, m."""
+        x, y, z = (float(v) for v in self.pose.T_base_tool[:3, 3])
+        return x, y, z
 
     @property
     def free(self) -> bool:
@@ -62,6 +75,16 @@ class StationReach:
         if self.best is None:
             return "out of reach, with all that is free there"
         return "" if self.free else f"{' and '.join(self.pair)} are {-1e3 * self.best:.1f} mm too near"
+
+    def rejected(self) -> Rejected:
+        """Return the station as a rejected way."""
+        where = f"{self.step} at {1e3 * self.place:.0f} mm"
+        if self.best is None:
+            return Rejected(where, self.reason(), pose=self.pose.to_json())
+        lengths = 1e3 * (self.best + self.required), 1e3 * self.required
+        return Rejected(
+            where, self.reason(), pair=self.pair, distance_mm=lengths[0], required_mm=lengths[1], at=self.at
+        )
 
 
 def program_reach(task: ProgramTask, observation: Observation, speed: float) -> tuple[StationReach, ...]:
@@ -104,20 +127,24 @@ def require_reach(stations: tuple[StationReach, ...]) -> None:
             blocked.setdefault(station.step, station)
     if blocked:
         shown = "; ".join(f"{s.step!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in blocked.values())
-        raise ImpossibleError(f"the arm cannot do {shown}; move the workpiece, or free more directions")
+        why = f"the arm cannot do {shown}; move the workpiece, or free more directions"
+        first, *_ = ways = tuple(station.rejected() for station in blocked.values())
+        kind = OUT_OF_REACH if first.pair is None else LINE_BLOCKED
+        failure = Failure(kind, first.where, tuple(blocked), why, ways)
+        raise ImpossibleError(why, failure=failure.to_json())
 
 
 def _of_path(
     world: World, transit: World, graph: CurveGraph, name: str, ends: tuple[int, ...]
 ) -> list[StationReach]:
     """Return the stations of a path; at its `ends` transits begin and end, in which less may touch."""
-    at, worlds = graph.curve.poses(graph.places)[:, :3, 3], [world] * len(graph.places)
+    curve, worlds = graph.curve, [world] * len(graph.places)
     for end in ends:
         worlds[end] = transit
-    columns = zip(graph.places, at, worlds, graph.reached, graph.q, strict=True)
+    columns = zip(graph.places, curve.poses(graph.places), worlds, graph.reached, graph.q, strict=True)
     return [
-        _station(name, float(place), position, of, q[reached], graph.clearance)
-        for place, position, of, reached, q in columns
+        _station(name, float(place), AskedPose(T, curve.freedom, curve.free), of, q[reached], graph.clearance)
+        for place, T, of, reached, q in columns
     ]
 
 
@@ -140,28 +167,25 @@ def _of_pose(
     for place, some in ends.items():
         along = transform(t=(0.0, 0.0, place))
         q = solve_ik(worlds.robot, mul(poses, along), limits.lower, limits.upper, goal.free, options).q
-        at = mul(goal.poses[0], along)[:3, 3]
-        found = [_station(goal.name, place, at, world, q, clearance) for world in some]
+        pose = AskedPose(mul(goal.poses[0], along), goal.freedom, tuple(goal.free))
+        found = [_station(goal.name, place, pose, world, q, clearance) for world in some]
         yield min(found, key=lambda one: -np.inf if one.best is None else one.best)
 
 
-def _station(name: str, place: float, at: Array, world: World, q: Array, clearance: float) -> StationReach:
-    """Return the reach of a station with solutions q (k, n)."""
-    best, pair = _best(world, q, clearance)
-    x, y, z = (float(v) for v in at)
-    return StationReach(name, place, (x, y, z), len(q), best, pair)
-
-
-def _best(world: World, q: Array, clearance: float) -> tuple[float | None, tuple[str, str]]:
-    """Return the first solution (k, 6) that is clear, or the best of those that were tried."""
-    best: float | None = None
-    pair = ("", "")
-    for one in (
-        q[np.unique(np.linspace(0, len(q) - 1, min(len(q), _TRIED)).round().astype(int))] if len(q) else q
-    ):
+def _station(
+    name: str, place: float, pose: AskedPose, world: World, q: Array, clearance: float
+) -> StationReach:
+    """Return the reach of a station with solutions q (k, n): the first one that is clear, or the best of some."""
+    some = np.unique(np.linspace(0, len(q) - 1, min(len(q), _TRIED)).round().astype(int)) if len(q) else []
+    best: tuple[Distance, Array] | None = None
+    for one in q[some]:
         nearest = world.distance(one)
-        if best is None or nearest.value - clearance > best:
-            best, pair = nearest.value - clearance, nearest.pair
-        if best > 0.0:
+        if best is None or nearest.value > best[0].value:
+            best = nearest, one
+        if nearest.value > clearance:
             break
-    return best, pair
+    if best is None:
+        return StationReach(name, place, pose, len(q), clearance)
+    nearest, at = best
+    there = None if nearest.value > clearance else world.state(at)["at"]
+    return StationReach(name, place, pose, len(q), clearance, nearest.value - clearance, nearest.pair, there)

@@ -49,7 +49,10 @@ def find_cause(
         table: reach of all places of the transfers, and of all that could be chosen.
     """
     failure = _Cause(error, scene, transfers, q_start, options, table).found()
-    return ImpossibleError(failure.headline, **error.data, failure=failure.to_json())
+    data = dict(error.data)
+    if "rejected" in data:  # the failure says where those are that matter
+        data["rejected"] = [{k: v for k, v in entry.items() if k != "at"} for entry in data["rejected"]]
+    return ImpossibleError(failure.headline, **data, failure=failure.to_json())
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +88,8 @@ class _Cause:
         closest = world.distance(self.q_start)
         if closest.value >= self.options.clearance:
             return None
-        start = _too_near("start", closest.pair, closest.value, self.options.clearance)
+        near = _Near(closest.pair, closest.value, world.state(self.q_start)["at"])
+        start = _too_near("start", near, self.options.clearance)
         headline = f"the arm cannot leave its start, where {start.reason}"
         return Failure(START_BLOCKED, "start", (), headline, (start,), self._body(closest.pair))
 
@@ -123,8 +127,8 @@ class _Cause:
         grasps = []
         for grasp in hole.feasible():
             entry = entries[grasp.yaw, grasp.branch]
-            pair, value = _nearest(worlds, grasp.q_line, (tuple(entry["pair"]), entry["distance_m"]))
-            grasps.append(_too_near(f"line at {name}", pair, value, self.options.line_clearance, grasp))
+            nearest = _nearest(worlds, grasp.q_line, _Near.of(entry))
+            grasps.append(_too_near(f"line at {name}", nearest, self.options.line_clearance, grasp))
         grasps.sort(key=_miss)
         near, (cube, direction) = grasps[0], self._cube_at(name)
         count = f"all {len(grasps)} grasps in reach are" if len(grasps) > 1 else "the only grasp in reach is"
@@ -164,7 +168,7 @@ class _Cause:
                 body = self._most_named(w.pair for w in tight if w.pair)
                 return Failure(TRANSIT_BLOCKED, step, (name,), headline, tight, body)
         rejected = tuple(
-            _too_near(_where(e), e["pair"], e["distance_m"], self.options.clearance)
+            _too_near(_where(e), _Near.of(e), self.options.clearance)
             for e in (entry, *(e for e in legs if e is not entry))
         )
         return Failure(TRANSIT_BLOCKED, step, stations, entry["reason"], rejected, body)
@@ -176,15 +180,15 @@ class _Cause:
         for grasp in self.table[name].feasible():
             if (grasp.yaw, grasp.branch) in closed:
                 continue
-            pair, value = _nearest(worlds, grasp.q_line[-1:], (("", ""), float("inf")))
-            if value >= required:
+            nearest = _nearest(worlds, grasp.q_line[-1:], _Near(("", ""), float("inf"), None))
+            if nearest.distance >= required:
                 return ()
-            grasps.append(_too_near(where, pair, value, required, grasp))
+            grasps.append(_too_near(where, nearest, required, grasp))
         return tuple(sorted(grasps, key=_miss))
 
     def _after_timing(self, entry: Mapping[str, Any]) -> Failure:
         step, pair, required = entry["step"], entry["pair"], entry["clearance_m"]
-        sent = _too_near(step, pair, entry["distance_m"], required)
+        sent = _too_near(step, _Near.of(entry), required)
         if entry["distance_m"] >= required:
             proved = (
                 f"only {short_of(entry['proved_m'], required)} mm between {pair[0]} and {pair[1]} are proved"
@@ -211,14 +215,28 @@ class _Cause:
         return min(count, key=lambda name: (-count[name], name)) if count else None
 
 
-def _too_near(
-    where: str, pair: Sequence[str], distance: float, required: float, grasp: GraspCandidate | None = None
-) -> Rejected:
-    """Return the rejection of what comes too near to a body; lengths in m."""
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Two bodies, their distance in m, and where that is (`World.state`)."""
+
+    pair: tuple[str, str]
+    distance: float
+    at: Mapping[str, Any] | None
+
+    @staticmethod
+    def of(entry: Mapping[str, Any]) -> _Near:
+        first, second = entry["pair"]
+        return _Near((first, second), entry["distance_m"], entry.get("at"))
+
+
+def _too_near(where: str, near: _Near, required: float, grasp: GraspCandidate | None = None) -> Rejected:
+    """Return the rejection of what comes too near to a body; `required` in m."""
     yaw, branch = (None, None) if grasp is None else (grasp.yaw, grasp.branch)
-    names, lengths = (pair[0], pair[1]), (distance * 1e3, required * 1e3)
-    reason = nearness(pair, distance, required)
-    return Rejected(where, reason, yaw, branch, pair=names, distance_mm=lengths[0], required_mm=lengths[1])
+    names, lengths = near.pair, (near.distance * 1e3, required * 1e3)
+    reason = nearness(names, near.distance, required)
+    return Rejected(
+        where, reason, yaw, branch, pair=names, distance_mm=lengths[0], required_mm=lengths[1], at=near.at
+    )
 
 
 def _miss(grasp: Rejected) -> tuple[object, ...]:
@@ -236,15 +254,13 @@ def _own_name(name: str) -> str:
     return name.split(" at ")[0]
 
 
-def _nearest(
-    worlds: Iterable[World], q: Array, known: tuple[tuple[str, ...], float]
-) -> tuple[tuple[str, ...], float]:
-    """Return the closest pair and its distance over configurations q (m, n), or `known` if that is closer."""
+def _nearest(worlds: Iterable[World], q: Array, known: _Near) -> _Near:
+    """Return the closest pair over configurations q (m, n), or `known` if that is closer."""
     for world in worlds:
         for row in q:
             closest = world.distance(row)
-            if closest.value < known[1] - 1e-9:
-                known = closest.pair, closest.value
+            if closest.value < known.distance - 1e-9:
+                known = _Near(closest.pair, closest.value, world.state(row)["at"])
     return known
 
 

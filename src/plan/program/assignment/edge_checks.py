@@ -54,12 +54,15 @@ class Blocked:
     Attributes:
         by: the site of a cube that may be elsewhere at another time; None for a fixed body.
         check: the pair of bodies, their distance and the place.
+        world, q: where `check` was computed, q (n,) rad.
         end: whether no detour can exist: an end is itself too near, or a body that only the first joint moves has to
             pass there.
     """
 
     by: Site | None
     check: ClearanceCertificate
+    world: World
+    q: Array
     end: bool = False
 
 
@@ -115,7 +118,8 @@ class EdgeChecks:
         for world in self._line_worlds(site, pick, there):
             check = _blocking(world, grasp.q_line, self.options.line_clearance)
             if check is not None:
-                return Blocked(self._by(check, there - {site}), check)
+                q = grasp.q_line[int(check.time)]
+                return Blocked(self._by(check, there - {site}), check, world, q)
         return None
 
     def _line_worlds(self, site: Site, pick: int, there: Arrangement) -> Iterator[World]:
@@ -218,7 +222,8 @@ class EdgeChecks:
             return True
         del self._paths[key]
         if len(path) == 2:
-            self._blocked[key] = Blocked(self._by(check, there - leg.own), check)
+            q = path[0] + check.time * (path[1] - path[0])
+            self._blocked[key] = Blocked(self._by(check, there - leg.own), check, self._world(leg, there), q)
         self._doubted.add(key)
         return False
 
@@ -248,10 +253,10 @@ class EdgeChecks:
             return None
         check = line.seen(world)
         by = self._by(check, there - leg.own)
-        if line.end is not None:
-            return Blocked(by, check, end=True)
-        passed = None if by is not None else self._passed(q_from, q_to, world, check)
-        return Blocked(by, check) if passed is None else Blocked(None, passed, end=True)
+        passed = None if by is not None or line.end is not None else self._passed(q_from, q_to, world, check)
+        check = passed or check
+        q = q_from + check.time * (q_to - q_from)
+        return Blocked(by, check, world, q, end=line.end is not None or passed is not None)
 
     def _passed(
         self, q_from: Array, q_to: Array, world: World, check: ClearanceCertificate
@@ -322,8 +327,9 @@ def _blocking(world: World, q_line: Array, clearance: float) -> ClearanceCertifi
     return min(found, key=lambda check: check.seen, default=None)
 
 
-def line_error(grasp: GraspCandidate, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
+def line_error(grasp: GraspCandidate, blocked: Blocked, clearance: float) -> ImpossibleError:
     """Return the refusal of a line."""
+    check = blocked.check
     return ImpossibleError(
         f"on the line at {grasp.hole} (yaw {grasp.yaw}, {grasp.branch}) "
         f"{nearness(check.pair, check.seen, clearance)}",
@@ -332,6 +338,7 @@ def line_error(grasp: GraspCandidate, check: ClearanceCertificate, clearance: fl
         branch=grasp.branch,
         pair=list(check.pair),
         distance_m=check.seen,
+        **blocked.world.state(blocked.q),
     )
 
 
@@ -359,4 +366,5 @@ def leg_error(leg: Leg, blocked: Blocked, clearance: float, worlds: TaskWorlds) 
         ways=list(leg.grasps),
         pair=list(names),
         distance_m=check.seen,
+        **blocked.world.state(blocked.q),
     )

@@ -223,7 +223,7 @@ class TaskSearch:
             blocked = self.edges.line(grasp, stop.site, pick.site.number, now)
             if blocked is not None:
                 self.costs.close_line(stop, blocked.by)
-                self._reject(line_error(grasp, blocked.check, self.options.line_clearance))
+                self._reject(line_error(grasp, blocked, self.options.line_clearance))
                 clear = False
         return clear
 

@@ -12,6 +12,7 @@ from arm.se3 import Array
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
+from plan.kinematics.nearest import AskedPose
 from plan.kinematics.numeric_ik import SearchOptions, Solutions, solve_ik
 from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.program.goals.attachments import AttachmentWorlds
@@ -126,6 +127,7 @@ class Candidates:
         free += " and anything within its ranges and tilt" if target.freedom else ""
         place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
+        asked = AskedPose(T_base_tool, target.freedom, tuple(target.free)).to_json()
         if has_closed_form(self.robot):
             reports = explain_pose(self.robot, T_base_tool, self.limits.lower, self.limits.upper)
             best = min(reports, key=lambda report: report.miss)
@@ -137,6 +139,7 @@ class Candidates:
                 joint=None if best.outside > 0.0 else best.joint,
                 excess_rad=best.excess,
                 outside_m=best.outside,
+                pose=asked,
             )
         return ImpossibleError(
             f"{head}: none of {self.ik.starts} starts of the numerical search converged; try another pose, more free "
@@ -144,6 +147,7 @@ class Candidates:
             target=target.name,
             solutions=0,
             joint=None,
+            pose=asked,
         )
 
     def free(self, group: range, solutions: Solutions) -> Solutions:
@@ -197,6 +201,7 @@ class Candidates:
             pair=list(best.pair),
             distance_m=best.value,
             clearance_m=clearance,
+            **world.state(at),
         )
 
     def not_followed(self, number: int, why: Sequence[ImpossibleError]) -> ImpossibleError:

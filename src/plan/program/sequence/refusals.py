@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +24,11 @@ from plan.transit.straight import StraightLine
 
 
 def end_blocked(
-    before: str, name: str, end: str, seen: ClearanceCertificate, clearance: float
+    before: str, name: str, line: StraightLine, world: World, clearance: float
 ) -> ImpossibleError:
-    """Return the refusal of a transit that begins (``from``) or ends (``to``) too near; `clearance` is required, m."""
-    where, verb = (before, "starts") if end == "from" else (name, "ends")
+    """Return the refusal of a transit with an end that is itself too near; `clearance` is required, m."""
+    at_start, seen = line.end == "from", line.seen(world)
+    where, verb = (before, "starts") if at_start else (name, "ends")
     pair, distance = seen.pair, seen.seen
     return ImpossibleError(
         f"the transit from {before} to {name} {verb} too near to a body: at {where}, {pair[0]} is "
@@ -37,6 +39,7 @@ def end_blocked(
         pair=list(pair),
         distance_m=distance,
         clearance_m=clearance,
+        **world.state(line.a if at_start else line.b),
     )
 
 
@@ -69,11 +72,14 @@ def straight_blocked(
         pair=list(check.pair),
         distance_m=check.seen,
         clearance_m=asked,
+        **world.state(line.a + check.time * (line.b - line.a)),
     )
 
 
-def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: float) -> ImpossibleError:
-    """Return the refusal of a line with two bodies too near."""
+def line_blocked(
+    role: str, name: str, check: ClearanceCertificate, clearance: float, at: Mapping[str, Any]
+) -> ImpossibleError:
+    """Return the refusal of a line with two bodies too near; `at`: `World.state` there."""
     return ImpossibleError(
         f"on the {role} at {name} {check.pair[0]} comes within {check.seen * 1e3:.1f} mm of {check.pair[1]} "
         f"({_asked(check, clearance)}); allow that contact on this line, move the goal or the body, or rotate the pose",
@@ -83,6 +89,7 @@ def line_blocked(role: str, name: str, check: ClearanceCertificate, clearance: f
         pair=list(check.pair),
         distance_m=check.seen,
         clearance_m=clearance,
+        **at,
     )
 
 
@@ -122,6 +129,7 @@ def _failure(error: ImpossibleError, arm: Collection[str]) -> Failure | None:
             pair=(str(pair[0]), str(pair[1])),
             distance_mm=1e3 * float(data["distance_m"]),
             required_mm=1e3 * float(data["clearance_m"]) if "clearance_m" in data else None,
+            at=data.get("at"),
         )
         return Failure(_kind(error), way.where, stations, headline, (way,), body)
     if target is None:
@@ -135,6 +143,7 @@ def _failure(error: ImpossibleError, arm: Collection[str]) -> Failure | None:
         joint=joint,
         excess_deg=None if joint is None or excess is None else float(np.degrees(excess)),
         outside_mm=1e3 * float(outside) if outside else None,
+        pose=data.get("pose"),
     )
     return Failure(OUT_OF_REACH, way.where, stations, headline, (way,))
 

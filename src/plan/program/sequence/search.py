@@ -279,9 +279,7 @@ class PoseSearch:
         while line.end is not None:
             left = self._left(prefix, line) if self.options.near_ends else None
             if left is None:
-                self._refused[number].append(
-                    end_blocked(before.name, layer.name, line.end, line.seen(world), asked)
-                )
+                self._refused[number].append(end_blocked(before.name, layer.name, line, world, asked))
                 return None
             near.append(left)
             a, b = (left.waypoint, b) if line.end == "from" else (a, left.waypoint)
@@ -351,7 +349,8 @@ class PoseSearch:
                 check = certify_curve(world, curve_of_path(item.path.spline), clearance)
                 self._clear_lines[key] = check.proved
                 if not check.proved:
-                    self._refused[number].append(line_blocked(item.role, target.name, check, asked))
+                    there = world.state(item.path.spline(check.time))
+                    self._refused[number].append(line_blocked(item.role, target.name, check, asked, there))
             if not self._clear_lines[key]:
                 return None
         return state

@@ -275,7 +275,8 @@ def test_only_what_blocks_at_every_time_is_learnt_from_a_sample(
     """A cube may be gone when the leg is used; and of a leg without a detour the others are no copies."""
     search = search_of(task2(cubes=2), OPTIONS)
     check = ClearanceCertificate(0.0, 0.0, ("palm", "wall"), 0.5, False, 1)
-    monkeypatch.setattr(search.edges, "straight", lambda leg, now: Blocked(by, check, end))
+    blocked = Blocked(by, check, search.worlds.empty(search.worlds.start), np.zeros(6), end)
+    monkeypatch.setattr(search.edges, "straight", lambda leg, now: blocked)
     legs = list(search.costs.fastest_unchecked())
     search._probe()
     assert {search.costs.is_blocked(leg, None) for leg in legs} == {by is None and not end}

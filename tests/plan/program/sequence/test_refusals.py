@@ -43,10 +43,13 @@ WALL = ClearanceCertificate(0.004, 0.004, ("palm", "wall"), 0.25, False, 1)
 @pytest.mark.parametrize(
     ("end", "says", "at"), [("from", "starts too near", "a"), ("to", "ends too near", "b")]
 )
-def test_the_end_of_a_transit_that_is_too_near_is_named(end: str, says: str, at: str) -> None:
-    error = end_blocked("a", "b", end, WALL, 0.01)
+def test_the_end_of_a_transit_that_is_too_near_is_named(robot: Robot, end: str, says: str, at: str) -> None:
+    q_a, q_b = Q_START, Q_START + 0.1
+    line = StraightLine(q_a, q_b, 0.01, False, float(end == "to"), end, check=WALL)
+    error = end_blocked("a", "b", line, World(robot, []), 0.01)
     assert f"the transit from a to b {says} to a body: at {at}, palm is 4.0 mm from wall" in str(error)
     assert error.data["target"] == at
+    assert error.data["at"]["q"] == pytest.approx(q_a if end == "from" else q_b)
 
 
 def test_a_search_that_was_not_made_is_told_as_such(robot: Robot) -> None:
@@ -60,7 +63,7 @@ def test_a_search_that_was_not_made_is_told_as_such(robot: Robot) -> None:
 def test_the_nearest_miss_lacks_least() -> None:
     """Least clearance where bodies are too near, and least of the way to a body that is out of hand."""
     away = np.random.default_rng(0).uniform(0.0, 0.01, 20)
-    near = [line_blocked("line", "b", replace(WALL, seen=float(x)), 0.01) for x in away]
+    near = [line_blocked("line", "b", replace(WALL, seen=float(x)), 0.01, {}) for x in away]
     assert min(near, key=miss).data["distance_m"] == max(away)
     assert miss(near[0]) == pytest.approx(0.01 - away[0])
     target = Target("a", q=Q_START, attach="cup")

@@ -1,0 +1,207 @@
+"use strict";
+// What a refusal marks in the picture: both bodies in red and named, their nearest points, places out of reach.
+
+const CIRCLE_M = 0.03; // radius of the circle at a place
+const CIRCLE_POINTS = 48;
+const CLOSE_M = [0.045, 0.16]; // least and usual half height of a close-up
+const LABEL_GAP = 6;
+const RED = { opacity: [1, 0.7] }; // of the two bodies: one inside the other is seen
+
+class Marks {
+  constructor(content, cell, stage) {
+    Object.assign(this, { content, cell, stage });
+    this.views = ["marks", "close-marks"].map((id) => document.getElementById(id));
+    document.body.classList.add("refusal");
+    const [{ pair, away }] = content.misses;
+    const missed = pair.length || away !== null;
+    const title = content.misses.length > 1 ? "Nearest misses" : missed ? "Nearest miss" : "The arm";
+    document.getElementById("list-title").textContent = title;
+    fillAdvice(content);
+    if (!stage) return;
+    for (const cube of cell.cubes) cube.mesh.material.color.set(CUBE_COLOURS[2]); // none of them red
+    this.camera = new THREE.PerspectiveCamera(stage.camera.fov, 1, 0.005, 30);
+    this.camera.up.set(0, 0, 1);
+    stage.drawn = () => this.draw();
+  }
+
+  show(index) {
+    this.miss = this.content.misses[index];
+    this.cell?.mark(this.miss.pair, RED.opacity);
+    const list = document.querySelector("#miss dl");
+    list.replaceChildren();
+    document.querySelector("#miss h2").textContent = this.miss.points ? "Checked again here" : "Marked";
+    for (const [name, value] of missFacts(this.miss)) list.append(element("dt", "", name), element("dd", "", value));
+    document.getElementById("miss").hidden = !list.children.length;
+    if (this.stage) this.aim();
+  }
+
+  // Points that the picture is about.
+  about() {
+    const { points, places, away, distance } = this.miss;
+    const found = (points || []).map((p) => new THREE.Vector3(...p));
+    // of bodies that overlap, the deepest points may be on their far sides
+    const shown = distance > 0 || found.length < 2 ? found : [found[0].lerp(found[1], 0.5)];
+    for (const { T } of places) shown.push(new THREE.Vector3(T[3], T[7], T[11]));
+    if (away !== null) shown.push(this.tool());
+    return shown;
+  }
+
+  // Points of all misses.
+  static places(content) {
+    const found = content.misses.flatMap(({ points, places }) => [...(points || []), ...places.map(({ T }) => [T[3], T[7], T[11]])]);
+    return found.map((p) => new THREE.Vector3(...p));
+  }
+
+  tool() {
+    this.cell.triad.updateMatrixWorld(true);
+    return new THREE.Vector3().setFromMatrixPosition(this.cell.triad.matrixWorld);
+  }
+
+  // The close-up: across the line between the points, else as the whole picture is seen.
+  aim() {
+    const points = this.about();
+    document.getElementById("close").hidden = !points.length;
+    if (!points.length) return;
+    const { camera, stage } = this;
+    const middle = points.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(points.length);
+    const far = Math.max(...points.map((p) => p.distanceTo(middle)));
+    const line = points.length > 1 && far > 0 ? points[0].clone().sub(middle).normalize() : new THREE.Vector3();
+    const back = stage.camera.position.clone().sub(stage.controls.target).normalize();
+    back.addScaledVector(line, -back.dot(line));
+    if (back.length() < 0.1) back.set(1, -1, 0.3);
+    const half = far > 0 ? Math.min(Math.max(3 * far, CLOSE_M[0]), Math.max(CLOSE_M[1], 1.5 * far)) : CLOSE_M[1];
+    camera.position.copy(middle).addScaledVector(back.normalize(), half / Math.tan((camera.fov * Math.PI) / 360));
+    camera.lookAt(middle);
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld(true);
+    stage.draw();
+  }
+
+  // ---- drawn over the picture at every frame
+  draw() {
+    if (!this.miss) return;
+    const [whole, close] = this.views;
+    this.over(whole, this.stage.camera, true);
+    const frame = document.getElementById("close");
+    if (frame.hidden) return;
+    this.stage.inset(this.camera, frame);
+    this.over(close, this.camera, false);
+  }
+
+  over(svg, camera, named) {
+    const { miss } = this;
+    const [width, height] = [svg.clientWidth, svg.clientHeight];
+    const flat = (p) => {
+      const v = p.clone().project(camera);
+      return { x: ((v.x + 1) / 2) * width, y: ((1 - v.y) / 2) * height };
+    };
+    const points = this.about().map(flat);
+    const made = [];
+    const labels = [];
+    for (const { T } of miss.places) {
+      const pose = matrix(T);
+      const ring = Array.from({ length: CIRCLE_POINTS }, (_, i) => {
+        const turn = (2 * Math.PI * i) / CIRCLE_POINTS;
+        return flat(new THREE.Vector3(CIRCLE_M * Math.cos(turn), CIRCLE_M * Math.sin(turn), 0).applyMatrix4(pose));
+      });
+      made.push(shape("path", { d: `M${ring.map((p) => `${p.x} ${p.y}`).join("L")}Z`, class: "ring" }));
+    }
+    const [a, b = a] = points;
+    if (a && (miss.points || miss.away !== null)) {
+      const middle = { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 };
+      if (miss.points && named) made.push(shape("circle", { cx: middle.x, cy: middle.y, r: 15, class: "ring" }));
+      made.push(shape("line", { x1: a.x, y1: a.y, x2: b.x, y2: b.y, class: "between" }));
+      for (const p of b === a ? [a] : [a, b]) made.push(shape("circle", { cx: p.x, cy: p.y, r: 3, class: "point" }));
+      if (named) labels.push({ at: middle, dx: 40, dy: -54, text: miss.points ? distanceText(miss) : awayText(miss), strong: true });
+    }
+    if (named) {
+      miss.pair.forEach((name, i) => labels.push({ at: this.middle(name, flat) || a, dx: 70, dy: i ? 26 : -20, left: !i, text: name }));
+      if (this.cell.view?.visible) labels.push({ at: flat(this.cell.view.corner), dx: 20, dy: -24, text: "what the camera sees" });
+      miss.places.forEach(({ name }, i) => labels.push({ at: points[i], dx: 50, dy: 34, left: true, text: name }));
+    }
+    svg.replaceChildren(...made);
+    placeLabels(svg, labels, width, height);
+  }
+
+  // The middle of a body in the picture.
+  middle(name, flat) {
+    let part = null;
+    this.cell.named.get(name)?.traverse((one) => (part ||= one.isMesh ? one : null));
+    if (!part) return null;
+    part.geometry.computeBoundingBox();
+    const { min, max } = part.geometry.boundingBox;
+    return flat(min.clone().lerp(max, 0.5).applyMatrix4(part.matrixWorld));
+  }
+}
+
+function shape(tag, attributes, text = "") {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.textContent = text;
+  return made;
+}
+
+// Each label beside its place, inside the picture, and none over another.
+function placeLabels(svg, labels, width, height) {
+  const taken = [];
+  for (const { at, dx, dy, left, text, strong } of labels) {
+    const words = shape("text", { class: strong ? "strong" : "" }, text);
+    svg.append(words);
+    const box = { w: words.getComputedTextLength() + 12, h: 20 };
+    const within = (v, most) => Math.min(Math.max(v, 4), Math.max(4, most - 4));
+    box.x = within(left ? at.x - dx - box.w : at.x + dx, width - box.w);
+    box.y = within(at.y + dy - box.h / 2, height - box.h);
+    const free = () => taken.every((t) => box.x + box.w < t.x || t.x + t.w < box.x || box.y + box.h < t.y || t.y + t.h < box.y);
+    for (let k = 1; !free() && k < 40; k++) box.y = within(at.y + dy - box.h / 2 + (k % 2 ? k : -k) * LABEL_GAP, height - box.h);
+    taken.push(box);
+    const near = { x: Math.min(Math.max(at.x, box.x), box.x + box.w), y: Math.min(Math.max(at.y, box.y), box.y + box.h) };
+    svg.insertBefore(shape("line", { x1: at.x, y1: at.y, x2: near.x, y2: near.y, class: "leader" }), words);
+    svg.insertBefore(shape("rect", { x: box.x, y: box.y, width: box.w, height: box.h, rx: 5, class: strong ? "strong" : "" }), words);
+    words.setAttribute("x", box.x + 6);
+    words.setAttribute("y", box.y + 14);
+  }
+}
+
+// The depth of an overlap may be measured through the far side of a body, so it is not told.
+function distanceText({ distance }) {
+  return distance > 0 ? `${millimetres(1e3 * distance)} apart` : "inside each other";
+}
+
+function awayText({ away, turned }) {
+  const parts = [];
+  if (away >= 5e-5) parts.push(millimetres(1e3 * away));
+  if (turned >= 5e-4) parts.push(`${((180 / Math.PI) * turned).toFixed(1)}°`);
+  return parts.length ? `missed by ${parts.join(" and ")}` : "this pose alone can be reached";
+}
+
+function missFacts(miss) {
+  const mm = (p) => `${p.map((v) => (1e3 * v).toFixed(1)).join(", ")} mm`;
+  const rows = [];
+  if (miss.points) rows.push(["bodies", miss.pair.join(" – ")], ["distance", distanceText(miss).replace(" apart", "")]);
+  if (miss.points && miss.required !== null) rows.push(["required", millimetres(1e3 * miss.required)]);
+  if (miss.distance > 0) miss.pair.forEach((name, i) => rows.push([`point of ${name}`, mm(miss.points[i])]));
+  for (const { name, T } of miss.places) rows.push(["place", `${name} at ${mm([T[3], T[7], T[11]])}`]);
+  if (miss.away !== null) rows.push(["the tool there", awayText(miss)]);
+  return rows;
+}
+
+// One row for each miss, below where it is; returns them.
+function fillMisses(content, onStep) {
+  const list = document.getElementById("list");
+  const many = content.misses.length > 1; // of a single one the refusal says why
+  let where = null;
+  return content.misses.map((miss, index) => {
+    if (many && miss.where !== where) list.append(element("h3", "", (where = miss.where)));
+    const row = button("", () => onStep(index));
+    row.append(element("b", "", many ? miss.way || "here" : [miss.where, miss.way].filter(Boolean).join(", ")));
+    if (many) row.append(element("span", "muted", miss.why));
+    list.append(row);
+    return row;
+  });
+}
+
+function fillAdvice(content) {
+  const box = document.getElementById("advice");
+  box.hidden = !content.advice.length;
+  for (const text of content.advice) box.querySelector("ul").append(element("li", "", text));
+}
