@@ -19,6 +19,9 @@ _STARTS = 12  # random ones, besides those that are given
 _ROUNDS = 150
 _STEP = 1e-7  # rad, for slopes
 _LEAST = 1e-9  # of a slope's square
+_ALIKE = (
+    0.02  # of configurations that are this much further away, the one nearest to the first start is taken
+)
 _TURNS = 4.0 * np.pi
 
 
@@ -87,6 +90,7 @@ def nearest_configuration(
 
     tried = np.random.default_rng(seed).uniform(lower, upper, (_STARTS, len(lower)))
     q = np.clip(np.stack([*starts, 0.5 * (lower + upper), *tried]), lower, upper)
+    reference = q[0]
     now, damping = off(q), np.full(len(q), 1e-3)
     for _ in range(_ROUNDS):
         slope = np.swapaxes((off(q[:, None] + _STEP * np.eye(len(lower))) - now[:, None]) / _STEP, 1, 2)
@@ -106,7 +110,9 @@ def nearest_configuration(
         better = (then**2).sum(axis=1) < (now**2).sum(axis=1)
         q, now = np.where(better[:, None], there, q), np.where(better[:, None], then, now)
         damping = np.clip(damping * np.where(better, 0.3, 4.0), 1e-12, 1e6)
-    best = q[int(np.argmin(np.round((now**2).sum(axis=1), 12)))]
+    off_by = np.sqrt((now**2).sum(axis=1))
+    alike = q[off_by <= off_by.min() * (1.0 + _ALIKE) + _LEAST]
+    best = alike[int(np.argmin(np.round(np.abs(alike - reference).max(axis=1), 6)))]
     away, turned = pose.freedom.excess(pose.T_base_tool, arm.tool_poses(best[None])[0], pose.free)
     return Nearest(frozen(best), float(away), float(turned))
 

@@ -105,16 +105,25 @@ class Cell3D {
 
   // Bodies in red: those that are too close. What was red before gets its own colours again.
   mark(names, opacity = [1, 1]) {
-    for (const [part, material] of this.marked || []) part.material = material;
+    for (const [part, material, ...shells] of this.marked || []) {
+      part.material = material;
+      part.remove(...shells);
+    }
     this.marked = [];
+    const still = new Set(this.content.bodies.map((body) => body.name));
     names.forEach((name, i) => {
-      const red = standardMaterial(styleColour("warn"), 0.5);
+      const [red, through] = [1, 2].map(() => standardMaterial(styleColour("warn"), 0.5));
       Object.assign(red, { transparent: opacity[i] < 1, opacity: opacity[i] });
-      this.named.get(name)?.traverse((part) => {
-        if (!part.isMesh) return;
-        this.marked.push([part, part.material]);
+      Object.assign(through, { transparent: true, opacity: 0.3, depthTest: false, depthWrite: false });
+      const parts = [];
+      this.named.get(name)?.traverse((part) => part.isMesh && parts.push(part));
+      for (const part of parts) {
+        // a part of the arm may be behind or inside others
+        const shells = still.has(name) ? [] : [Object.assign(new THREE.Mesh(part.geometry, through), { renderOrder: 2 })];
+        this.marked.push([part, part.material, ...shells]);
         part.material = red;
-      });
+        if (shells.length) part.add(...shells);
+      }
     });
   }
 

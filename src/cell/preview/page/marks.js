@@ -35,21 +35,25 @@ class Marks {
     if (this.stage) this.aim();
   }
 
-  // Points that the picture is about.
-  about() {
+  // What is joined by a line: the nearest points of the bodies, or the tool and where it should be.
+  ends() {
     const { points, places, away, distance } = this.miss;
-    const found = (points || []).map((p) => new THREE.Vector3(...p));
-    // of bodies that overlap, the deepest points may be on their far sides
-    const shown = distance > 0 || found.length < 2 ? found : [found[0].lerp(found[1], 0.5)];
-    for (const { T } of places) shown.push(new THREE.Vector3(T[3], T[7], T[11]));
-    if (away !== null) shown.push(this.tool());
-    return shown;
+    if (points) {
+      const [one, other] = points.map((p) => new THREE.Vector3(...p));
+      // of bodies that overlap, the deepest points may be on their far sides
+      return distance > 0 ? [one, other] : [one.lerp(other, 0.5)];
+    }
+    return away === null ? [] : [this.tool(), Marks.centre(places[0])];
+  }
+
+  static centre({ T }) {
+    return new THREE.Vector3(T[3], T[7], T[11]);
   }
 
   // Points of all misses.
   static places(content) {
-    const found = content.misses.flatMap(({ points, places }) => [...(points || []), ...places.map(({ T }) => [T[3], T[7], T[11]])]);
-    return found.map((p) => new THREE.Vector3(...p));
+    const each = ({ points, places }) => [...(points || []).map((p) => new THREE.Vector3(...p)), ...places.map(Marks.centre)];
+    return content.misses.flatMap(each);
   }
 
   tool() {
@@ -59,13 +63,17 @@ class Marks {
 
   // The close-up: across the line between the points, else as the whole picture is seen.
   aim() {
-    const points = this.about();
-    document.getElementById("close").hidden = !points.length;
+    const ends = this.ends();
+    const points = ends.length ? ends : this.miss.places.map(Marks.centre);
+    const frame = document.getElementById("close");
+    frame.hidden = !points.length;
     if (!points.length) return;
     const { camera, stage } = this;
     const middle = points.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(points.length);
     const far = Math.max(...points.map((p) => p.distanceTo(middle)));
     const line = points.length > 1 && far > 0 ? points[0].clone().sub(middle).normalize() : new THREE.Vector3();
+    stage.camera.updateMatrixWorld(true);
+    frame.classList.toggle("right", middle.clone().project(stage.camera).x < 0); // beside what it shows
     const back = stage.camera.position.clone().sub(stage.controls.target).normalize();
     back.addScaledVector(line, -back.dot(line));
     if (back.length() < 0.1) back.set(1, -1, 0.3);
@@ -95,7 +103,6 @@ class Marks {
       const v = p.clone().project(camera);
       return { x: ((v.x + 1) / 2) * width, y: ((1 - v.y) / 2) * height };
     };
-    const points = this.about().map(flat);
     const made = [];
     const labels = [];
     for (const { T } of miss.places) {
@@ -106,8 +113,9 @@ class Marks {
       });
       made.push(shape("path", { d: `M${ring.map((p) => `${p.x} ${p.y}`).join("L")}Z`, class: "ring" }));
     }
-    const [a, b = a] = points;
-    if (a && (miss.points || miss.away !== null)) {
+    const ends = this.ends().map(flat);
+    const [a, b = a] = ends;
+    if (a) {
       const middle = { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 };
       if (miss.points && named) made.push(shape("circle", { cx: middle.x, cy: middle.y, r: 15, class: "ring" }));
       made.push(shape("line", { x1: a.x, y1: a.y, x2: b.x, y2: b.y, class: "between" }));
@@ -117,10 +125,10 @@ class Marks {
     if (named) {
       miss.pair.forEach((name, i) => labels.push({ at: this.middle(name, flat) || a, dx: 70, dy: i ? 26 : -20, left: !i, text: name }));
       if (this.cell.view?.visible) labels.push({ at: flat(this.cell.view.corner), dx: 20, dy: -24, text: "what the camera sees" });
-      miss.places.forEach(({ name }, i) => labels.push({ at: points[i], dx: 50, dy: 34, left: true, text: name }));
+      for (const place of miss.places) labels.push({ at: flat(Marks.centre(place)), dx: 50, dy: 34, left: true, text: place.name });
     }
     svg.replaceChildren(...made);
-    placeLabels(svg, labels, width, height);
+    placeLabels(svg, labels, width, height, named ? ["close", "views"].map((id) => document.getElementById(id)) : []);
   }
 
   // The middle of a body in the picture.
@@ -141,22 +149,30 @@ function shape(tag, attributes, text = "") {
   return made;
 }
 
-// Each label beside its place, inside the picture, and none over another.
-function placeLabels(svg, labels, width, height) {
-  const taken = [];
+// Each label beside its place, inside the picture, and none over another or over one of the `others`, elements.
+function placeLabels(svg, labels, width, height, others) {
+  const all = svg.getBoundingClientRect();
+  const taken = others.filter((one) => one.getClientRects().length).map((one) => {
+    const { left, top, width: w, height: h } = one.getBoundingClientRect();
+    return { x: left - all.left, y: top - all.top, w, h };
+  });
   for (const { at, dx, dy, left, text, strong } of labels) {
     const words = shape("text", { class: strong ? "strong" : "" }, text);
     svg.append(words);
-    const box = { w: words.getComputedTextLength() + 12, h: 20 };
+    const [w, h] = [words.getComputedTextLength() + 12, 20];
     const within = (v, most) => Math.min(Math.max(v, 4), Math.max(4, most - 4));
-    box.x = within(left ? at.x - dx - box.w : at.x + dx, width - box.w);
-    box.y = within(at.y + dy - box.h / 2, height - box.h);
-    const free = () => taken.every((t) => box.x + box.w < t.x || t.x + t.w < box.x || box.y + box.h < t.y || t.y + t.h < box.y);
-    for (let k = 1; !free() && k < 40; k++) box.y = within(at.y + dy - box.h / 2 + (k % 2 ? k : -k) * LABEL_GAP, height - box.h);
+    const places = Array.from({ length: 60 }, (_, k) => {
+      const toLeft = Boolean(left) !== (k % 2 === 1); // the usual side, then the other, ever further up and down
+      const shift = LABEL_GAP * Math.ceil(Math.floor(k / 2) / 2) * (Math.floor(k / 2) % 2 ? 1 : -1);
+      return { x: within(toLeft ? at.x - dx - w : at.x + dx, width - w), y: within(at.y + dy - h / 2 + shift, height - h), w, h };
+    });
+    const free = (p) => taken.every((t) => p.x + p.w < t.x || t.x + t.w < p.x || p.y + p.h < t.y || t.y + t.h < p.y);
+    const box = places.find(free) || places[0];
     taken.push(box);
-    const near = { x: Math.min(Math.max(at.x, box.x), box.x + box.w), y: Math.min(Math.max(at.y, box.y), box.y + box.h) };
+    const near = { x: Math.min(Math.max(at.x, box.x), box.x + w), y: Math.min(Math.max(at.y, box.y), box.y + h) };
+    const style = strong ? "strong" : "";
     svg.insertBefore(shape("line", { x1: at.x, y1: at.y, x2: near.x, y2: near.y, class: "leader" }), words);
-    svg.insertBefore(shape("rect", { x: box.x, y: box.y, width: box.w, height: box.h, rx: 5, class: strong ? "strong" : "" }), words);
+    svg.insertBefore(shape("rect", { x: box.x, y: box.y, width: w, height: h, rx: 5, class: style }), words);
     words.setAttribute("x", box.x + 6);
     words.setAttribute("y", box.y + 14);
   }
@@ -180,7 +196,7 @@ function missFacts(miss) {
   if (miss.points) rows.push(["bodies", miss.pair.join(" – ")], ["distance", distanceText(miss).replace(" apart", "")]);
   if (miss.points && miss.required !== null) rows.push(["required", millimetres(1e3 * miss.required)]);
   if (miss.distance > 0) miss.pair.forEach((name, i) => rows.push([`point of ${name}`, mm(miss.points[i])]));
-  for (const { name, T } of miss.places) rows.push(["place", `${name} at ${mm([T[3], T[7], T[11]])}`]);
+  for (const { name, T } of miss.places) rows.push([name, mm([T[3], T[7], T[11]])]);
   if (miss.away !== null) rows.push(["the tool there", awayText(miss)]);
   return rows;
 }

@@ -50,8 +50,8 @@ class Miss:
         distance: of the two at q, m, as computed for the page.
         points: their nearest points, (2, 3) m.
         required: m, or None if it is not known.
-        places: marked with circles.
-        away, turned: by how much the tool misses the first place, m and rad; None if it does not.
+        places: marked with circles; the first one is that to which the tool should come.
+        away, turned: by how much the tool misses it, m and rad; None if it does not.
     """
 
     where: str
@@ -104,14 +104,14 @@ def misses_of(
     ways = failure.ways if failure is not None else _ways(error)
     shown: dict[str, Miss] = {}
     for way in ways:
-        # of a pose that is out of reach, every branch has the same nearest configuration
-        key = f"{way.where} {way.yaw} {way.branch}" if way.pair else f"{way.where} {way.yaw}"
+        # the configuration nearest to a place that is out of reach belongs to no yaw and no branch
+        key = f"{way.where} {way.yaw} {way.branch}" if way.pair else way.where
         if key in shown or len(shown) == MOST:
             continue
         if way.at is not None:
             shown[key] = _of_bodies(way, setting)
         elif way.pose is not None:
-            shown[key] = _of_pose(way, setting, q_start)
+            shown[key] = _of_pose(way, setting, q_start, known)
     return list(shown.values()) or _named(error, setting, q_start, known)
 
 
@@ -196,12 +196,13 @@ def _cubes(
     return tuple(found)
 
 
-def _of_pose(way: Rejected, setting: Setting, q_start: Array) -> Miss:
+def _of_pose(way: Rejected, setting: Setting, q_start: Array, known: Mapping[str, Array]) -> Miss:
     """Return a miss of a pose that is out of reach, with the arm as near to it as it can be."""
     pose, robot = asked_pose_from_json(way.pose or {}), setting.scene.robot_open
     limits = planned_limits(setting.limits, setting.options, setting.unit)
     nearest = nearest_configuration(robot, pose, limits.lower, limits.upper, [q_start])
-    place = Place(way.where.removeprefix("line at ").removeprefix("target "), pose.T_base_tool)
+    hole = way.where.removeprefix("line at ")
+    place = Place(way.where.removeprefix("target "), pose.T_base_tool)
     return Miss(
         way.where,
         _way(way),
@@ -209,7 +210,7 @@ def _of_pose(way: Rejected, setting: Setting, q_start: Array) -> Miss:
         nearest.q,
         robot,
         _standing(setting),
-        places=(place,),
+        places=(place, *(Place(name, T) for name, T in known.items() if name == hole)),
         away=nearest.away,
         turned=nearest.turned,
     )

@@ -176,9 +176,9 @@ def _station(
     name: str, place: float, pose: AskedPose, world: World, q: Array, clearance: float
 ) -> StationReach:
     """Return the reach of a station with solutions q (k, n): the first one that is clear, or the best of some."""
-    some = np.unique(np.linspace(0, len(q) - 1, min(len(q), _TRIED)).round().astype(int)) if len(q) else []
+    some = np.linspace(0, max(len(q) - 1, 0), min(len(q), _TRIED)).round().astype(int)
     best: tuple[Distance, Array] | None = None
-    for one in q[some]:
+    for one in q[np.unique(some)]:
         nearest = world.distance(one)
         if best is None or nearest.value > best[0].value:
             best = nearest, one
