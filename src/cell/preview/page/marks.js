@@ -123,7 +123,10 @@ class Marks {
       if (named) labels.push({ at: middle, dx: 40, dy: -54, text: miss.points ? distanceText(miss) : awayText(miss), strong: true });
     }
     if (named) {
-      miss.pair.forEach((name, i) => labels.push({ at: this.middle(name, flat) || a, dx: 70, dy: i ? 26 : -20, left: !i, text: name }));
+      miss.pair.forEach((name, i) => {
+        const at = this.middle(name, flat) || a;
+        if (at) labels.push({ at, dx: 70, dy: i ? 26 : -20, left: a && at.x !== a.x ? at.x < a.x : !i, text: name });
+      });
       if (this.cell.view?.visible) labels.push({ at: flat(this.cell.view.corner), dx: 20, dy: -24, text: "what the camera sees" });
       for (const place of miss.places) labels.push({ at: flat(Marks.centre(place)), dx: 50, dy: 34, left: true, text: place.name });
     }

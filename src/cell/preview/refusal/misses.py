@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from arm.errors import ImpossibleError, InputError
 from arm.robot.jaws import after_closing
 from arm.robot.model import Robot
-from arm.robot.shapes import Body
+from arm.robot.shapes import Body, body_from_json
 from arm.se3 import Array, frozen
 from cell.preview.overlays import pose_numbers
-from plan.collision.world import World
+from plan.collision.world import World, distance_of
 from plan.failure import Rejected, failure_in
 from plan.kinematics.nearest import asked_pose_from_json, nearest_configuration
 from plan.program.setting import Setting, planned_limits
@@ -134,10 +134,20 @@ def _named(
         some = data.get(key, ())
         names += [some] if isinstance(some, str) else list(some)
     places = tuple(Place(name, known[name]) for name in names if name in known)
+    bodies = [body_from_json(body) for body in data.get("bodies", ())]
     pair = tuple(data.get("pair", ()))
-    if not places and not pair:
+    if not places and not pair and not bodies:
         return []
-    return [at_start(str(error), setting, q_start, pair, places)]
+    miss = at_start(str(error), setting, q_start, pair or tuple(body.name for body in bodies), places)
+    there = {body.name for body in (*setting.scene.bodies, *setting.scene.cubes)}
+    cubes = tuple((body, body.T_base_body, False) for body in bodies if body.name not in there)
+    miss = replace(miss, cubes=(*miss.cubes, *cubes), required=data.get("clearance_m"))
+    if len(bodies) < 2:
+        return [miss]
+    first, second = bodies
+    near = distance_of(first, second)
+    distance = near.value - first.padding - second.padding
+    return [replace(miss, where=str(data.get("target", miss.where)), distance=distance, points=near.points)]
 
 
 def at_start(

@@ -16,7 +16,7 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.robot.jaws import FINGERS
-from arm.robot.shapes import Body, Box, Shape
+from arm.robot.shapes import Body, Box, Shape, body_to_json
 from arm.se3 import Array, frozen, inverse, rot_z, transform
 from cell.program.path_step import Pairs
 from cell.program.points import WORK
@@ -157,7 +157,7 @@ def standing_on(parts: Parts, bodies: Sequence[Body], clearance: float) -> Parts
         clearance: that a part must have from all else where it is put down, m.
 
     Raises:
-        ImpossibleError: a part would stand in the air, in a body or too near to one; data: target, part, pair.
+        ImpossibleError: a part would stand in the air, in a body or too near to one; data: target, part, pair, bodies.
     """
     body_of = {body.name: body for body in parts.bodies}
     queues = [list(supply) for supply in parts.supplies]
@@ -170,7 +170,7 @@ def standing_on(parts: Parts, bodies: Sequence[Body], clearance: float) -> Parts
                 queue[:] = [name for name in queue if name != one.part]
         there = [body_of[queue[0]] for queue in queues if queue and queue[0] != one.part]
         near = list(_near(part, [*bodies, *placed.values(), *there], -one.T_base_tool[0, :3, 2], clearance))
-        _require_room(one, near, clearance)
+        _require_room(one, part, near, clearance)
         if one.put:
             placed[one.part] = part
         names = (*FINGERS, *(other.body.name for other in near if other.below))
@@ -206,21 +206,22 @@ def _radius(shape: Shape) -> float:
     return radius + max(norm(point) for point in points)
 
 
-def _require_room(one: Handled, near: Sequence[_Near], clearance: float) -> None:
+def _require_room(one: Handled, part: Body, near: Sequence[_Near], clearance: float) -> None:
     verb = "put down" if one.put else "taken"
     head = f"{one.target!r}: where {one.part} is {verb}, it"
-    data = {"target": one.target, "part": one.part, "clearance_m": clearance}
+    data = {"target": one.target, "part": one.part, "clearance_m": clearance, "bodies": [body_to_json(part)]}
     for other in near:
         name, distance = other.body.name, 1e3 * other.distance
-        pair = {"pair": [one.part, name], "distance_m": other.distance}
+        bodies = [body_to_json(body) for body in (part, other.body)]
+        pair = {"pair": [one.part, name], "distance_m": other.distance, "bodies": bodies}
         if other.below and other.distance < -CONTACT:
             why = f"is {-distance:.1f} mm inside {name}; raise the step, or correct part.box_mm or part.at_mm"
-            raise ImpossibleError(f"{head} {why}", **data, **pair)
+            raise ImpossibleError(f"{head} {why}", **{**data, **pair})
         if one.put and not other.below:
             what = f"{distance:.1f} mm from" if distance > 0.0 else f"{-distance:.1f} mm inside"
             why = f"is {what} {name} (required: {1e3 * clearance:g} mm)"
             beside = "move the places apart, or lower the step so that it stands there"
-            raise ImpossibleError(f"{head} {why}; {beside}", **data, **pair)
+            raise ImpossibleError(f"{head} {why}; {beside}", **{**data, **pair})
     if one.put and not any(other.below for other in near):
         why = f"stands on nothing within {1e3 * CONTACT:g} mm; lower the step, or add what is below it to [[bodies]]"
         raise ImpossibleError(f"{head} {why}", **data)

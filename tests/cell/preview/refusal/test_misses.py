@@ -25,6 +25,7 @@ from pages.refused import (
     program_out_of_reach,
 )
 from plan.failure import failure_in
+from programs.pallets import pallet
 
 SLAB = """
 [[walls]]
@@ -137,6 +138,20 @@ def test_places_that_a_refusal_names_are_marked_at_the_start(planned_scenes: Pat
         assert [one.name for one in miss.places] == expected
         assert (miss.q == place.q_start).all()
     assert misses_of(ImpossibleError("no", board="99"), place.setting, place.q_start, place.known) == []
+
+
+def test_parts_that_would_stand_too_near_are_shown_where_they_would_stand(tmp_path: Path) -> None:
+    file = pallet(tmp_path, ("52, 36]", "47, 36]"))
+    with pytest.raises(ImpossibleError, match="mm from part 1 .required") as caught:
+        plan_program_step(file, None, tmp_path / "plan.json", None, QUIET, advice=False)
+    place = place_shown(file, None, whole=False)
+    (miss,) = misses_of(caught.value, place.setting, place.q_start, place.known)
+    assert miss.pair == ("part 2", "part 1")
+    assert miss.distance == pytest.approx(0.003, abs=1e-6)
+    assert miss.required == 0.005
+    assert {body.name for body, _, _ in miss.cubes} == {"part 1", "part 2"}
+    with pytest.raises(ImpossibleError, match="mm from part 1 .required"):
+        place_shown(file, None)
 
 
 def test_a_refusal_of_another_arm_is_not_shown(tmp_path: Path) -> None:

@@ -126,6 +126,8 @@ def test_a_place_without_room_is_refused_with_its_pair_and_step(
     with pytest.raises(ImpossibleError, match=rf"pallet.toml: steps\[[01]\]: .* {message}") as caught:
         plan_of_program(task, Observation(), 1.0)
     assert caught.value.data.get("pair") == pair
+    first, *second = caught.value.data["bodies"]
+    assert [first["name"], *(body["name"] for body in second)] == (pair or ["part 1"])
 
 
 @pytest.mark.parametrize(
