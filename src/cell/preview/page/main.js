@@ -17,8 +17,7 @@
   setTheme(system.matches);
 
   // ---- the picture
-  // of a refusal without a miss: what the camera sees may be why
-  const unmissed = content.misses?.every((miss) => !miss.pair.length && miss.away === null) ?? false;
+  const looked = content.looked ?? false; // a refusal of what was seen
   const boards = content.boards.length
     ? content.boards.map((board) => [board.T[3], board.T[7], board.T[11]])
     : content.cubes.filter((cube) => cube.track[0].T).map((cube) => [3, 7, 11].map((i) => cube.track[0].T[i]));
@@ -34,7 +33,7 @@
   if (stage) {
     stage.shown = [...cell.passed(), ...boards.map((place) => new THREE.Vector3(...place))];
     if (content.misses) stage.shown.push(...Marks.places(content));
-    if (unmissed && cell.view) stage.shown.push(...cell.view.corners);
+    if (looked && cell.view) stage.shown.push(...cell.view.corners);
     stage.view("room");
   }
 
@@ -168,7 +167,7 @@
       fillLegend(content, trace.mode);
     });
     switchOn("checked", false, (on) => cell.showChecked(on));
-    if (cell.view) switchOn("camera", unmissed, (on) => (cell.view.visible = on));
+    if (cell.view) switchOn("camera", looked, (on) => (cell.view.visible = on));
   }
   const showTheme = () => {
     cell?.theme(root.dataset.theme === "dark");

@@ -197,6 +197,8 @@ function missFacts(miss) {
   const mm = (p) => `${p.map((v) => (1e3 * v).toFixed(1)).join(", ")} mm`;
   const rows = [];
   if (miss.points) rows.push(["bodies", miss.pair.join(" – ")], ["distance", distanceText(miss).replace(" apart", "")]);
+  const drawn = miss.points ? Math.hypot(...miss.points[0].map((v, i) => v - miss.points[1][i])) : 0;
+  if (miss.distance > 0 && drawn - miss.distance > 5e-5) rows.push(["as drawn", `${millimetres(1e3 * drawn)}, of which ${millimetres(1e3 * (drawn - miss.distance))} are padding`]);
   if (miss.points && miss.required !== null) rows.push(["required", millimetres(1e3 * miss.required)]);
   if (miss.distance > 0) miss.pair.forEach((name, i) => rows.push([`point of ${name}`, mm(miss.points[i])]));
   for (const { name, T } of miss.places) rows.push([name, mm([T[3], T[7], T[11]])]);

@@ -169,11 +169,13 @@ def _of_bodies(way: Rejected, setting: Setting) -> Miss:
     cubes = _cubes(setting, at, pair)
     held = next(((body, T) for body, T, in_tool in cubes if in_tool), (None, None))
     still = [body.at(T) for body, T, in_tool in cubes if not in_tool]
-    world = World(robot, (*setting.scene.bodies, *still), *held).only(pair)
-    closest = world.distance(q)
+    world = World(robot, (*setting.scene.bodies, *still), *held)
     required = None if way.required_mm is None else 1e-3 * way.required_mm
-    found = closest.pair, closest.value, closest.points
-    return Miss(way.where, _way(way), way.reason, q, robot, cubes, *found, required)
+    miss = Miss(way.where, _way(way), way.reason, q, robot, cubes, pair, required=required)
+    near = next((one for one in world.distances_below(q, np.inf) if set(one.pair) == set(pair)), None)
+    if near is None:  # such as the ray that prolongs a wire, which is no body
+        return miss
+    return replace(miss, pair=near.pair, distance=near.value, points=near.points)
 
 
 def _robot(setting: Setting, digest: str) -> Robot:

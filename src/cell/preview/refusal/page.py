@@ -19,6 +19,7 @@ from cell.preview.refusal.misses import Miss, at_start, misses_of
 from plan.program.goals.attachments import AttachmentState
 from plan.program.planned import Planned
 
+SEEN = {"board", "hole", "below_mm"}  # data of refusals of what was seen
 SHOWN_MS = 1000  # each miss on the page's clock
 
 
@@ -52,11 +53,17 @@ def write_refusal(error: ImpossibleError, file: Path, look: Path | None, output:
     place = place_shown(file, look, whole=False)
     advice = [str(piece["text"]) for piece in error.data.get("advice", ())]
     misses = misses_of(error, place.setting, place.q_start, place.known)
-    write_atomic(output, refusal_page(str(error), file.stem, place, misses, advice))
+    looked = bool(SEEN & error.data.keys())
+    write_atomic(output, refusal_page(str(error), file.stem, place, misses, advice, looked))
 
 
 def refusal_page(
-    what: str, title: str, place: Shown, misses: Sequence[Miss], advice: Sequence[str] = ()
+    what: str,
+    title: str,
+    place: Shown,
+    misses: Sequence[Miss],
+    advice: Sequence[str] = (),
+    looked: bool = False,
 ) -> str:
     """Return a refusal as HTML text. The same input gives the same text.
 
@@ -66,6 +73,7 @@ def refusal_page(
         place: what is drawn around the misses.
         misses: to show; the first is shown at once. If there are none, the arm is at q_start.
         advice: what would help.
+        looked: whether it shows what the camera sees.
     """
     setting, q_start = place.setting, place.q_start
     misses = misses or [at_start(what, setting, q_start)]
@@ -84,7 +92,7 @@ def refusal_page(
         held = next((body.name for body, _, in_tool in miss.cubes if in_tool), None)
         step |= {"jaws": [closed, closed], "held": held, "clearance": None}
     shown = {"misses": [miss.to_json() for miss in misses], "cubes": _cubes(misses)}
-    return page({**content, "what": what, "advice": list(advice), **shown})
+    return page({**content, "what": what, "advice": list(advice), "looked": looked, **shown})
 
 
 def _cubes(misses: Sequence[Miss]) -> list[dict[str, Any]]:

@@ -24,7 +24,9 @@ from pages.refused import (
     program_beside_a_post,
     program_out_of_reach,
 )
+from plan.collision.world import World
 from plan.failure import failure_in
+from plans.other_arms import scara_files
 from programs.pallets import pallet
 
 SLAB = """
@@ -92,6 +94,19 @@ def test_a_pose_that_no_arm_reaches_is_missed_by_what_is_lacking(tmp_path: Path)
     assert miss.pair == ()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_distance_is_that_of_the_two_bodies_whatever_else_is_nearer(tmp_path: Path, seed: int) -> None:
+    arm = scara_files(tmp_path)
+    place = place_shown(arm, None)
+    world = World(place.setting.robot, place.setting.scene.bodies)
+    q = np.random.default_rng(seed).uniform(place.setting.limits.lower, place.setting.limits.upper)
+    for number, value in enumerate(world.pair_distances(q, np.arange(len(world.pairs)))):
+        data = {"pair": list(world.pair_names(number)), "clearance_m": 0.01, **world.state(q)}
+        (miss,) = misses_of(ImpossibleError("no", **data), place.setting, place.q_start, place.known)
+        assert set(miss.pair) == set(data["pair"])
+        assert miss.distance == pytest.approx(value, abs=1e-9)
+
+
 @pytest.mark.slow
 def test_stations_of_a_program_are_the_same_for_plan_and_for_reach(tmp_path: Path) -> None:
     far = program_out_of_reach(tmp_path)
@@ -142,7 +157,7 @@ def test_places_that_a_refusal_names_are_marked_at_the_start(planned_scenes: Pat
 
 def test_parts_that_would_stand_too_near_are_shown_where_they_would_stand(tmp_path: Path) -> None:
     file = pallet(tmp_path, ("52, 36]", "47, 36]"))
-    with pytest.raises(ImpossibleError, match="mm from part 1 .required") as caught:
+    with pytest.raises(ImpossibleError, match=r"mm from part 1 .required") as caught:
         plan_program_step(file, None, tmp_path / "plan.json", None, QUIET, advice=False)
     place = place_shown(file, None, whole=False)
     (miss,) = misses_of(caught.value, place.setting, place.q_start, place.known)
@@ -150,7 +165,7 @@ def test_parts_that_would_stand_too_near_are_shown_where_they_would_stand(tmp_pa
     assert miss.distance == pytest.approx(0.003, abs=1e-6)
     assert miss.required == 0.005
     assert {body.name for body, _, _ in miss.cubes} == {"part 1", "part 2"}
-    with pytest.raises(ImpossibleError, match="mm from part 1 .required"):
+    with pytest.raises(ImpossibleError, match=r"mm from part 1 .required"):
         place_shown(file, None)
 
 
