@@ -396,5 +396,5 @@ def test_the_state_of_a_world_says_where_movable_bodies_are(robot: Robot) -> Non
     world = World(robot, [*bodies[2:], *cubes], HELD, T_TOOL_HELD)
     at = world.state(q)["at"]
     moved = [cube.at(np.array(at["moved"].pop(cube.name))) for cube in cubes]
-    again = World(robot, [*bodies[2:], *moved], HELD, at["T_tool_held"]).distance(at["q"])
-    assert again.value == pytest.approx(world.distance(q).value, abs=1e-9)
+    again, every = World(robot, [*bodies[2:], *moved], HELD, at["T_tool_held"]), np.arange(len(world.pairs))
+    assert again.pair_distances(at["q"], every) == pytest.approx(world.pair_distances(q, every), abs=1e-9)

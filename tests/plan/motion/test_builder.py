@@ -159,6 +159,8 @@ def test_what_keeps_less_than_its_clearance_is_refused(
     with pytest.raises(ImpossibleError, match=r"'to a': .* comes within .* of crate") as refused:
         made([phase])
     assert refused.value.data["clearance_m"] == phase.clearance
+    there = phase.world.distance(refused.value.data["at"]["q"])
+    assert there.value == pytest.approx(refused.value.data["distance_m"], abs=1e-6)
 
 
 @pytest.mark.parametrize("beyond", ["lower", "upper"])

@@ -96,6 +96,8 @@ def test_a_failed_transit_names_the_obstructing_pair() -> None:
     with pytest.raises(ImpossibleError, match=r"no path around partition: \w+ comes within") as caught:
         plan_transit(world_with(*walls), RIGHT, LEFT, LIMITS, 0.011, 0, budget)
     assert caught.value.data["pair"][1] == "partition"
+    there = world_with(*walls).distance(caught.value.data["at"]["q"])
+    assert there.value == pytest.approx(caught.value.data["distance_m"], abs=1e-9)
     assert caught.value.exit_code == 3
 
 

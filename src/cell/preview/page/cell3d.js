@@ -105,8 +105,8 @@ class Cell3D {
 
   // Bodies in red: those that are too close. What was red before gets its own colours again.
   mark(names, opacity = [1, 1]) {
-    for (const [part, material, ...shells] of this.marked || []) {
-      part.material = material;
+    for (const [part, material, shadowed, ...shells] of this.marked || []) {
+      Object.assign(part, { material, receiveShadow: shadowed });
       part.remove(...shells);
     }
     this.marked = [];
@@ -120,8 +120,9 @@ class Cell3D {
       for (const part of parts) {
         // a part of the arm may be behind or inside others
         const shells = still.has(name) ? [] : [Object.assign(new THREE.Mesh(part.geometry, through), { renderOrder: 2 })];
-        this.marked.push([part, part.material, ...shells]);
+        this.marked.push([part, part.material, part.receiveShadow, ...shells]);
         part.material = red;
+        if (red.transparent) part.receiveShadow = false; // as walls, whose shader there is already
         if (shells.length) part.add(...shells);
       }
     });
