@@ -40,7 +40,7 @@ def arm_in_a_post(folder: Path) -> Refusal:
     """An arm file whose post stands at a pose of the list."""
     arm = scara_files(folder)
     replace_in(arm, "centre_mm = [420, 20, 110]", "centre_mm = [380, -200, 110]")
-    words = ("plan-poses", str(arm), str(folder / "poses.json"), "--no-advice")
+    words = ("plan", str(arm), str(folder / "poses.json"), "--no-advice")
     return Refusal(words, arm, ("cup", "post"))
 
 
@@ -48,7 +48,7 @@ def arm_out_of_reach(folder: Path) -> Refusal:
     """A pose of a list 159 mm beyond what the arm reaches."""
     arm, poses = scara_files(folder), folder / "poses.json"
     replace_in(poses, "[1, 0, 0, 0.38], [0, -1, 0, 0.2]", "[1, 0, 0, 0.68], [0, -1, 0, 0.2]")
-    return Refusal(("plan-poses", str(arm), str(poses), "--no-advice"), arm, place="leave")
+    return Refusal(("plan", str(arm), str(poses), "--no-advice"), arm, place="leave")
 
 
 def program_beside_a_post(folder: Path) -> Refusal:

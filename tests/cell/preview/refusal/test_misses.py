@@ -17,6 +17,7 @@ from cell.console import Console
 from cell.files.pose_list import reading_of
 from cell.preview.of_place import place_shown
 from cell.preview.refusal.misses import MOST, Miss, misses_of
+from cell.program.program_file import is_program
 from pages.refused import (
     Refusal,
     arm_in_a_post,
@@ -39,7 +40,7 @@ QUIET = Console(as_json=True)
 
 
 def plan_it(asked: Refusal, output: Path) -> None:
-    if asked.words[0] == "plan":
+    if is_program(asked.file):
         plan_program_step(asked.file, None, output, None, QUIET, advice=False)
     else:
         reading = reading_of(None, None, "m")

@@ -139,7 +139,7 @@ def test_a_place_is_marked_and_a_board_that_is_missing_is_looked_for(
 def test_what_is_planned_is_shown_too(tmp_path: Path) -> None:
     """So that no page of an earlier refusal is left."""
     arm, page = scara_files(tmp_path), tmp_path / "page.html"
-    a465("plan-poses", arm, tmp_path / "poses.json", "-o", tmp_path / "plan.json", "--page", page)
+    a465("plan", arm, tmp_path / "poses.json", "-o", tmp_path / "plan.json", "--page", page)
     content = content_of(page)
     assert "misses" not in content
     assert content["sha256"] == read_plan(tmp_path / "plan.json").sha256
