@@ -103,7 +103,8 @@ class RowsController(Guarded):
         except OSError as error:
             raise InputError(f"{address}: {error}; is the controller on?") from error
         self._socket.settimeout(None)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(ANSWER_S), 0))
+        most = struct.pack("ll", *divmod(round(1e6 * ANSWER_S), 10**6))  # s and us
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, most)
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:

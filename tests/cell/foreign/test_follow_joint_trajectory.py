@@ -162,7 +162,8 @@ def test_a_goal_that_is_proved_is_executed_with_feedback_of_where_the_arm_is(
     assert (status, code, why) == (SUCCEEDED, 0, "")
     end = start + [0.2, 0, 0, 0, 0.3, 0]
     assert np.abs(served.q - end).max() < 1e-3
-    assert np.abs(here(client) - end).max() < 1e-3
+    unit = served.cell.unit
+    assert np.array_equal(here(client), unit.positions(unit.counts(end)))
     feedback = [message["feedback"] for message in before]
     assert len(feedback) > 10
     actual, desired, error = (

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError, LinkLost
 from arm.plan_file import Move, Step, read_plan, write_plan
 from driver.execution.control import Control
 from driver.execution.controller import Controller
@@ -162,6 +162,23 @@ def test_a_server_that_hangs_in_motion_is_noticed_in_time(
     assert time.monotonic() - asleep[0] < 3.0  # ANSWER_S for the question and for STOP
     assert stopped.value.data["reason"] == "silent"
     assert stopped.value.data["state"]["at_rest"] is False
+
+
+def test_a_server_that_takes_no_bytes_is_noticed_in_time(
+    example: Any, rows: Rows, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(example, "ANSWER_S", 0.3)
+    listening = socket.create_server(("127.0.0.1", 0))
+    with example.RowsController(listening.getsockname(), rows[0], Clock(SCALE)) as arm:
+        client, _ = listening.accept()
+        client.sendall(b"1 rows 1\n")
+        arm.identify()
+        began = time.monotonic()
+        with pytest.raises(LinkLost):
+            arm._ask("ROWS " + 30_000_000 * "0")
+        assert time.monotonic() - began < 2.0
+        client.close()
+    listening.close()
 
 
 def test_a_lost_client_stops_the_arm(example: Any, arm: Any, server: Any, rows: Rows) -> None:
