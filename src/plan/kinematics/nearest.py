@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from arm.numerics.products import mul
+from arm.numerics.products import mul, solve_positive
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.kinematics.freedom import Freedom, coordinates_of
@@ -104,7 +104,7 @@ def nearest_configuration(
             * np.eye(len(lower))
             * (np.trace(square, axis1=1, axis2=2)[:, None, None] + _LEAST)
         )
-        step = np.linalg.solve(square + size, (down * free)[..., None])[..., 0]
+        step = solve_positive(square + size, down * free)
         there = np.clip(q + step, lower, upper)
         then = off(there)
         better = (then**2).sum(axis=1) < (now**2).sum(axis=1)

@@ -20,7 +20,6 @@ import pytest
 import driver.record.take
 from arm.controller.unit import load_unit
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
-from driver.line import transport
 from driver.line.clock import Clock
 from driver.record.unit_record import Ended, read_unit_record
 from emulated.on_pty import lines_to, on_pty
@@ -108,7 +107,7 @@ def test_a_unit_that_is_unplugged_ends_in_one_line(tmp_path: Path) -> None:
 def test_a_port_on_which_nothing_answers_ends_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transport, "LEAST_WALL_S", 0.1)
+    monkeypatch.setattr("driver.line.clock.LEAST_WALL_S", 0.1)
     ours, theirs = os.openpty()
     try:
         _, told = a465("record", os.ttyname(theirs), "-o", "unit.json", code=2, cwd=tmp_path)
