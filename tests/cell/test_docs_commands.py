@@ -19,7 +19,7 @@ import typer.main
 import cell.cli.main
 import cell.collect.collector
 import cell.session.connection
-import driver.mars.mars
+import driver.mars.session
 from calib.nao.chain import NaoUnknowns
 from cell.files.task import read_task
 from cell.session.connection import simulated_cell
@@ -93,7 +93,7 @@ def typed() -> list[object]:
 def test_what_a_page_says_can_be_done(
     some: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (cell.session.connection, driver.mars.mars):
+    for module in (cell.session.connection, driver.mars.session):
         monkeypatch.setattr(module, "Clock", lambda scale=TIME_SCALE: Clock(scale))
     monkeypatch.setattr(webbrowser, "open", lambda *_: True)
     monkeypatch.setattr(cell.collect.collector, "POOL", POOL)
