@@ -25,7 +25,7 @@ from driver.record.unit_record import Ended, read_unit_record
 from emulated.on_pty import lines_to, on_pty
 from typed.command_line import a465
 
-SCALE = 20.0  # of the unit's time and of the recording's
+SCALE = 5.0  # of the unit's time and of the recording's
 QUESTIONS = re.compile(r"ECHO:[01]|STAMP:\d+|[A-Z][A-Z0-9]*\?|help")
 
 
