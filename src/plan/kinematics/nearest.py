@@ -20,7 +20,7 @@ _ROUNDS = 150
 _STEP = 1e-7  # rad, for slopes
 _LEAST = 1e-9  # of a slope's square
 _ALIKE = (
-    0.02  # of configurations that are this much further away, the one nearest to the first start is taken
+    0.02  # share by which others may be further away; of these the one nearest to the first start is taken
 )
 _TURNS = 4.0 * np.pi
 
@@ -99,12 +99,8 @@ def nearest_configuration(
         free = ~(((q <= lower) & (down < 0.0)) | ((q >= upper) & (down > 0.0)))
         slope = slope * free[:, None]
         square = mul(np.swapaxes(slope, 1, 2), slope)
-        size = (
-            damping[:, None, None]
-            * np.eye(len(lower))
-            * (np.trace(square, axis1=1, axis2=2)[:, None, None] + _LEAST)
-        )
-        step = solve_positive(square + size, down * free)
+        size = damping * (np.trace(square, axis1=1, axis2=2) + _LEAST)
+        step = solve_positive(square + size[:, None, None] * np.eye(len(lower)), down * free)
         there = np.clip(q + step, lower, upper)
         then = off(there)
         better = (then**2).sum(axis=1) < (now**2).sum(axis=1)

@@ -281,10 +281,8 @@ class MotionBuilder:
             return False
         poses = self._tool(self.unit.positions(path.sample(0.01)))
         away = np.stack([line.line.deviation(poses, line.free_axis).distance for line in lines])
-        rounded = (
-            max((join.blend_radius for join in joins if join.cut), default=0.0) if len(lines) > 1 else 0.0
-        )
-        return bool(away.min(axis=0).max() > OFF_LINE + rounded)
+        rounded = max((join.blend_radius for join in joins if join.cut), default=0.0)
+        return bool(away.min(axis=0).max() > OFF_LINE + (rounded if len(lines) > 1 else 0.0))
 
     def _tool(self, q: Array) -> Array:
         """Return the poses (m, 4, 4) of the tool."""

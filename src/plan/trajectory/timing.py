@@ -26,9 +26,9 @@ from plan.trajectory.toppra_timing import parametrise_by_toppra
 Caps = float | Array | None  # on the rate of the path parameter, for a whole path or for each piece of it
 
 GRID = 200  # intervals over all curved pieces, at least; fewer give slower motions
-PER_PIECE = (
-    4  # the same for each curved piece of a spline, however short: knots are where the path needs them
-)
+# Intervals of each curved piece of a spline, on average and at least: knots are where the path needs them, and a tight
+# corner beside long pieces would have one interval a piece, with which no rate but 0 is found.
+PER_PIECE = 4
 _TOPPRA_GRID = 400  # intervals over a whole path for the library
 _BEND_GRID = 12  # intervals in a bend, however short; in a parabola, limits hold between them too
 _INSIDE = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])  # places in an interval where limits are measured

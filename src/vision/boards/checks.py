@@ -20,15 +20,13 @@ from vision.camera.model import Camera
 from vision.markers.detect import Marker
 
 RESIDUAL_PX = 1.0  # largest rms residual of the mean corners, per coordinate
-MOVED_PX = (
-    2.0  # largest deviation of a frame's markers from the median of all frames; more if the camera shakes
-)
+MOVED_PX = 2.0  # largest deviation of a frame's markers from the median of all frames, and
+SHAKEN_PX = 4.0  # at most, if the camera shakes
 # Standard deviations of that deviation in images of a camera that shakes, and how many images tell that it does: a
 # board that moves once, or evenly, leaves most second differences of its places small, a camera that shakes few.
 _SHAKEN_SIGMAS, _LEAST_SHAKEN = 5.0, 10
-_MEDIAN_SIGMAS = np.sqrt(
-    2.0 * np.log(2.0) * 6.0
-)  # median length of a second difference, in those of one coordinate
+# Median length of a second difference of points in a plane, in standard deviations of one coordinate.
+_MEDIAN_SIGMAS = np.sqrt(2.0 * np.log(2.0) * 6.0)
 # largest deviation of the best-fitting marker size from the stated one, in m (more if the board's tolerance allows it)
 # and in its standard deviations
 SIZE_M, SIZE_SIGMAS = 0.3e-3, 4.0
@@ -106,7 +104,7 @@ def seen_twice(board: Board, frames: Sequence[Sequence[Marker]]) -> ImpossibleEr
 def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:
     """Doubt that the board stood still: in some frame all corners of a marker are off in the same direction.
 
-    With 10 frames or more, as much is allowed as shaking explains that the other frames show too.
+    With 10 frames or more, as much is allowed as shaking explains that the other frames show too, up to `SHAKEN_PX`.
     """
     off = (corners.pixels - corners.median()).reshape(len(corners.pixels), 2, 4, 2)
     detected = np.asarray(np.isfinite(off).all(axis=(2, 3)))
@@ -114,7 +112,8 @@ def moved(board: Board, corners: Corners) -> Iterator[ImpossibleError]:
     noise = np.linalg.norm(off - shift[:, :, None], axis=-1)[detected]
     distance = np.linalg.norm(shift, axis=-1).max(axis=1)
     worst = int(np.argmax(distance))
-    if distance[worst] > max(MOVED_PX, 3.0 * float(np.median(noise)), _SHAKEN_SIGMAS * _shaking(shift)):
+    shaken = min(SHAKEN_PX, _SHAKEN_SIGMAS * _shaking(shift))
+    if distance[worst] > max(MOVED_PX, 3.0 * float(np.median(noise)), shaken):
         yield ImpossibleError(
             f"board {board.name}: image {worst + 1} of {len(off)} shows it {distance[worst]:.1f} px off the "
             f"others, more than {MOVED_PX:g} px; it moved between images: look again once it is at rest",
