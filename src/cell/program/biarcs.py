@@ -18,7 +18,7 @@ from cell.program.outline import SAME, STRAIGHT, Arc, Line, Outline, Piece
 SHARPEST = np.radians(170.0)  # a corner with a larger turn is not rounded
 _HALVINGS = 50  # of an interval, when a length is searched for
 _DEEPEST = 12  # halvings of a curve's parameter
-_ACROSS = 65  # samples of a piece at which distances are taken
+_ACROSS = 17  # samples of a piece at which distances are taken
 
 
 def biarc(start: Array, ahead: Array, end: Array, ahead_end: Array) -> tuple[Piece, ...]:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from base64 import b64decode
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from arm.io.storage import data_file
 from arm.robot.shapes import Body, Box, Capsule, Cylinder, Shape, Sphere, Torus, body_from_json, convex
 from arm.se3 import Array, frozen, rotation, transform
-from cell.export.foxglove import Image, _entity, image_message, messages_of_plan
+from cell.config.cell_file import read_cell
+from cell.export.foxglove import Image, _entity, image_message, messages_of_log, messages_of_plan
 from cell.export.plan import sampled
 from pages.preview import PreviewCase
 from plan.collision.world import distance_of
@@ -114,6 +117,47 @@ def test_the_jaws_close_as_they_grip_and_open_again(preview_case: PreviewCase, t
         assert max(off) == pytest.approx(ways[name], abs=2e-6)
 
 
+def test_a_log_shows_cubes_and_jaws_as_its_plan_and_its_samples_have_them(preview_case: PreviewCase) -> None:
+    """Each motion of the plan began 10 s after the one before; the last two were not executed."""
+    plan, unit, shipped = preview_case.plan, preview_case.unit, read_cell(data_file("scenes/cell.toml"))
+    begins = [100.0 + 10.0 * number for number in range(len(plan.motions) - 2)]
+    starts = [motion.path.start for motion in plan.motions]
+    motions = [SimpleNamespace(start=start, begin_s=at) for start, at in zip(starts, begins, strict=False)]
+    shut = shipped.gripper.fraction_closed(shipped.cube_size)
+    q = np.tile(unit.positions(plan.start), (3, 1))
+    samples = SimpleNamespace(time_s=np.array([95.0, 96.0, 97.0]), q=q, jaws=np.array([np.nan, 0.0, shut]))
+    cell = SimpleNamespace(
+        unit=unit,
+        tool=shipped.tool,
+        cube_size=shipped.cube_size,
+        robot=lambda: preview_case.robot_open,
+        robot_holding=lambda: preview_case.robot_holding,
+    )
+    made = messages_of_log(SimpleNamespace(motions=motions), samples, cell, [(98.0, plan)])  # type: ignore[arg-type]
+    held = [next((m.held for m in motion.moves if m.held), None) for motion in plan.motions]
+    shown: dict[str, list[tuple[float, str]]] = {}
+    for time_ns, topic, value in sorted(made, key=lambda message: message[0]):
+        for entity in value["entities"] if topic == "/scene" else ():
+            if {"key": "kind", "value": "cube"} in entity["metadata"]:
+                shown.setdefault(entity["id"], []).append((time_ns / 1e9, entity["frame_id"]))
+    expected: dict[str, list[tuple[float, str]]] = {name: [(98.0, "base")] for name in shown}
+    for (before, now), begin_s in zip(pairwise([None, *held]), begins, strict=False):
+        if before is not None and now != before:
+            expected[before].append((begin_s, "base"))
+        if now is not None and now != before:
+            expected[now].append((begin_s, "tool"))
+    assert shown == expected
+    assert sum(len(track) for track in shown.values()) >= 8
+    ways = []
+    for _, topic, value in made:
+        if topic == "/tf":
+            moved = [one["translation"] for one in value["transforms"] if one["child_frame_id"] in JAWS]
+            ways.append(max(np.linalg.norm(list(way.values())) for way in moved))
+    at = {body.name: body.T_joint_body[:3, 3] for body in preview_case.robot_open.bodies}
+    then = {body.name: body.T_joint_body[:3, 3] for body in preview_case.robot_holding.bodies}
+    assert ways == pytest.approx([0.0, 0.0, max(np.linalg.norm(then[n] - at[n]) for n in at)], abs=1e-5)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_primitives_have_the_surface_of_the_shape(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -146,6 +190,14 @@ def _surface(entity: dict[str, Any], rng: np.random.Generator) -> list[Array]:
         found += [T[:3, 3] + radius * d / np.linalg.norm(d) for d in directions]
     for rod in entity["cylinders"]:
         T, size = pose_of(*rod["pose"].values()), rod["size"]
+        if not entity["spheres"]:
+            end = 0.5 * size["z"] + 5e-4  # outside, where distances are exact
+            found += [T[:3, 3] + side * T[:3, 2] for side in (-end, end)]
+        elif len(entity["cylinders"]) == 1:  # a capsule: its balls end it along its axis
+            for ball in entity["spheres"]:
+                middle = pose_of(*ball["pose"].values())[:3, 3]
+                out = (middle - T[:3, 3]) / np.linalg.norm(middle - T[:3, 3])
+                found.append(middle + 0.5 * ball["size"]["z"] * out)
         for angle in rng.uniform(-np.pi, np.pi, 4):
             at = [0.5 * size["x"] * np.cos(angle), 0.5 * size["y"] * np.sin(angle), 0.0]
             found.append(T[:3, :3] @ at + T[:3, 3])

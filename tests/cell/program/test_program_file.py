@@ -82,6 +82,15 @@ def test_a_work_on_a_board_needs_that_board_in_the_cell(tmp_path: Path) -> None:
         read_program(file)
 
 
+def test_every_body_of_a_file_has_a_name_that_no_look_gives(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    replace_in(file.with_name("wire.toml"), 'name = "bar"', 'name = "cube 7"')
+    more = '\n[[bodies]]\nname = "bar"\ncentre_mm = [0, 0, 300]\nsize_mm = [10, 10, 10]\n'
+    file.with_name("wire.toml").write_text(file.with_name("wire.toml").read_text() + more)
+    with pytest.raises(InputError, match=r"bodies\[0\].*: has a body 'cube 7'; names that begin"):
+        read_program(file)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

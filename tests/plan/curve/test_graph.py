@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ from plan.curve.graph import CurveGraph
 from plan.curve.tool_curve import ToolCurve
 from plan.kinematics.closed_form import BRANCH_NAMES, all_branches
 from plan.kinematics.freedom import Freedom
+from plan.kinematics.ik import nearest_turns
 from plans.curves import CLEARANCE, LINE, PLATE, POST, arc
 from tasks.pose_lists import TABLE, down
 
@@ -147,6 +149,23 @@ def test_a_path_out_of_reach_is_refused_with_its_first_place_that_is(robot: Robo
     reached = graph.reached.any(axis=(1, 2))
     assert reached[graph.places < done].all()
     assert not reached[graph.places >= done].any()
+
+
+def test_a_path_beyond_a_joint_limit_names_the_joint_of_the_best_branch_and_turn(
+    robot: Robot, crs97: Unit
+) -> None:
+    """J1 has to turn further than it may, whatever else the tool does; J6 only fits with a turn that is free."""
+    limits, place = crs97.limits(), np.array([0.42, 0.3])
+    lower, upper = np.array(limits.lower), np.array(limits.upper)
+    lower[0], upper[0] = -0.2, 0.2
+    middle = nearest_turns(all_branches(robot, down(*place, 0.12)[None]).q[0], np.zeros(6))[0, 5] + 2.0
+    lower[5], upper[5] = middle - 0.3, middle + 0.3
+    limits = replace(limits, lower=frozen(lower), upper=frozen(upper))
+    curve = ToolCurve(np.stack([down(*place, 0.12), down(*place, 0.15)]), free=("rz",))
+    error = CurveGraph(robot, curve, World(robot, [TABLE]), CLEARANCE, limits).impossible("cut", CLEARANCE)
+    assert error.data["joint"] == "J1"
+    assert error.data["excess_rad"] == pytest.approx(np.arctan2(0.3, 0.42) - 0.2, abs=1e-6)
+    assert f"has joint J1 {np.degrees(error.data['excess_rad']):.1f} deg beyond its limit" in str(error)
 
 
 def test_a_blocked_path_is_refused_with_place_pair_and_distance(robot: Robot, crs97: Unit) -> None:

@@ -100,6 +100,12 @@ def test_a_board_that_moves_is_told_beside_a_camera_that_shakes(count: int, kind
         assert doubt.data["off_px"] > MOVED_PX
 
 
+def test_in_few_images_no_shaking_is_allowed_for() -> None:
+    by = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.1]])
+    (doubt,) = doubts_of_motion(by, 0)
+    assert doubt.data["off_px"] == pytest.approx(3.0, abs=0.4)
+
+
 @pytest.mark.parametrize(
     ("limits", "words"),
     [

@@ -14,7 +14,7 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.io.storage import data_file
-from arm.plan_file import read_plan
+from arm.plan_file import read_plan, write_plan
 from arm.robot.shapes import Body, Box, Torus
 from arm.se3 import Array, apply, inverse
 from cell.config.cell_file import read_cell
@@ -173,7 +173,9 @@ def test_the_hoop_is_at_the_flange_and_its_rings_contain_the_rings_section() -> 
 
 
 @pytest.mark.parametrize("wire", ["a", *(pytest.param(wire, marks=pytest.mark.slow) for wire in "bcde")])
-def test_the_program_of_a_wire_is_planned_and_its_plan_proves_that_the_ring_stays_threaded(wire: str) -> None:
+def test_the_program_of_a_wire_is_planned_and_its_plan_proves_that_the_ring_stays_threaded(
+    wire: str, tmp_path: Path
+) -> None:
     task = read_program(data_file(f"scenes/hoop/{wire}.toml"))
     plan = plan_of_program(task, Observation(), task.cell.speed)
     along = [move for move in plan.moves if move.threaded == wire]
@@ -183,6 +185,9 @@ def test_the_program_of_a_wire_is_planned_and_its_plan_proves_that_the_ring_stay
     assert min(move.check.clearance for move in moves) >= 0.005 - 1e-6
     told = [move["name"] for move in replayed_to_json(plan, moves)["moves"] if move["threaded"] == wire]
     assert told == [move.name for move in along]
+    write_plan(tmp_path / "plan.json", plan)
+    said, _ = a465("check", tmp_path / "plan.json", data_file(f"scenes/hoop/{wire}.toml"))
+    assert f"the ring stays threaded on {wire}: proved for 2 moves" in said
     require_threads(task, plan)
     touches = replace(along[0], allowed_pairs=(("bar 1", "ring 1"),))
     edited = replace(plan, steps=tuple(touches if step is along[0] else step for step in plan.steps))
