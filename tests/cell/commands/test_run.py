@@ -229,6 +229,8 @@ def test_the_log_tells_task_and_plan_and_is_shown_over_it(task2: WholeRun, tmp_p
     assert [note.data["sha256"] for note in session.noted("plan")] == [
         task2.plan(name).sha256 for name in ("to-start", "plan")
     ]
+    looks = [note.data["picture"] for note in session.noted("look")]
+    assert looks == [f"look-{number}.png" for number in range(1, 7)]
     assert session.damaged == 0
     told = preview_log(session.file, None, tmp_path / "log.html", Console(as_json=True))
     assert told["plan_sha256"] == task2.plan().sha256
