@@ -212,10 +212,12 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|---|")
     ends = Counter[str]()
     for error_mm in options.errors:
-        runs = [
-            ran(error_mm, seed, options.recovery, options.speed)
-            for seed in range(options.first_seed, options.first_seed + options.runs)
-        ]
+        runs = []
+        for seed in range(options.first_seed, options.first_seed + options.runs):
+            runs.append(ran(error_mm, seed, options.recovery, options.speed))
+            last = runs[-1]  # told at once, as a row comes only when all of its runs are done
+            done = f"{last.released} released, {last.seated} of 4 seated, {last.told} told; {last.end[:120]}"
+            print(f"{error_mm:g} mm, seed {seed}: {done}", file=sys.stderr, flush=True)
         ends.update(f"{error_mm:g} mm: {run.end[:120]}" for run in runs)
         cubes = 4 * len(runs)
         released, seated, told, falsely = (

@@ -68,13 +68,14 @@ def obstacles(rng: np.random.Generator) -> list[Body]:
     return found
 
 
-def drawn(rng: np.random.Generator, robot: Robot, file: Path) -> JointTrajectory:
-    """Write a trajectory and read it."""
+def drawn(rng: np.random.Generator, robot: Robot, file: Path, cubics: bool | None = None) -> JointTrajectory:
+    """Write a trajectory and read it; it has cubics, or straight lines, or either by chance."""
     low, high = (
         np.clip(robot.model.lowerPositionLimit, -2.5, 2.5),
         np.clip(robot.model.upperPositionLimit, -2.5, 2.5),
     )
-    count, cubics = int(rng.integers(3, 9)), rng.random() < 2.0 / 3.0
+    count, chance = int(rng.integers(3, 9)), rng.random() < 2.0 / 3.0
+    cubics = chance if cubics is None else cubics
     q = rng.uniform(low, high) + np.cumsum(rng.normal(0.0, 0.12, (count, len(low))), axis=0)
     q = np.clip(q, low, high)
     times = np.cumsum(rng.uniform(0.2, 0.8, count))

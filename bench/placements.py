@@ -24,7 +24,6 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -57,7 +56,7 @@ from vision.observation import Observation
 
 SCALES = (1.0, 1.75, 2.5, 3.25, 4.0)
 AROUND_M, AROUND = 0.010, np.radians(8.0)
-BINS = (0.0, 0.85, 0.92, 0.97, 0.997, 1.0)  # by the predictions of an earlier run, so that each bin fills
+BINS = 5  # with as many cubes each, by what was predicted
 ELLIPSE = 5.991  # chi-square of two components that 95 % stay below
 
 
@@ -247,14 +246,12 @@ def _tell_entering(placements: list[Placement]) -> None:
 
     print("\n| predicted | cubes | expected to enter | entered | 99 % of binomial draws |")
     print("|---|---|---|---|---|")
-    for low, high in pairwise(BINS):
-        of = [p for p in placements if low <= p.insertion < high or p.insertion == high == 1.0]
-        if not of:
-            continue
+    for of in np.array_split(np.array(sorted(placements, key=lambda p: p.insertion), dtype=object), BINS):
+        low, high = of[0].insertion, of[-1].insertion
         mean = float(np.mean([p.insertion for p in of]))
         bounds = binom.ppf([0.005, 0.995], len(of), mean)
         entered = sum(p.entered for p in of)
-        row = f"| {low:g} to {high:g} | {len(of)} | {mean * len(of):.1f} | {entered} "
+        row = f"| {low:.4f} to {high:.4f} | {len(of)} | {mean * len(of):.1f} | {entered} "
         print(f"{row}| {bounds[0]:.0f} to {bounds[1]:.0f} |")
 
 

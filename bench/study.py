@@ -1,0 +1,315 @@
+"""How fast is a study, by how many processes, and is it the same whoever computes, is killed, or plans by hand?
+
+python bench/study.py --reach 20000 --grow 1000000 --grow-plans 10000 --tasks 100000 --plans 1000 --kills 30
+
+- `--reach`: placements of one board in the shipped cell, by reach. The same study is computed by one process, by two,
+  and by Dask clusters of one and of two workers on this machine. Efficiency is the time of one over twice that of two.
+  Start-up, which a long study has once, is taken out: each first computes a chunk or two. CPU is that of the scheduler
+  and the program, of each chunk, as a share of a chunk's time.
+- `--grow`: the same study by a process per processor, whole, with its start, table and page, of a hundredth of the
+  placements, a tenth, and all.
+- `--grow-plans`: the same of plans of Task 2, of boards near those of the shipped cell, where nearly all have a plan.
+- `--tasks`: so many chunks of one placement, by two processes and by a cluster of two workers.
+- `--plans`: points of scenes/where-boards-may-stand.toml with the stage plan. Each is planned again by `a465 study
+  --point`, which is `a465 plan` on the point's files. They disagree if one plans and the other refuses, or if time or
+  clearance differ.
+- `--kills`: a study by two processes, in which one of these, or the program, is killed with SIGKILL after 1 to 6 s, so
+  many times; then it is computed to its end. Its chunks are compared with those of a study that nobody disturbed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import io
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+
+from run_conditions import run_conditions
+
+from arm.io.storage import data_file
+
+FAR = {
+    "boards[0].centre_mm[0]": (250, 650),
+    "boards[0].centre_mm[1]": (-300, 300),
+    "boards[0].centre_mm[2]": (30, 150),
+    "boards[0].yaw_deg": (-180, 180),
+}
+NEAR = {
+    "boards[0].centre_mm[0]": (455, 465),
+    "boards[0].centre_mm[1]": (105, 115),
+    "boards[0].yaw_deg": (173, 178),
+    "boards[1].centre_mm[1]": (-150, -138),
+}
+COMMAND = [sys.executable, "-m", "a465", "study"]
+CHUNK = 1000  # points of a chunk of reach
+
+
+def main() -> None:
+    """Run, and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--reach", type=int, default=0, help="placements")
+    parser.add_argument("--grow", type=int, default=0, help="placements")
+    parser.add_argument("--grow-plans", type=int, default=0, help="points that are planned")
+    parser.add_argument("--tasks", type=int, default=0, help="chunks of one placement")
+    parser.add_argument(
+        "--plans", type=int, default=0, help="points that are planned, and planned again by hand"
+    )
+    parser.add_argument("--kills", type=int, default=0)
+    options = parser.parse_args()
+    print(__doc__)
+    print(f"{run_conditions()}\n", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = Path(shutil.copytree(data_file("scenes"), Path(folder) / "scenes"))
+        if options.reach:
+            _tell_reach(scenes, options.reach)
+        if options.grow:
+            _tell_growth("reach", [reach_study(scenes, n) for n in _decades(options.grow)])
+        if options.grow_plans:
+            _tell_growth("plans", [plan_study(scenes, n) for n in _decades(options.grow_plans)])
+        if options.tasks:
+            _tell_tasks(scenes, options.tasks)
+        if options.plans:
+            _tell_plans(scenes, options.plans)
+        if options.kills:
+            _tell_kills(scenes, options.kills)
+
+
+def reach_study(scenes: Path, points: int, more: str = "") -> Path:
+    """A study of placements of one board; `more`: other lines of its file."""
+    return _study(scenes / f"reach-{points}.toml", points, more, FAR)
+
+
+def plan_study(scenes: Path, points: int) -> Path:
+    """A study of plans of Task 2 for boards near those of the shipped cell."""
+    return _study(scenes / f"plans-{points}.toml", points, 'stages = ["reach", "plan"]\n', NEAR)
+
+
+def _study(file: Path, points: int, more: str, ranges: Mapping[str, tuple[float, float]]) -> Path:
+    vary = [f'[[vary]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n' for key, (low, high) in ranges.items()]
+    file.write_text(f'task = "task2.toml"\npoints = {points}\nseed = 1\n{more}' + "".join(vary))
+    return file
+
+
+def _decades(most: int) -> list[int]:
+    return [most // 100, most // 10, most]
+
+
+def _tell_reach(scenes: Path, points: int) -> None:
+    print("| computed by | placements | s | ms of each | efficiency | CPU of the others, % | same bytes |")
+    print("|---|---|---|---|---|---|---|")
+    alone: dict[str, bytes] = {}
+    one_s = 0.0
+    for name, workers, dask in (
+        ("one process", 1, False),
+        ("two processes", 2, False),
+        ("Dask, one worker", 1, True),
+        ("Dask, two workers", 2, True),
+    ):
+        first = CHUNK * max(workers, 2)
+        with _cluster(workers) if dask else contextlib.nullcontext("") as address:
+            how = ["--scheduler", address] if dask else ["--workers", str(workers)]
+            begun = _computed(reach_study(scenes, first), scenes / f"first-{name}", how)
+            whole = _computed(reach_study(scenes, points), scenes / f"all-{name}", how)
+        took_s, counted = whole.took_s - begun.took_s, points - first
+        files = _chunks(scenes / f"all-{name}")
+        alone = alone or files
+        one_s = took_s if workers == 1 else one_s
+        efficiency = f"{100.0 * one_s / (2.0 * took_s):.0f} %" if workers == 2 else ""
+        others = 100.0 * (whole.others_s - begun.others_s) / (took_s * workers)
+        row = f"| {name} | {points} | {took_s:.1f} | {1e3 * took_s / counted:.2f} | {efficiency} "
+        print(f"{row}| {others:.1f} | {files == alone} |", flush=True)
+    print()
+
+
+def _tell_growth(what: str, files: Sequence[Path]) -> None:
+    print(
+        f"| {what} | s | ms of each | largest process, MB | program, MB | passed |\n|---|---|---|---|---|---|"
+    )
+    for file in files:
+        folder = file.with_suffix("")
+        ran = _computed(file, folder, [])
+        with (folder / "table.csv").open() as table:
+            rows = [row["ok"] for row in csv.DictReader(table)]
+        row = f"| {len(rows)} | {ran.took_s:.0f} | {1e3 * ran.took_s / len(rows):.2f} | {ran.worker_mb:.0f} "
+        print(f"{row}| {ran.program_mb:.0f} | {rows.count('1')} |", flush=True)
+    print()
+
+
+def _tell_tasks(scenes: Path, tasks: int) -> None:
+    print("| computed by | chunks | s | process after a tenth, MB | at the end, MB | program, MB |")
+    print("|---|---|---|---|---|---|")
+    file = reach_study(scenes, tasks, "chunk = 1\n")
+    for name, dask in (("two processes", False), ("Dask, two workers", True)):
+        with _cluster(2) if dask else contextlib.nullcontext("") as address:
+            how = ["--scheduler", address] if dask else ["--workers", "2"]
+            ran = _computed(file, scenes / f"tasks-{name}", how, tasks // 10)
+        row = f"| {name} | {tasks} | {ran.took_s:.0f} | {ran.early_mb:.0f} "
+        print(f"{row}| {ran.worker_mb:.0f} | {ran.program_mb:.0f} |", flush=True)
+    print()
+
+
+class _Ran(NamedTuple):
+    """How long a study took, the CPU of those that do not compute, and the largest memory of processes."""
+
+    took_s: float
+    others_s: float
+    worker_mb: float
+    program_mb: float
+    early_mb: float
+
+
+def _computed(file: Path, folder: Path, how: Sequence[str], early: int = 0) -> _Ran:
+    """Compute a study; `early`: number of chunks after which memory is noted."""
+    begun, cpu_s = time.monotonic(), _cluster_s()
+    program = subprocess.Popen([*COMMAND, file, "-o", folder, *how], stdout=subprocess.DEVNULL)
+    worker_mb = program_mb = early_mb = own_s = 0.0
+    while program.poll() is None:
+        program_mb = max(program_mb, _memory_mb(program.pid))
+        computing = [*_children(program.pid), *_children(os.getpid())]
+        worker_mb = max([worker_mb, *map(_memory_mb, computing)])
+        own_s = max(own_s, _cpu_s(program.pid))
+        if early and not early_mb and len(_chunk_files(folder)) >= early:
+            early_mb = worker_mb
+        time.sleep(1.0 if early else 0.2)
+    if program.returncode:
+        raise RuntimeError(f"a465 study ended with {program.returncode}")
+    others_s = own_s + _cluster_s() - cpu_s
+    return _Ran(time.monotonic() - begun, others_s, worker_mb, program_mb, early_mb)
+
+
+def _cluster_s() -> float:
+    """Seconds of CPU of the scheduler, which runs in this process beside the thread that measures."""
+    return time.process_time() - time.thread_time()
+
+
+def _cpu_s(pid: int) -> float:
+    """Seconds of CPU of a process, its children left out."""
+    with contextlib.suppress(OSError):
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+    return 0.0
+
+
+def _memory_mb(pid: int) -> float:
+    with contextlib.suppress(OSError):
+        found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+        return int(found[1]) / 1e3 if found else 0.0
+    return 0.0
+
+
+def _children(pid: int) -> list[int]:
+    """The processes that compute."""
+    with contextlib.suppress(OSError):
+        threads = Path(f"/proc/{pid}/task").glob("*/children")
+        found = (int(child) for thread in threads for child in thread.read_text().split())
+        return [one for one in found if "spawn_main" in Path(f"/proc/{one}/cmdline").read_text()]
+    return []
+
+
+@contextlib.contextmanager
+def _cluster(workers: int) -> Iterator[str]:
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=workers, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def _chunks(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in _chunk_files(folder)}
+
+
+def _chunk_files(folder: Path) -> list[Path]:
+    return list((folder / "chunks").glob("*.csv"))
+
+
+def _tell_plans(scenes: Path, points: int) -> None:
+    file = scenes / "where-boards-may-stand.toml"
+    file.write_text(file.read_text().replace("points = 256", f"points = {points}"))
+    took_s = _computed(file, scenes / "plans", []).took_s
+    print(f"{points} points planned in {took_s:.0f} s, {1e3 * took_s / points:.0f} ms of each")
+    rows = list(csv.DictReader(io.StringIO((scenes / "plans" / "table.csv").read_text())))
+    differ = []
+    for row in rows:
+        folder = scenes / "point"
+        shutil.rmtree(folder, ignore_errors=True)
+        ran = subprocess.run(
+            [*COMMAND, file, "--point", row["point"], "-o", folder, "--json"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if not _agree(row, ran):
+            differ.append(row["point"])
+    planned = sum(row["ok"] == "1" for row in rows)
+    print(f"{planned} have a plan; {len(differ)} of {points} disagree with a465 plan {differ}\n", flush=True)
+
+
+def _agree(row: dict[str, str], ran: subprocess.CompletedProcess[str]) -> bool:
+    if row["ok"] != "1":
+        return ran.returncode == 3
+    found = json.loads(ran.stdout) if ran.returncode == 0 else {}
+    of_row = [float(row[name]) for name in ("motion_s", "clearance_mm")]
+    return bool(found) and np.allclose(
+        of_row, [found["motion_s"], found["min_clearance_mm"]], rtol=0.0, atol=1e-5
+    )
+
+
+def _tell_kills(scenes: Path, kills: int) -> None:
+    rng = np.random.default_rng(1)
+    file, folder = reach_study(scenes, 40 * CHUNK), scenes / "killed"
+    _computed(file, scenes / "undisturbed", ["--workers", "2"])
+    killed = {"process": 0, "program": 0}
+    while sum(killed.values()) < kills:
+        command = [*COMMAND, str(file), "-o", str(folder), "--workers", "2"]
+        program = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        killer = threading.Thread(target=_kill, args=(program, rng, kills - sum(killed.values()), killed))
+        killer.start()
+        program.wait()
+        killer.join()
+        if program.returncode == 0:  # again from a third of its chunks
+            for path in sorted(_chunk_files(folder))[::3]:
+                path.unlink()
+    subprocess.run([*COMMAND, file, "-o", folder], check=True, stdout=subprocess.DEVNULL)
+    same = _chunks(folder) == _chunks(scenes / "undisturbed")
+    print(f"kills: {killed}; same bytes {same}", flush=True)
+
+
+def _kill(
+    program: subprocess.Popen[bytes], rng: np.random.Generator, most: int, killed: dict[str, int]
+) -> None:
+    """Kill processes of a program, or itself, until it ends; count them."""
+    for _ in range(most):
+        time.sleep(float(rng.uniform(1.0, 6.0)))
+        victims = _children(program.pid)
+        if program.poll() is not None:
+            return
+        if rng.random() < 0.5 or not victims:
+            program.kill()
+            killed["program"] += 1
+            return
+        with contextlib.suppress(OSError):
+            os.kill(int(rng.choice(victims)), signal.SIGKILL)
+            killed["process"] += 1
+
+
+if __name__ == "__main__":
+    main()
