@@ -36,6 +36,7 @@ DECIDES_NOTHING = {
     "cell/session/observer.py": "an observer that does nothing; others override it",
     "cell/sim/release_faults.py": "a table of poses of cubes that were released badly",
     "cell/scene/fingerprint.py": "copies hashes and values of task and cell; test_plan_matches compares them",
+    "cell/study/work/outcome.py": "plain data: a row of a study's table",
     "cell/texts/key_texts.py": "words for keys; test_docs_formats and test_new_cell compare what they make",
     "driver/emulator/options.py": "plain data: what is not known of the real unit",
     "driver/emulator/unit/plant.py": "a protocol without code",

@@ -175,3 +175,21 @@ def pairs(name: str, value: Any) -> frozenset[frozenset[str]]:
             raise InputError(f"{name}: {shown(pair)}: {rule}", name=name, value=shown(pair))
         found.add(one)
     return frozenset(found)
+
+
+def option_numbers(option: str, text: str, count: int, what: str) -> Array:
+    """Return the numbers (count,) of an option such as ``--q=0,10,-80,0,-60,0``; `what` they are, for the message.
+
+    Raises:
+        InputError: they are not as many finite numbers.
+    """
+    parts = text.split(",")
+    try:
+        values = np.array([float(part) for part in parts])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != count or not np.isfinite(values).all():
+        found = "" if len(parts) == count else f", not {len(parts)}; the decimal sign is a point"
+        why = f"{option}={text}: must be {count} numbers separated by commas, {what}{found}"
+        raise InputError(why, option=option, value=text)
+    return frozen(values)

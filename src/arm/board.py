@@ -1,8 +1,8 @@
 """Boards: a plate with two markers, and with four pockets ("holes") or none.
 
 Board frame: origin at the centre of the lower-ID marker, x and y along the plate's edges, z out of the plate,
-top surface at z = 0 (docs/sources.md, "Boards and cubes"). The second marker has the same rotation; on plates with
-holes, which the users' CSV files describe, it is at (180, 140) mm.
+top surface at z = 0 (docs/sources.md, "Boards and cubes"). The second marker has the same rotation; on the plates that
+the users' CSV files describe, it is at (180, 140) mm. A TOML file (`cell.config.plain_board`) has any other plate.
 """
 
 from __future__ import annotations
@@ -44,6 +44,13 @@ class Plate:
     size: tuple[float, float, float] = PLATE_SIZE
     centre: tuple[float, float] = PLATE_CENTRE
 
+    def edge_distances(self, points: Array) -> Array:
+        """Return how far points (..., 2 or 3) of the board frame are from the plate's edges along x and y, (..., 2) m.
+
+        Both are positive above the plate.
+        """
+        return np.array(self.size[:2]) / 2.0 - np.abs(np.asarray(points)[..., :2] - self.centre)
+
     @property
     def T_board_plate(self) -> Array:
         """Pose of the box's centre in the board frame."""
@@ -51,7 +58,7 @@ class Plate:
 
 
 PLATE = Plate()
-"""That of all boards with holes."""
+"""That of boards whose CSV file states none."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +143,7 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
     holes = [
         _pair(path, number, line, "x,y of a hole in mm") for number, line in enumerate(lines[1:], start=2)
     ]
-    fault = _layout_fault(np.array(holes), marker_size)
+    fault = layout_fault(np.array(holes), marker_size)
     if fault is not None:
         line_index, rule = fault
         raise FileInputError(
@@ -147,10 +154,15 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
     return Board(f"{low:02d}-{high:02d}", (low, high), frozen(points), marker_size, tolerance=tolerance)
 
 
-def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None:
+def layout_fault(
+    holes_mm: Array,
+    marker_size: float,
+    plate: Plate = PLATE,
+    second_marker: tuple[float, float] = SECOND_MARKER,
+) -> tuple[int, str] | None:
     """Return the index of the first hole (of (4, 2)) that does not fit on the plate, and the broken rule; or None."""
     mouth = 1e3 * POCKET_MOUTH
-    centre, room = 1e3 * np.array(PLATE_CENTRE), 500.0 * np.array(PLATE_SIZE[:2]) - mouth / 2.0
+    centre, room = 1e3 * np.array(plate.centre), 500.0 * np.array(plate.size[:2]) - mouth / 2.0
     apart = mouth / 2.0 + 1e3 * marker_size * (0.5 + QUIET_ZONE)
     for index, hole in enumerate(holes_mm):
         if not (np.abs(hole - centre) <= room).all():
@@ -159,7 +171,7 @@ def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None
                 f"puts its mouth of {mouth:g} mm partly off the plate: x must be from {x0:g} to {x1:g} mm, y from "
                 f"{y0:g} to {y1:g} mm"
             )
-        for marker in (np.zeros(2), 1e3 * np.array(SECOND_MARKER)):
+        for marker in (np.zeros(2), 1e3 * np.array(second_marker)):
             if np.abs(hole - marker).max() < apart:
                 return index, (
                     f"lies on the marker at {marker[0]:g}, {marker[1]:g} mm or its white border: a hole's centre must "
@@ -169,7 +181,7 @@ def _layout_fault(holes_mm: Array, marker_size: float) -> tuple[int, str] | None
             between = float(np.abs(hole - holes_mm[other]).max())
             if between < mouth:
                 return index, (
-                    f"is {between:.3g} mm from the hole of line {other + 2}: mouths of {mouth:g} mm would overlap"
+                    f"is {between:.3g} mm from hole {other + 1}: mouths of {mouth:g} mm would overlap"
                 )
     return None
 
@@ -183,7 +195,7 @@ def _likely(holes_mm: Array, marker_size: float) -> str:
         (1e3 * holes_mm[:, ::-1], "these are metres, and x and y are swapped"),
     )
     for as_meant, words in readings:
-        if _layout_fault(as_meant, marker_size) is None:
+        if layout_fault(as_meant, marker_size) is None:
             return f"it looks as if {words}"
     return "values are millimetres from the centre of the lower-ID marker"
 

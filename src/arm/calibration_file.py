@@ -117,7 +117,7 @@ def read_arm_calibration(path: Path) -> ArmCalibration:
     Raises:
         FileInputError: a value breaks its rule, or the id is not the hash of the values (they were edited by hand).
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "calibration")
     keys = CalibrationKeys.read(root)
     values = {**vars(keys), "links": LinkErrors(keys.d, keys.a, keys.alpha)}
     calibration = ArmCalibration(**{f.name: values[f.name] for f in fields(ArmCalibration)})

@@ -16,6 +16,7 @@ from typing import Any
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import FileInputError, InputError
+from arm.io.kind import read_kind
 from arm.io.node import Node, Rule
 from arm.io.rules import flag, integer, is_number, is_whole, number, rule_of, same, table, text
 from arm.io.storage import canonical_json, read_json, require_finite, sha256, write_atomic
@@ -124,11 +125,9 @@ def read_plan(path: Path) -> Plan:
     Raises:
         FileInputError: not a plan, of another format version, or a value breaks a rule (named by its key).
     """
-    value = read_json(path)
+    value = read_kind(path, read_json, "plan")
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else None
-        if isinstance(value, dict) and "scenes" in value:
-            raise FileInputError(path, "scenes", None, "is from a look; a465 plan writes plan files")
         raise FileInputError(path, "format", found, f"must be {FORMAT!r}; plan again with this version")
     require_finite(path, value)
     return _plan(Node(path, "", value, "plan again"))

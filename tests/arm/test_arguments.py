@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm.arguments import RIGID, joints, pairs, poses, rigid
+from arm.arguments import RIGID, joints, option_numbers, pairs, poses, rigid
 from arm.controller.unit import Limits
 from arm.errors import InputError
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Sphere, Torus, body_to_json
@@ -163,3 +163,16 @@ def test_contacts_are_pairs() -> None:
     for wrong in (["finger_l", "table"], "ab", [("a",)], [("a", "a")], [("a", "b", "c")], [(1, 2)], [3], 3):
         with pytest.raises(InputError, match=r"touching.*pairs of two names"):
             pairs("touching", wrong)  # type: ignore[arg-type]
+
+
+def test_numbers_of_an_option_are_told_with_their_count() -> None:
+    assert option_numbers("--q", "1,-2.5, 3", 3, "x").tolist() == [1.0, -2.5, 3.0]
+    for text in ("1,5,2,5", "1 2 3", "", "1;2;3"):
+        count = text.count(",") + 1
+        with pytest.raises(
+            InputError, match=f"--q={text}: must be 3 .*, not {count}; the decimal sign is a point"
+        ):
+            option_numbers("--q", text, 3, "x, y, z in mm")
+    for text in ("1,2,x", "1,2,nan", "1,2,inf"):
+        with pytest.raises(InputError, match=f"--q={text}: must be 3 numbers separated by commas, x$"):
+            option_numbers("--q", text, 3, "x")

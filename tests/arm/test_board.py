@@ -103,7 +103,7 @@ def test_other_units_and_swapped_axes_are_named(
         ),
         ("0,45\n80,60\n100,140\n140,0", r"line 2 = '0,45': lies on the marker at 0, 0 mm .* at least 46 mm"),
         ("0,80\n80,60\n100,140\n135,100", r"line 5 = '135,100': lies on the marker at 180, 140 mm"),
-        ("0,80\n80,60\n100,140\n43,95", r"line 5 = '43,95': is 43 mm from the hole of line 2"),
+        ("0,80\n80,60\n100,140\n43,95", r"line 5 = '43,95': is 43 mm from hole 1"),
     ],
 )
 def test_holes_that_no_plate_can_have(tmp_path: Path, holes: str, message: str) -> None:

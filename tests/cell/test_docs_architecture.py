@@ -7,7 +7,7 @@ from importlib import import_module
 
 import pytest
 
-from typed.doc_commands import ROOT
+from typed.doc_pages import ROOT
 
 PAGE = (ROOT / "docs/architecture.md").read_text()
 WALK, CALIBRATION = (

@@ -26,23 +26,9 @@ from cell.session.connection import simulated_cell
 from driver.line.clock import Clock
 from recorded.nao import as_json, nao_recording
 from tasks.small import small_scenes
-from typed.doc_commands import (
-    ROOT,
-    TIME_SCALE,
-    Block,
-    Command,
-    Reader,
-    blocks,
-    commands,
-    followed,
-    options_of,
-    pages,
-    require_script,
-    require_target,
-    told_by_the_way,
-    unknown_to,
-)
+from typed.doc_commands import TIME_SCALE, Reader, options_of, require_script, require_target, unknown_to
 from typed.doc_output import unlike
+from typed.doc_pages import ROOT, Block, Command, blocks, commands, followed, pages, told_by_the_way
 from typed.steady_camera import SteadyCamera
 
 pytestmark = pytest.mark.slow

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from typed.doc_commands import ROOT, pages
+from typed.doc_pages import ROOT, pages
 
 # Before a block (up to the next empty line): <!-- figures: FILE [FILE ..][; computed: NUMBER ..] -->
 MARK = re.compile(r"^<!-- figures: ([^;>]+?)(?:; computed: ([^>]+?))? -->\n+(.*?)(?=\n\s*\n|\Z)", re.M | re.S)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cell.texts.key_texts import FILES, declared_keys, rows_of, texts_of
-from typed.doc_commands import ROOT, pages
+from typed.doc_pages import ROOT, pages
 
 DOCS = ROOT / "docs"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from typed.doc_commands import ROOT
+from typed.doc_pages import ROOT
 
 HEADINGS = set(re.findall(r"^## (.*)$", (ROOT / "docs/sources.md").read_text(), re.M))
 FILES = [

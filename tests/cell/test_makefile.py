@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from typed.doc_commands import ROOT
+from typed.doc_pages import ROOT
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
 

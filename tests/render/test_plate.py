@@ -91,6 +91,7 @@ def found_markers(image: npt.NDArray[np.float32], seed: int = 0) -> dict[int, Ar
     )
 
 
+@pytest.mark.slow
 def test_marker_corners_are_where_the_camera_model_says(camera: Camera) -> None:
     rng = np.random.default_rng(3)
     errors = []

@@ -131,6 +131,7 @@ def test_a_full_picture_costs_little_time_and_memory(camera: Camera) -> None:
         lambda: render(camera, [TABLE, *cubes, *arm], [place]),
         lambda: cv2.GaussianBlur(blurred, (0, 0), 3.0),
         rounds=1,
+        enough=300.0,
     )
     assert cost < 300.0
     tracemalloc.start()

@@ -1,4 +1,4 @@
-"""One arm on one controller: encoder counts, limits and registers, read from ``urdf/a465/<unit>.toml``.
+"""One arm on one controller: encoder counts, limits and registers, read from a unit file (``urdf/a465/<unit>.toml``).
 
 Counts are quadrature counts (times 4). The unit of a speed register is 1/256 count per ms, that of an acceleration
 register 1/256 count per ms^2 (docs/sources.md, "Registers"; the latter is assumed until measured).
@@ -6,7 +6,8 @@ register 1/256 count per ms^2 (docs/sources.md, "Registers"; the latter is assum
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,21 @@ import numpy.typing as npt
 
 from arm.arguments import numbers, shown
 from arm.controller.unit_keys import GripperValues, UnitKeys, UnitValues
-from arm.errors import InputError
-from arm.io.node import Node
+from arm.errors import FileInputError, InputError
+from arm.io.node import Node, Rule
+from arm.io.rules import path as path_rule
+from arm.io.rules import text as text_rule
 from arm.io.storage import data_file, read_bytes, sha256
+from arm.io.toml_reader import parse_toml
 from arm.se3 import Array, frozen
 
 Counts = npt.NDArray[np.int64]
 UNITS = ("crs93", "crs97")
+"""Names of the shipped units."""
+SUFFIX = ".toml"  # of a unit's file
+_CHOICES = f"one of {', '.join(UNITS)}, or a unit file (NAME{SUFFIX})"
+# what a log notes of its unit: the name, and of one of a user's own the file
+_NOTED, _FILE = "unit", "unit_file"
 
 
 @dataclass(frozen=True)
@@ -114,6 +123,7 @@ class Unit(UnitValues):
         homing: groups of axes homed together, in order.
         gripper: the gripper's axis.
         digest: SHA-256 of the file.
+        source: text of the file of a user's own unit; "" for a shipped one, which is known by its name.
     """
 
     counts_per_rad: Array
@@ -124,6 +134,7 @@ class Unit(UnitValues):
     homing: tuple[tuple[str, ...], ...]
     gripper: GripperAxis
     digest: str
+    source: str = field(default="", repr=False)
 
     def counts(self, q: npt.ArrayLike) -> Counts:
         """Return the encoder counts nearest to joint positions (..., 6) in rad.
@@ -239,18 +250,76 @@ def load_unit(name: str | Path) -> Unit:
         InputError: the name is unknown, or a value in the file breaks a rule.
     """
     if isinstance(name, Path):
-        return _read_unit(name)
+        unit = _unit_of(Node.of_toml(name, "unit"), sha256(read_bytes(name, "TOML")))
+        if unit.digest in {load_unit(known).digest for known in UNITS}:
+            return unit
+        if unit.name in UNITS:
+            raise Node.of_toml(name).error_at(
+                "name",
+                "is that of a shipped unit with other values",
+                f"give this unit its own, such as {unit.name}-hall3, by which plans, calibrations and logs know it",
+            )
+        return replace(unit, source=read_bytes(name, "TOML").decode("utf-8-sig"))
     if name not in UNITS:
-        why = f"unit = {name!r}: must be one of {', '.join(UNITS)}"
+        why = f"unit = {name!r}: must be {_CHOICES}"
         raise InputError(why, value=name, choices=list(UNITS))
-    return _read_unit(data_file(f"urdf/a465/{name}.toml"))
+    path = data_file(f"urdf/a465/{name}{SUFFIX}")
+    return _unit_of(Node.of_toml(path), sha256(read_bytes(path, "TOML")))
 
 
-def _read_unit(path: Path) -> Unit:
-    root = Node.of_toml(path)
+def unit_called(text: str) -> Unit:
+    """Read the unit that a command line names: a shipped one, or a unit file.
+
+    Raises:
+        InputError: see `load_unit`.
+    """
+    return load_unit(Path(text) if text.endswith(SUFFIX) else text)
+
+
+def unit_rule() -> Rule[Unit]:
+    """The unit that a file names: a shipped one, or a unit file relative to the file that names it."""
+
+    def read(node: Node) -> Unit:
+        if isinstance(node.value, str) and node.value.endswith(SUFFIX):
+            return load_unit(path_rule().read(node))
+        try:
+            return load_unit(text_rule(*UNITS).read(node))
+        except FileInputError as error:
+            raise node.error(f"must be {_CHOICES}", str(error.data["help"])) from error
+
+    return Rule(_CHOICES, read)
+
+
+def unit_note(unit: Unit) -> dict[str, str]:
+    """Return what a log notes of its unit, for `noted_unit`: of one of a user's own the file, too."""
+    return {_NOTED: unit.name} | ({_FILE: unit.source} if unit.source else {})
+
+
+def noted_unit(noted: Mapping[str, Any]) -> Unit | None:
+    """Return the unit that a log notes; None if it notes none that is known.
+
+    Raises:
+        FileInputError: a value of the noted file breaks a rule.
+    """
+    name, text = noted.get(_NOTED), noted.get(_FILE)
+    if isinstance(text, str):
+        path = Path(f"{name}{SUFFIX}")
+        unit = _unit_of(Node(path, "", parse_toml(path, text)), sha256(text))
+        return replace(unit, source=text)
+    return load_unit(name) if name in UNITS else None
+
+
+def _unit_of(root: Node, digest: str) -> Unit:
+    """Return the unit of a file's content."""
     keys = UnitKeys.read(root)
     if not np.all(np.abs(keys.direction) == 1):
         raise root.error_at("encoder.direction", "must be six numbers, each 1 or -1")
+    if len({*keys.axes, keys.axis}) < len(keys.axes) + 1:
+        raise root.error_at("axes", f"must be six different letters, without {keys.axis}, the gripper's axis")
+    if keys.open_adc == keys.closed_adc:
+        raise root.error_at(
+            "gripper.closed_adc", "must differ from open_adc: the jaws' position would be unknown"
+        )
     groups = tuple(map(tuple, keys.homing))
     if sorted(axis for group in groups for axis in group) != sorted(keys.axes):
         raise root.error_at("homing.sequence", "must name every axis once, in groups")
@@ -258,12 +327,21 @@ def _read_unit(path: Path) -> Unit:
     at_zero.flags.writeable = False
     counts_per_rad = frozen(keys.per_turn * 4.0 * keys.gear * keys.direction / (2.0 * np.pi))
     encoder_lower, encoder_upper = (np.array([keys.lower, keys.upper]) - at_zero) / counts_per_rad
+    if keys.sheet.max() < np.radians(2.0 * np.pi):  # in deg, what no arm exceeds in rad
+        raise root.error_at(
+            "limits.data_sheet_deg", "must not be below 6.28 deg for every joint", "is it in rad?"
+        )
     lower = frozen(np.maximum(encoder_lower, -keys.sheet) + keys.margin)
     upper = frozen(np.minimum(encoder_upper, keys.sheet) - keys.margin)
     if not np.all(lower < upper):
         raise root.error_at(
             "limits.lower_counts", "with upper_counts must not leave a joint without range; check direction"
         )
+    sheet = np.floor(keys.velocity_cap * np.abs(counts_per_rad) * 256.0 / 1e3)
+    for axis, speed, most in zip(keys.axes, keys.speed_registers, sheet, strict=True):
+        if speed > most:
+            rule = f"axis {axis} must be at most {most:.0f}: limits.data_sheet_deg_s allows no more"
+            raise root.error_at("registers.speed", rule)
     registers = {name: getattr(keys, name) for name in UnitKeys.declared() if "REG" in name}
     return Unit(
         **keys.values_of(UnitValues),
@@ -278,5 +356,5 @@ def _read_unit(path: Path) -> Unit:
             registers={"REGS1": keys.current_channel}
             | {n.removeprefix("gripper_"): v for n, v in registers.items() if n.startswith("gripper_")},
         ),
-        digest=sha256(read_bytes(path, "TOML")),
+        digest=digest,
     )

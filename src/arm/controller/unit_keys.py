@@ -1,7 +1,8 @@
-"""Keys of a unit's file, ``urdf/a465/<unit>.toml``."""
+"""Keys of a unit's file, such as ``urdf/a465/crs93.toml``."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from arm.io.keys import Keys, key
@@ -21,6 +22,12 @@ def _is_letters(value: object, count: int | None = None) -> bool:
     )
 
 
+NO_UNIT = "none"  # in plans: of an arm without a controller
+_NAME = rule_of(
+    f"up to 40 letters, digits, - and _, and not {NO_UNIT}",
+    lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9][\w-]{0,39}", v, re.ASCII) and v != NO_UNIT,
+    str,
+)
 _GROUPS = rule_of("groups of axis letters", lambda v: isinstance(v, list) and all(map(_is_letters, v)), list)
 _SIX_COUNTS = integers(6, -(2**23), 2**23 - 1)
 _SIX_REGISTERS = integers(6, 0, 32767)
@@ -32,7 +39,7 @@ class UnitValues(Keys):
     """Keys whose values `arm.controller.unit.Unit` takes unchanged.
 
     Attributes:
-        name: ``crs93`` or ``crs97``, or the stem of a user's own file.
+        name: ``crs93`` or ``crs97``, or another one of a user's own unit.
         firmware: beginning of the answer to VER.
         axes: controller axis letter of each joint.
         velocity_cap: velocity limits of the data sheet, (6,) rad/s.
@@ -42,7 +49,7 @@ class UnitValues(Keys):
         soft_home: configuration after homing, (6,) rad.
     """
 
-    name: str = key("name", text())
+    name: str = key("name", _NAME)
     firmware: str = key("firmware", text())
     axes: tuple[str, ...] = key(
         "axes", rule_of("six letters from A to H", lambda v: _is_letters(v, 6), tuple)
@@ -71,7 +78,7 @@ class UnitKeys(UnitValues, GripperValues):
     """Keys of a unit file."""
 
     model: str = key("model", text())
-    per_turn: Array = key("encoder.counts_per_turn", numbers(6, "counts", 1, 1e6))
+    per_turn: Array = key("encoder.counts_per_turn", numbers(6, "lines", 1, 1e6))
     gear: Array = key("encoder.gear", numbers(6, "", 1, 1e4))
     direction: Array = key("encoder.direction", numbers(6, "", -1, 1))
     at_zero: tuple[int, ...] = key("encoder.counts_at_zero", _SIX_COUNTS)

@@ -27,6 +27,7 @@ from arm.errors import InputError
 
 FOLDER = Path(tempfile.gettempdir()) / f"a465-{os.getuid()}"
 WAIT_S = 1.0  # for a holder that is about to say who it is, or for a reader to let go
+BRIEF_S = 5.0  # for a holder that only asks something
 _POLL_S = 0.01
 _LONGEST = 100_000  # bytes
 
@@ -40,12 +41,14 @@ class Holder:
         command: its command line.
         since: when it made the claim, ISO 8601.
         log: its wire log, an absolute path, or "".
+        brief: whether it lets go by itself at once, so that others wait for it.
     """
 
     pid: int
     command: str
     since: str
     log: str = ""
+    brief: bool = False
 
     @property
     def folder(self) -> str:
@@ -75,27 +78,29 @@ class Claim:
     Args:
         what: what is claimed; two names of the same thing must be made equal first.
         log: wire log of this program.
-        wait_s: wall time to wait for the holder of another claim to let go.
+        wait_s: wall time to wait for the holder of another claim to let go; at least `BRIEF_S` for a brief one.
+        brief: see `Holder`.
 
     Raises:
         Claimed: another claim on it holds.
     """
 
-    def __init__(self, what: str, log: Path | None = None, wait_s: float = 0.0) -> None:
+    def __init__(self, what: str, log: Path | None = None, wait_s: float = 0.0, brief: bool = False) -> None:
         self._handle = _open(what, os.O_RDWR | os.O_CREAT)
         if self._handle < 0:
             return
         begun = time.monotonic()
         while not _locked(self._handle, fcntl.LOCK_EX):
             holder = holder_of(what)
-            if time.monotonic() > begun + max(wait_s, 0.0 if holder is not None else WAIT_S):
+            patience = WAIT_S if holder is None else BRIEF_S if holder.brief else 0.0
+            if time.monotonic() > begun + max(wait_s, patience):
                 os.close(self._handle)
                 raise Claimed(what, holder)
             time.sleep(_POLL_S)
         since = datetime.now().astimezone().isoformat(timespec="seconds")
         path = "" if log is None else str(log.absolute())
         command = hide_credentials(shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
-        holder = Holder(os.getpid(), command, since, path)
+        holder = Holder(os.getpid(), command, since, path, brief)
         with contextlib.suppress(OSError):  # a full disk: the lock holds, but nobody is named
             os.ftruncate(self._handle, 0)
             os.pwrite(self._handle, json.dumps(asdict(holder)).encode(), 0)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from arm.errors import MOST_VALUE, FileInputError
+from arm.io.kind import read_kind, require_kind
 from arm.io.storage import read_json
 from arm.io.toml_reader import read_toml
 
@@ -49,22 +50,26 @@ class Node:
     help: str = ""
 
     @classmethod
-    def of_toml(cls, path: Path) -> Node:
-        """Read a TOML file.
+    def of_toml(cls, path: Path, *kinds: str) -> Node:
+        """Read a TOML file of one of `kinds` (names in `arm.io.kind.KINDS`).
 
         Raises:
-            FileInputError: it cannot be read, or is not TOML.
+            FileInputError: it cannot be read, is not TOML, or is of another kind.
         """
-        return cls(path, "", read_toml(path))
+        return cls(path, "", read_kind(path, read_toml, *kinds))
 
     @classmethod
-    def of_json(cls, path: Path) -> Node:
-        """Read a JSON file.
+    def of_json(cls, path: Path, *kinds: str) -> Node:
+        """Read a JSON file of one of `kinds` (names in `arm.io.kind.KINDS`).
 
         Raises:
-            FileInputError: it cannot be read, or is not JSON.
+            FileInputError: it cannot be read, is not JSON, or is of another kind.
         """
-        return cls(path, "", read_json(path))
+        return cls(path, "", read_kind(path, read_json, *kinds))
+
+    def require_kind(self, *kinds: str) -> None:
+        """Refuse a file of another kind, as `arm.io.kind.require_kind` does."""
+        require_kind(self.file, self.value, *kinds)
 
     def error(self, rule: str, help: str = "") -> FileInputError:
         """Return the error to raise if the value breaks `rule`; a long value is left out, a long string shortened."""

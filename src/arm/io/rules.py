@@ -19,6 +19,7 @@ from arm.se3 import Array, frozen, orthonormalised
 
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
+_OFF_AXIS = 2e-3  # m from the arm's axis, about which nothing stands; a place in m, read as mm, is nearer
 SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
 _SI: dict[str, Callable[[Any], Any]] = {
     "mm": lambda v: v / 1e3,
@@ -237,6 +238,32 @@ def line(*choices: str) -> Rule[str]:
     return Rule(any_text.words, read)
 
 
+def standing(size: int, least: float, most: float) -> Rule[Array]:
+    """The place in mm of what stands around the arm, read in m. A place in metres, read as mm, is told: it is nearly on
+    the arm's axis, where nothing stands; exactly on it is allowed."""
+    plain = numbers(size, "mm", least, most)
+
+    def read(node: Node) -> Array:
+        found = plain.read(node)
+        if 0.0 < np.abs(found[:2]).max() < _OFF_AXIS:
+            rule = (
+                f"must be {1e3 * _OFF_AXIS:g} mm or more from the arm's axis along x or y, or exactly on it"
+            )
+            raise node.error(rule, "is it in metres?")
+        return found
+
+    return Rule(plain.words, read)
+
+
+def no_file(path: Path) -> str:
+    """Return the rule that a name breaks by which there is no file."""
+    return (
+        f"names a folder, must name a file: {path}"
+        if path.is_dir()
+        else f"names a file that does not exist: {path}"
+    )
+
+
 def path(exists: bool = True) -> Rule[Path]:
     """The path of a file, relative to the file that names it; `exists`: the file must exist."""
 
@@ -247,7 +274,7 @@ def path(exists: bool = True) -> Rule[Path]:
         except OSError as error:  # the name is too long, or a folder may not be read
             raise node.error(f"names a file that cannot be read: {error.strerror}") from error
         if exists and not is_there:
-            raise node.error(f"names a file that does not exist: {found}")
+            raise node.error(no_file(found))
         return found
 
     return Rule("a string", read)

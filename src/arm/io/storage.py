@@ -7,15 +7,19 @@ Only regular files are read, and each kind of file has a size limit (`MOST_BYTES
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 import os
 import stat
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
 from arm.errors import FileInputError, InputError
@@ -40,6 +44,7 @@ def data_file(relative: str) -> Path:
 
 
 MB = 1_000_000
+_MOST_NAMES = 5  # of files in a folder, in a message
 MOST_BYTES = {
     "TOML": 2 * MB,  # a cell file has 10 kB, a calibration file 100 kB
     "text": 20 * MB,  # CSV, URDF, SRDF, vendored scripts
@@ -58,6 +63,10 @@ LARGEST = 1e100  # largest number in a file
 
 # device and inode of the files that a command will overwrite; None outside of commands
 _OVERWRITTEN: ContextVar[set[tuple[int, int]] | None] = ContextVar("overwritten", default=None)
+# files that were read since the beginning of `files_read`; None outside of it
+_READ: ContextVar[dict[Path, None] | None] = ContextVar("read", default=None)
+# contents of files, by absolute path, that are read instead of those on disk
+_INSTEAD: ContextVar[Mapping[str, bytes]] = ContextVar("instead", default=MappingProxyType({}))
 
 
 def open_file(path: Path, kind: str) -> BinaryIO:
@@ -66,6 +75,8 @@ def open_file(path: Path, kind: str) -> BinaryIO:
     Raises:
         FileInputError: the file is missing, not readable, not a regular file, or too large.
     """
+    if (instead := _INSTEAD.get()) and (other := instead.get(os.path.abspath(path))) is not None:
+        return io.BytesIO(other)
     try:
         # without O_NONBLOCK, opening a pipe waits for a writer
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -76,7 +87,7 @@ def open_file(path: Path, kind: str) -> BinaryIO:
     try:
         found = os.fstat(handle)
         if stat.S_ISDIR(found.st_mode):
-            raise FileInputError(path, "", None, "cannot be read: Is a directory")
+            raise FileInputError(path, "", None, "is a folder, must be a file", _inside(path))
         if not stat.S_ISREG(found.st_mode):
             raise FileInputError(
                 path, "", None, f"is {_what(found.st_mode)}; only regular files are read", "copy it to a file"
@@ -84,11 +95,23 @@ def open_file(path: Path, kind: str) -> BinaryIO:
         if found.st_size > MOST_BYTES[kind]:
             raise _too_large(path, kind)
         if (found.st_dev, found.st_ino) in (_OVERWRITTEN.get() or ()):
-            raise _read_by_the_command(path)
+            raise read_by_the_command(path)
+        if (read := _READ.get()) is not None:
+            read[path] = None
         return os.fdopen(handle, "rb")
     except BaseException:
         os.close(handle)
         raise
+
+
+def _inside(folder: Path) -> str:
+    """What of the project's files a folder holds, for a message."""
+    names = sorted(one.name for one in folder.iterdir() if one.suffix in (".toml", ".json", ".jsonl"))
+    return (
+        f"it holds {', '.join(names[:_MOST_NAMES])}{', ...' if len(names) > _MOST_NAMES else ''}"
+        if names
+        else ""
+    )
 
 
 def read_bytes(path: Path, kind: str) -> bytes:
@@ -123,13 +146,13 @@ def _what(mode: int) -> str:
 
 
 def read_text(path: Path, kind: str = "text") -> str:
-    r"""Return the text of a UTF-8 file with ``\n`` as line ends.
+    r"""Return the text of a UTF-8 file with ``\n`` as line ends, without a byte order mark.
 
     Raises:
         FileInputError: the file is missing, not readable, not a regular file, too large, or not text.
     """
     try:
-        text = read_bytes(path, kind).decode()
+        text = read_bytes(path, kind).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         rule = f"is not UTF-8 text: byte {error.start} cannot be read"
         raise FileInputError(path, "", None, rule) from error
@@ -150,14 +173,28 @@ def read_json(path: Path) -> Any:
         FileInputError: the file cannot be read, or is not JSON.
     """
     try:
-        return json.loads(read_text(path, "JSON"))
+        return json.loads(read_text(path, "JSON"), object_pairs_hook=partial(_once, path))
     except json.JSONDecodeError as error:
-        raise FileInputError(path, "", None, f"is not JSON: {error}") from error
+        last, rest = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos :].lstrip()
+        if rest[:1] == ",":  # Python 3.13 points at a comma too many, older versions at what follows it
+            last, rest = ",", rest[1:].lstrip()
+        help = "a comma stands before a bracket that ends" if last == "," and rest[:1] in ("]", "}") else ""
+        help = "the file ends too early: was it written to its end?" if error.pos and not rest else help
+        raise FileInputError(path, "", None, f"is not JSON: {error}", help) from error
     except ValueError as error:
         most = sys.get_int_max_str_digits()
         raise FileInputError(path, "", None, f"has a number of more than {most} digits") from error
     except RecursionError as error:
         raise FileInputError(path, "", None, "is nested too deeply") from error
+
+
+def _once(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object, each key of which must be there once: of two values nobody knows which one is meant."""
+    read = dict(pairs)
+    if len(read) < len(pairs):
+        twice = next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
+        raise FileInputError(path, twice, None, "is there twice in one object; remove one of both")
+    return read
 
 
 def require_finite(path: Path, value: Any) -> None:
@@ -197,22 +234,31 @@ def leaves(value: Any) -> Iterator[tuple[str, Any]]:
             yield key, now
 
 
-def keep_apart(output: Path | None, *inputs: Path | None) -> None:
-    """Refuse to overwrite an input file.
-
-    Raises:
-        InputError: `output` is the same file as one of `inputs`, even by another name.
-    """
-    if output is None or not output.exists():
-        return
-    for path in inputs:
-        if path is not None and path.exists() and output.samefile(path):
-            raise _read_by_the_command(output)
-
-
-def _read_by_the_command(path: Path) -> InputError:
+def read_by_the_command(path: Path) -> InputError:
+    """Return the error of an output that is also an input."""
     why = f"{path}: is read by this command, so it is not overwritten; give another file"
     return InputError(why, file=str(path))
+
+
+@contextmanager
+def files_read() -> Iterator[dict[Path, None]]:
+    """Collect the files that are read inside the block, in their order, as they are named there."""
+    read: dict[Path, None] = {}
+    before = _READ.set(read)
+    try:
+        yield read
+    finally:
+        _READ.reset(before)
+
+
+@contextmanager
+def read_instead(contents: Mapping[Path, bytes]) -> Iterator[None]:
+    """Read files inside the block as if they had these contents."""
+    before = _INSTEAD.set({os.path.abspath(path): content for path, content in contents.items()})
+    try:
+        yield
+    finally:
+        _INSTEAD.reset(before)
 
 
 @contextmanager
@@ -237,25 +283,34 @@ def keep_unread(*outputs: Path | None) -> None:
             overwritten.add((found.st_dev, found.st_ino))
 
 
-def write_atomic(path: Path, data: bytes | str) -> None:
+def write_atomic(path: Path, data: bytes | str | Iterable[str], tidy: bool = True) -> None:
     """Write a file whole or not at all (a temporary file in the same folder, synced, then renamed).
 
     If `path` is a link, the file it refers to is written. An existing file keeps its mode.
 
+    Args:
+        path: of the file.
+        data: its content, or the parts of it, which need not be in memory together.
+        tidy: first remove what killed programs left in the folder, which is listed for that.
+
     Raises:
         InputError: the folder is missing, read-only or full; an existing file is then unchanged.
     """
-    content = data.encode() if isinstance(data, str) else data
+    parts = [data] if isinstance(data, bytes) else (text.encode() for text in _texts(data))
     path = path.resolve() if path.is_symlink() else path
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: is not a regular file, so it is not replaced", file=str(path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(path) as temporary:
-            temporary.write(content)
+        with TemporaryFile(path, tidy) as temporary:
+            temporary.write(parts)
             temporary.become(stat.S_IMODE(path.stat().st_mode) if path.exists() else mode_of_new())
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}", file=str(path)) from error
+
+
+def _texts(data: str | Iterable[str]) -> Iterable[str]:
+    return [data] if isinstance(data, str) else data
 
 
 def canonical_json(value: Any) -> str:

@@ -14,6 +14,7 @@ import re
 import secrets
 import shutil
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from pathlib import Path
 
 _OURS = re.compile(r"\..+\.a465-[0-9a-f]{12}", re.DOTALL)
@@ -41,15 +42,17 @@ class _Temporary(ABC):
     def _make(self, beside: Path) -> tuple[Path, int]:
         """Create the file or folder `beside`; return its path and an open handle."""
 
-    def __init__(self, target: Path) -> None:
+    def __init__(self, target: Path, tidy: bool = True) -> None:
         """
         Args:
             target: what the file or folder becomes; its folder must be there.
+            tidy: first remove what killed programs left there.
 
         Raises:
             OSError: the file or folder cannot be created.
         """
-        remove_abandoned(target.parent)
+        if tidy:
+            remove_abandoned(target.parent)
         self._target = target
         for _ in range(_TRIES):
             self.path, self._handle = self._make(_name(target))
@@ -74,10 +77,10 @@ class TemporaryFile(_Temporary):
     def _make(self, beside: Path) -> tuple[Path, int]:
         return beside, os.open(beside, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
 
-    def write(self, content: bytes) -> None:
-        """Write and sync."""
+    def write(self, parts: Iterable[bytes]) -> None:
+        """Write one part after the other, and sync."""
         with os.fdopen(os.dup(self._handle), "wb") as stream:
-            stream.write(content)
+            stream.writelines(parts)
             stream.flush()
             os.fsync(stream.fileno())
 

@@ -7,9 +7,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from arm.errors import FileInputError
+from arm.errors import FileInputError, shortened
 from arm.io.storage import leaves, read_text, require_64_bits
 
+MOST_LINE = 100  # characters of a line that is told
 MOST_PARTS = 16  # parts of a dotted key; those of this project have 4
 
 
@@ -19,12 +20,27 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises:
         FileInputError: the file is unreadable, or not TOML (the message has line and column).
     """
+    return parse_toml(path, read_text(path, "TOML"))
+
+
+def parse_toml(path: Path, text: str) -> dict[str, Any]:
+    """Return the values in a text of TOML; `path` is for messages.
+
+    Raises:
+        FileInputError: it is not TOML.
+    """
     try:
-        text = read_text(path, "TOML")
         _require_short_keys(path, text)
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise FileInputError(path, "", None, f"is not valid TOML: {error}") from error
+        if text.lstrip().startswith(("{", '[{"')):
+            rule = (
+                "is JSON, such as a look or a plan, and a TOML file belongs here (are two arguments swapped?)"
+            )
+            raise FileInputError(path, "", None, rule) from error
+        raise FileInputError(
+            path, "", None, f"is not valid TOML: {error}{_place(text, str(error))}"
+        ) from error
     except RecursionError as error:
         raise FileInputError(path, "", None, "is nested too deeply") from error
     except ValueError as error:  # thousands of digits
@@ -50,3 +66,16 @@ def _require_short_keys(path: Path, text: str) -> None:
     if (found := _PARTS.search(plain)) is not None:
         line = plain.count("\n", 0, found.start()) + 1
         raise FileInputError(path, f"line {line}", None, f"has a key of more than {MOST_PARTS} parts")
+
+
+def _place(text: str, error: str) -> str:
+    """Return the line that an error of `tomllib` names, with what is often wrong in such a line; "" without one."""
+    if (found := re.search(r"at line (\d+), ", error)) is None:
+        return ""
+    line = text.split("\n")[int(found[1]) - 1].strip()
+    help = ""
+    if re.search(r"=\s*-?\d+,\d", line):
+        help = " (the decimal sign is a point)"
+    elif re.search(r"=\s*[^\W\d]", line) and "Invalid value" in error:
+        help = " (text stands in quotation marks)"
+    return f": {shortened(line, MOST_LINE)}{help}" if line else ""

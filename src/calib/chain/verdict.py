@@ -20,6 +20,7 @@ _UNKNOWN_CAUSE = (
     "no single known cause explains it: record one posture several times, reached from different sides; if those "
     "images differ, there is play or the target is loose, and if they agree, the model of the arm is wrong"
 )
+LEAST_NOISE_PX = 1e-3  # of corners in images; the simulated camera has three times as much
 _HINT = 2.0  # standard deviations from which a wrong target size is mentioned
 
 
@@ -109,6 +110,11 @@ def describe(hypothesis: ChainErrorHypothesis) -> str:
 
 
 def _remarks(c: ChainCalibration) -> Iterator[str]:
+    if (noise := float(np.max(c.problem.pixel_sigma))) < LEAST_NOISE_PX:
+        yield (
+            f"the corners of an image fit each other to {noise:.1g} px, and those that are found in images to 0.01 px "
+            "at best: were these corners computed?"
+        )
     for trial in c.trials:
         yield (
             f"{trial.part}: {'in the model' if trial.needed else 'left out'}, without them the cost rises by "

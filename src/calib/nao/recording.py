@@ -71,9 +71,7 @@ def read_nao_recording(path: Path) -> NaoRecording:
     Raises:
         InputError: the format is broken (the message names the key), or an image is repeated.
     """
-    root = Node.of_json(path)
-    if "poses" in root and "images" not in root:
-        raise root["poses"].error("belongs to a recording of an arm, which a465 calibrate hand-eye reads")
+    root = Node.of_json(path, "nao recording")
     node = root["camera"]
     focal = node["focal_px"].read(number())
     centre, size = node["centre_px"].read(numbers(2)), node["size_px"].read(numbers(2))

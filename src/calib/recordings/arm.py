@@ -70,9 +70,7 @@ def read_arm_recording(path: Path) -> ArmRecording:
         InputError: the format is broken (the message names the key), a corner lies outside the image, or a pose is
             repeated.
     """
-    root = Node.of_json(path)
-    if "images" in root and "poses" not in root:
-        raise root["images"].error("belongs to a recording of a NAO, which a465 calibrate kinematic reads")
+    root = Node.of_json(path, "recording")
     dh = root["dh"]
     d = dh["d_m"].read(numbers(None))
     others = [dh[key].read(numbers(len(d))) for key in ("a_m", "alpha_rad", "theta_offset_rad")]

@@ -20,8 +20,7 @@ from arm.robot.shapes import Body
 from arm.se3 import Array, apply, frozen, inverse, skew
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.linear_error import LinearError
-from cell.accuracy.placement import grip_error
-from cell.accuracy.plan_budgets import gripper_positions, hole_of
+from cell.accuracy.placement import grip_error, gripper_positions, hole_of
 from cell.config.cell import Cell
 from cell.program.points import WORK
 from plan.collision.certificate import ArmErrors

@@ -12,17 +12,15 @@ from itertools import combinations
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE
 from arm.numerics.products import mul
 from arm.poses import BoardPose
-from arm.robot.shapes import Box
 from arm.se3 import Array, apply, frozen, inverse, transform
 from cell.config.cell import Cell
+from cell.scene.board_doubts import outside_zone
 from vision.camera.projection import Projection
 from vision.observation import Observation
 
 _BY = (0.03, 0.06, 0.1)  # m
-_APART = float(np.hypot(*PLATE_SIZE[:2]))  # m between the centres of plates that cannot touch
 
 
 def nearer_looks(
@@ -71,7 +69,7 @@ def moved_look(cell: Cell, seen: Observation, names: Collection[str], by: Array)
         boards.append(replace(board, pose=pose))
     for one, other in combinations(boards, 2):
         moved = [of.pose.board.name in names for of in (one, other)]
-        if any(moved) and not all(moved) and np.linalg.norm(_centre(one.pose) - _centre(other.pose)) < _APART:
+        if any(moved) and not all(moved) and _may_touch(one.pose, other.pose):
             return None
     return replace(seen, boards=tuple(boards), images=(), frames=())
 
@@ -102,12 +100,9 @@ def _information_root(cell: Cell, pose: BoardPose, T_base_board: Array) -> Array
 
 def _may_stand(cell: Cell, pose: BoardPose) -> bool:
     """Whether the plate is in the zone for boards, and its markers and pockets in the image."""
-    square = np.array([[i, j, 0.0] for i in (-1, 1) for j in (-1, 1)]) / 2.0
-    plate = square * (*PLATE_SIZE[:2], 0.0) + (*PLATE_CENTRE, 0.0)
-    top = apply(pose.T_base_board, plate)
-    in_zone = np.abs(apply(inverse(cell.zone.T_base_body), top))
-    if isinstance(cell.zone.shape, Box) and (in_zone > np.array(cell.zone.shape.size) / 2.0).any():
+    if outside_zone(cell, pose) > 0.0:
         return False
+    square = np.array([[i, j, 0.0] for i in (-1, 1) for j in (-1, 1)]) / 2.0
     pockets = pose.board.holes[:, None] + square * pose.board.pocket[0]
     shown = np.concatenate([pose.board.marker_corners().reshape(-1, 3), pockets.reshape(-1, 3)])
     pixels = cell.camera.project_base(apply(pose.T_base_board, shown))
@@ -116,4 +111,10 @@ def _may_stand(cell: Cell, pose: BoardPose) -> bool:
 
 
 def _centre(pose: BoardPose) -> Array:
-    return np.asarray(apply(pose.T_base_board, (*PLATE_CENTRE, 0.0)))
+    return np.asarray(apply(pose.T_base_board, (*pose.board.plate.centre, 0.0)))
+
+
+def _may_touch(one: BoardPose, other: BoardPose) -> bool:
+    """Whether the plates of two boards are so close that they might touch."""
+    reach = sum(float(np.hypot(*pose.board.plate.size[:2])) for pose in (one, other)) / 2.0
+    return bool(np.linalg.norm(_centre(one) - _centre(other)) < reach)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, combinations
 from typing import Any
 
@@ -32,10 +33,12 @@ class Budgets:
         of: of the same grasps, for another cell file or another look at the same boards.
         again: of grasps that are chosen anew, for boards that stand elsewhere and without some holes of the target
             board; it raises `ImpossibleError` if there are none. None: the placements are given.
+        keeps: whether the plan then keeps its clearances with errors, which a plan is asked for next.
     """
 
     of: Callable[[Cell, Observation], Sequence[PlacementBudget]]
     again: Again | None = None
+    keeps: Callable[[Cell, Observation], bool] = lambda cell, seen: True
 
 
 @dataclass(frozen=True)
@@ -45,23 +48,26 @@ class Measure:
     Attributes:
         words: what to do, as an imperative.
         insertion: probability of the least certain placement after it.
+        keeps: whether the plan then keeps its clearances with errors.
     """
 
     words: str
     insertion: float
+    keeps: Callable[[], bool] = field(default=lambda: True, compare=False)
 
 
 def best_measure(cell: Cell, seen: Observation, budgets: Budgets, least: float) -> Measure | None:
     """Return the measure after which every cube enters its pocket most certainly; None if none reaches `least`.
 
-    Of the same kind (twice, four times as many photographs) the smallest that reaches `least` counts. What needs other
+    Of the same kind (twice, four times as many photographs) the smallest counts that reaches `least`, and after which
+    the plan keeps its clearances with errors: else the next refusal would be for those. What needs other
     grasps is tried last, and only if no other measure makes the placements as certain as can be stated.
     """
     best: Measure | None = None
     for kind in chain(_same_grasps(cell, seen, budgets), _other_grasps(cell, seen, budgets, least)):
         if best is not None and best.insertion > SURE:
             break
-        measure = next((one for one in kind if one.insertion >= least), None)
+        measure = next((one for one in kind if one.insertion >= least and one.keeps()), None)
         if measure is not None and (best is None or measure.insertion > best.insertion):
             best = measure
     return best
@@ -83,7 +89,7 @@ def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tup
     images = enough_photographs(cell, seen, placements)
     measure = best_measure(cell, seen, placements, least)
     cure = (
-        f"no single measure reaches that: {source} has to become smaller"
+        f"no single measure reaches that and keeps the clearances with errors: {source} has to become smaller"
         if measure is None
         else f"{measure.words}: then it is {100.0 * measure.insertion:.1f} %"
     )
@@ -105,9 +111,9 @@ def require_insertion(cell: Cell, seen: Observation, placements: Budgets) -> tup
 
 
 def enough_photographs(cell: Cell, seen: Observation, budgets: Budgets) -> int | None:
-    """Return the number of images in a look after which every cube enters certainly enough; None if none does."""
+    """Return the number of images in a look that makes placements and clearances certain enough; None if none does."""
     for times, (_, other, look) in zip(_MORE_PHOTOGRAPHS, _more_photographs(cell, seen), strict=False):
-        if least_insertion(budgets.of(other, look)) >= cell.least_insertion:
+        if least_insertion(budgets.of(other, look)) >= cell.least_insertion and budgets.keeps(other, look):
             return times * cell.photographs
     return None
 
@@ -122,7 +128,10 @@ _Kind = Iterator[Measure]
 
 def _same_grasps(cell: Cell, seen: Observation, budgets: Budgets) -> Iterator[_Kind]:
     def tried(changes: Iterator[tuple[str, Cell, Observation]]) -> _Kind:
-        return (Measure(words, least_insertion(budgets.of(other, look))) for words, other, look in changes)
+        for words, other, look in changes:
+            yield Measure(
+                words, least_insertion(budgets.of(other, look)), partial(budgets.keeps, other, look)
+            )
 
     yield tried(_more_photographs(cell, seen))
     if cell.tool_tolerance > _MEASURED:

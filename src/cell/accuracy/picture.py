@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, Board
+from arm.board import Board
 from arm.se3 import apply
 from cell.accuracy.insertion import PocketFit, percent
 from cell.accuracy.placement import PlacementBudget
@@ -52,8 +52,8 @@ class BudgetPicture:
 
 def budget_picture(board: Board, budgets: Sequence[PlacementBudget], fit: PocketFit) -> BudgetPicture:
     """Return the picture of the budgets of placements on one board."""
-    size = 1e3 * np.array(PLATE_SIZE[:2])
-    x, y = 1e3 * np.array(PLATE_CENTRE) - size / 2.0
+    size = 1e3 * np.array(board.plate.size[:2])
+    x, y = 1e3 * np.array(board.plate.centre) - size / 2.0
     marks = tuple(_mark(board, b, fit) for b in budgets if b.target.rpartition("/")[0] == board.name)
     return BudgetPicture(board.name, (float(x), float(y), float(size[0]), float(size[1])), marks)
 

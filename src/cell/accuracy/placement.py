@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from arm.numerics.products import mul
+from arm.plan_file import GripperStep, Move, Plan
 from arm.poses import adjoint
 from arm.se3 import Array, inverse
 from cell.accuracy.error_model import BoardError, ErrorModel
 from cell.accuracy.insertion import PocketFit, insertion_probability
 from cell.accuracy.linear_error import LinearError
+from cell.config.cell import Cell
 
 GRIP_PROJECTION = np.diag([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
 """What jaws that move along the tool's y axis leave of a cube's twist in the tool's frame."""
@@ -124,3 +126,21 @@ def grip_error(model: ErrorModel, source: BoardError, taken_from: int, q_grip: A
 
 def _sideways(covariance: Array) -> float:
     return float(np.sqrt(np.trace(covariance[:2, :2])))
+
+
+def gripper_positions(cell: Cell, plan: Plan) -> dict[tuple[int, str], Array]:
+    """Joint positions at which the jaws close on a cube and open, by its number and "close" or "open"."""
+    found: dict[tuple[int, str], Array] = {}
+    counts = plan.start
+    for step in plan.steps:
+        if isinstance(step, Move):
+            counts = step.path.end
+        elif isinstance(step, GripperStep) and step.cube is not None:
+            found[step.cube, step.action] = cell.unit.positions(counts)
+    return found
+
+
+def hole_of(boards: Mapping[str, BoardError], name: str) -> tuple[BoardError, int] | None:
+    """The board and index of a hole such as ``01-02/3``; None if it is no hole of a detected board."""
+    board, _, number = name.rpartition("/")
+    return (boards[board], int(number) - 1) if board in boards else None

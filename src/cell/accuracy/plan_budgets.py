@@ -8,12 +8,14 @@ from functools import partial
 import numpy as np
 
 from arm.board import TOLERANCE_SDS
-from arm.plan_file import GripperStep, Move, Plan
+from arm.errors import ImpossibleError
+from arm.plan_file import Plan
 from arm.se3 import Array
+from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import BoardError, ErrorModel
 from cell.accuracy.insertion import PocketFit
 from cell.accuracy.measures import Budgets, Holes, require_insertion
-from cell.accuracy.placement import PlacementBudget, Transfer, placement_budget
+from cell.accuracy.placement import PlacementBudget, Transfer, gripper_positions, hole_of, placement_budget
 from cell.config.cell import Cell
 from vision.observation import Observation
 
@@ -60,10 +62,23 @@ def require_placements(
 
     def anew(look: Observation, without: Holes) -> tuple[PlacementBudget, ...]:
         other = plan if again is None else again(look, without)
-        return plan_budgets(cell, look, other) if len(other.task["cubes"]) == len(plan.task["cubes"]) else ()
+        as_many = len(other.task["cubes"]) == len(plan.task["cubes"])
+        return plan_budgets(cell, look, other) if as_many and _keeps(cell, look, other) else ()
+
+    def keeps(other: Cell, look: Observation) -> bool:
+        return gripped is not None or _keeps(other, look, plan)
 
     same = partial(plan_budgets, plan=plan, gripped=gripped)
-    return require_insertion(cell, seen, Budgets(same, None if again is None else anew))
+    return require_insertion(cell, seen, Budgets(same, None if again is None else anew, keeps))
+
+
+def _keeps(cell: Cell, seen: Observation, plan: Plan) -> bool:
+    """Whether a plan keeps its clearances with errors."""
+    try:
+        erring_clearances(cell, plan, seen)
+    except ImpossibleError:
+        return False
+    return True
 
 
 def pocket_fit(cell: Cell) -> PocketFit:
@@ -80,21 +95,3 @@ def _transfers(
         source, target = (hole_of(boards, cube[key]) for key in ("from", "to"))
         if source is not None and target is not None and {(number, "close"), (number, "open")} <= at.keys():
             yield Transfer(cube["cube"], source, target, at[number, "close"], at[number, "open"])
-
-
-def gripper_positions(cell: Cell, plan: Plan) -> dict[tuple[int, str], Array]:
-    """Joint positions at which the jaws close on a cube and open, by its number and "close" or "open"."""
-    found: dict[tuple[int, str], Array] = {}
-    counts = plan.start
-    for step in plan.steps:
-        if isinstance(step, Move):
-            counts = step.path.end
-        elif isinstance(step, GripperStep) and step.cube is not None:
-            found[step.cube, step.action] = cell.unit.positions(counts)
-    return found
-
-
-def hole_of(boards: Mapping[str, BoardError], name: str) -> tuple[BoardError, int] | None:
-    """The board and index of a hole such as ``01-02/3``; None if it is no hole of a detected board."""
-    board, _, number = name.rpartition("/")
-    return (boards[board], int(number) - 1) if board in boards else None

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from contextlib import suppress
 from typing import Any, NoReturn
 
-from arm.errors import A465Error, ExecutionStopped
+import typer
+
+from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli.options import refuse
 from cell.console import Console, OutputLost, say_on_stderr
 
@@ -30,3 +33,30 @@ def fail(error: A465Error) -> NoReturn:
             Console().say(json.dumps(body, indent=2, default=str))
     say_on_stderr(f"a465: {error.word}: {error}")
     sys.exit(error.exit_code)
+
+
+def fail_usage(error: typer.TyperException) -> NoReturn:
+    """Print what is wrong with a command's name, options or arguments, in one line, and exit as `fail` does.
+
+    A group without a command prints its help instead.
+    """
+    words, context = error.format_message(), getattr(error, "ctx", None)
+    if context is not None and words == context.get_help():
+        say_on_stderr(words)
+        sys.exit(InputError.exit_code)
+    verbs = _typed() if context is None else _verbs(context)
+    is_number = re.search(r"No such option: -[\d.]", words)
+    help = " (the values of a list are joined by commas: --q=0,10,-80,0,-60,0)" if is_number else ""
+    why = f"{' '.join(words.split()).removesuffix('.')}{help}; see {' '.join(('a465', *verbs))} --help"
+    fail(InputError(f"{' '.join(verbs)}: {why}" if verbs else why, command=verbs))
+
+
+def _verbs(context: Any) -> list[str]:
+    """Return the command of a context: a word, or two if it is one of a group."""
+    above = context.parent
+    return [] if above is None else [*_verbs(above), str(context.info_name)]
+
+
+def _typed() -> list[str]:
+    """Return the command that was typed."""
+    return sys.argv[1 : 3 if sys.argv[1:2] == ["calibrate"] else 2]

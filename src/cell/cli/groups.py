@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
+from copy import copy
+from functools import cache
 from typing import Any
 
+from typer import Typer
 from typer.core import TyperGroup
 
+COMPLETING = "_A465_COMPLETE"  # set by a shell that asks for completions
 GROUPS = {
     "Set up": ("new-cell", "doctor", "record", "calibrate"),
     "See": ("look", "snap", "status", "view", "compare"),
     "Plan": ("reach", "plan", "check", "preview", "certify", "teach"),
     "Move": ("run", "execute", "home", "park", "move", "jog", "gripper", "release", "stop"),
-    "Tools": ("emulate", "render", "report", "runs", "export"),
+    "Tools": ("emulate", "render", "report", "runs", "export", "study"),
 }
 
 
@@ -28,3 +33,42 @@ class GroupedCommands(TyperGroup):
             rows = [(name.ljust(width), self.commands[name].get_short_help_str(200)) for name in names]
             with formatter.section(heading):
                 formatter.write_dl(rows)
+
+
+def built_for(app: Typer, arguments: list[str]) -> Typer:
+    """The same commands, those that `arguments` do not name without their parameters.
+
+    Typer makes the parameters of all commands before it looks for the one that is asked: half of the time until the
+    help appears. Names and what the list of commands says of each stay. A shell that completes words asks about others
+    than `arguments`, so all stay then.
+    """
+    if COMPLETING in os.environ:
+        return app
+    return _only(app, next((argument for argument in arguments if not argument.startswith("-")), None))
+
+
+@cache
+def _only(app: Typer, verb: str | None) -> Typer:
+    light = copy(app)
+    light.registered_commands = [_without_parameters(info, verb) for info in app.registered_commands]
+    light.registered_groups = [_without_parameters(info, verb) for info in app.registered_groups]
+    return light
+
+
+def _without_parameters(info: Any, verb: str | None) -> Any:
+    app = getattr(info, "typer_instance", None)
+    name = app.info.name if app else info.name or info.callback.__name__
+    if name == verb:
+        return info
+    light = copy(info)
+    light.name = name
+    if app:
+        light.typer_instance = copy(app)
+        light.typer_instance.registered_commands = []
+    else:
+        light.callback = _nothing
+    return light
+
+
+def _nothing() -> None:
+    pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +13,8 @@ from arm.errors import A465Error, InputError
 from arm.io.storage import one_command
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
-from cell.cli.ending import fail, finish
-from cell.cli.groups import GroupedCommands
+from cell.cli.ending import fail, fail_usage, finish
+from cell.cli.groups import GroupedCommands, built_for
 from cell.cli.manual import manual
 from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, pictured, refuse, refuse_given
 from cell.cli.tools import tools
@@ -299,13 +300,14 @@ def preview(
     look: Annotated[
         Path | None, Option(help="For a plan: detected boards, to show its predicted accuracy.")
     ] = None,
+    image: shared.Photograph = None,
     as_json: shared.Json = False,
 ) -> None:
     shared.refuse_swapped("preview", file, task)
     with answering("drawing", as_json) as console:
         from cell.commands.preview import preview_file
 
-        console.result(preview_file(file, task, output, console, look))
+        console.result(preview_file(file, task, output, console, look, image))
 
 
 @app.command(
@@ -386,9 +388,11 @@ app.registered_commands += manual.registered_commands + tools.registered_command
 
 
 def main() -> None:
-    """Run the command line; turn an `A465Error` into one line and its exit code."""
+    """Run the command line; turn an error, also of an option, into one line and its exit code."""
     with interruptible(ends=True), one_command():
         try:
-            app()
+            sys.exit(built_for(app, sys.argv[1:])(standalone_mode=False))
         except A465Error as error:
             fail(error)
+        except typer.TyperException as error:
+            fail_usage(error)

@@ -17,7 +17,16 @@ manual = typer.Typer()  # `cell.cli.main` registers these commands
 _PORT = (
     "Port of the controller, such as /dev/mars or socket://...; default: A465_PORT, or port of the cell file."
 )
-_Port = Annotated[str | None, Argument(help=_PORT, metavar="[PORT]", show_default=False)]
+
+
+def _no_cell(port: str | None) -> str | None:
+    if port is not None and port.endswith(".toml"):
+        why = f"{port}: a file is where the port belongs; the cell or task file comes before the port"
+        raise InputError(why, argument=port)
+    return port
+
+
+_Port = Annotated[str | None, Argument(help=_PORT, metavar="[PORT]", show_default=False, callback=_no_cell)]
 _PORT_OR_CELL = f"{_PORT} Or the cell or task file that names it."
 _PortOrCell = Annotated[str | None, Argument(help=_PORT_OR_CELL, metavar="[PORT|CELL]", show_default=False)]
 _CELL = "Cell or task file: the unit, its calibration and the tool; default: the unit by its gripper's axis."

@@ -85,6 +85,10 @@ Output = Annotated[Path | None, Option("-o", "--output", help="File to write; an
 PlanOutput = Annotated[Path, Option("-o", "--output", help="Plan file to write.")]
 _PAGE = "HTML page to write: the plan in 3D, or if there is none, where and why it is refused."
 RefusalPage = Annotated[Path | None, Option("--page", help=_PAGE)]
+Photograph = Annotated[
+    Path | None,
+    Option("--image", help="Photograph by the cell's camera, to lay over what it sees.", metavar="FILE"),
+]
 LiveFlag = Annotated[bool, Option("--live", help="Serve a page on this machine that shows the run live.")]
 LivePort = Annotated[int | None, Option(help="Port of the live view on 127.0.0.1; default: any free port.")]
 _UNSEEN = "With --port: do not ask for the unit's name before executing plans that nobody has previewed."

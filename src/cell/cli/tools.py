@@ -8,14 +8,17 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
+from arm.errors import InputError
 from cell.cli import options as shared
 from cell.cli.options import SELECTORS, TRIED, answering, examples, refuse, refuse_given
 from cell.console import Console
 
 tools = typer.Typer()  # `cell.cli.main` registers these commands
 _DOCTOR_PORT = (
-    "Identify the controller on this port, or on the cell's (cell), sending only ECHO, STAMP and VER."
+    "Identify the controller on this port, or on the cell's (cell), sending only ECHO, STAMP and VER; with --cell also "
+    "ask whether the arm is homed, and for its registers."
 )
+_ASK = "With --cell: ask at the terminal for what of the first-day checklist only a person sees; keep the answers."
 _LOG = "Log to write: every line received and sent, faults and protocol violations."
 _EXPORTED = "Log of a run, or plan, scene, cell, task or arm file; recognised by its content."
 _FORM = "csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
@@ -32,7 +35,9 @@ _FORM = "csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwis
 )
 def emulate(
     context: typer.Context,
-    unit: Annotated[str | None, Option(help="crs93 or crs97; default: that of the task, else crs93.")] = None,
+    unit: Annotated[
+        str | None, Option(help="crs93, crs97 or a unit file; default: that of the task, else crs93.")
+    ] = None,
     link: Annotated[
         Path | None, Option(help="Symbolic link to create, which points to the pseudo-terminal.")
     ] = None,
@@ -68,7 +73,9 @@ def emulate(
 def render(
     task: shared.TaskFile,
     world: shared.WorldFile = None,
-    output: Annotated[Path | None, Option("-o", "--output", help="Folder to write.")] = None,
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="Folder to write; default: photographs.")
+    ] = None,
     count: Annotated[int | None, Option(help="Number of images; default: as in the cell file.")] = None,
     target: Annotated[
         str | None, Option(help="Render a calibration target instead: a target file, or charuco.")
@@ -147,7 +154,7 @@ def export(
         bool, Option("--planned", help="For the trajectory of a log: as sent, not as measured.")
     ] = False,
     unit: Annotated[
-        str | None, Option(help="For a log: crs93 or crs97; default: the unit named in the log.")
+        str | None, Option(help="For a log: crs93, crs97 or a unit file; default: the unit named in the log.")
     ] = None,
     period: Annotated[float | None, Option(help="For a plan: sampling period in s; default: 0.02.")] = None,
     cell: Annotated[
@@ -170,14 +177,17 @@ def export(
 @tools.command(
     short_help="Show a cell or an arm in 3D on an HTML page, with no plan.",
     help="Write an HTML page that shows the arm and what stands around it in 3D: of a cell, task, program or arm file, "
-    "with boards and cubes if a look is given. Two bodies inside each other are red.",
+    "with boards and cubes if a look is given. Two bodies inside each other are red. With --live the page follows the "
+    "arm: its unit is only asked, or the log of the a465 that has the port is read.",
     epilog=examples(
         "a465 view scenes/hoop/d.toml", "a465 view scenes/cell.toml --q 0,10,-80,0,-60,0 -o there.html"
     ),
 )
 def view(
+    context: typer.Context,
     place: Annotated[Path, Argument(help="Cell, task, program or arm file.", metavar="FILE")],
     look: Annotated[Path | None, Option(help="For a cell or task file: detected boards to include.")] = None,
+    image: shared.Photograph = None,
     q: Annotated[
         str | None,
         Option("--q", help="Where the arm is, J1 to J6 in deg; default: q_start.", metavar="ANGLES"),
@@ -185,12 +195,28 @@ def view(
     output: Annotated[
         Path | None, Option("-o", "--output", help="Page to write; default: named as FILE, in this folder.")
     ] = None,
+    live: Annotated[
+        bool, Option("--live", help="Serve the page, with the arm where its unit reports it, until Ctrl-C.")
+    ] = False,
+    port: Annotated[
+        str | None, Option(help="With --live: the controller's; default: the cell file's, or A465_PORT.")
+    ] = None,
+    live_port: shared.LivePort = None,
+    seconds: Annotated[float | None, Option(help="With --live: how long; default: until Ctrl-C.")] = None,
     as_json: shared.Json = False,
 ) -> None:
+    if live:
+        shared.refuse_given(context, ("q", "output"), "cannot be combined with --live")
+        console = Console(as_json)
+        from cell.commands.viewing.live_arm import view_live_step
+
+        console.result(view_live_step(place, look, image, port, live_port, seconds, console))
+        return
+    shared.refuse_given(context, ("port", "live_port", "seconds"), "goes with --live")
     with answering("drawing", as_json) as console:
         from cell.preview.of_place import view_step
 
-        console.result(view_step(place, look, q, output, console))
+        console.result(view_step(place, look, q, output, console, image))
 
 
 @tools.command(
@@ -261,24 +287,35 @@ def compare(
 def new_cell(
     folder: Annotated[Path, Argument(help="New or empty folder.", metavar="DIR")],
     unit: Annotated[
-        str | None, Option(help="Arm of the cell: crs93 or crs97. Required, because it cannot be detected.")
+        str | None,
+        Option(
+            help="Arm of the cell: crs93 or crs97, which cannot be detected. Without it a person at the "
+            "terminal is asked, also for port, camera and gripper."
+        ),
     ] = None,
     name: Annotated[str | None, Option(help="Name of the cell; default: that of the folder.")] = None,
     as_json: shared.Json = False,
 ) -> None:
     from cell.commands.new_cell import new_cell_step
+    from cell.session.dialogue import at_terminal, typed
 
     console = Console(as_json)
-    console.result(new_cell_step(folder, unit, name, console))
+    answer = typed if at_terminal() and not as_json else None
+    console.result(new_cell_step(folder, unit, name, console, answer))
 
 
 @tools.command(
     short_help="Check the installation, the devices and a cell.",
     help="Check libraries, ports, cameras, a cell and its calibrations, and run a self-test of five seconds. "
-    "Nothing moves. The exit code is 3 if something is wrong.",
-    epilog=examples("a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93"),
+    "With --cell tick off the cell's first-day checklist, kept beside it: what must be true before the arm may run "
+    "unattended. Nothing moves. The exit code is 3 if something is wrong.",
+    epilog=examples(
+        "a465 doctor --cell scenes/task2.toml --port /dev/mars --camera name:camera-crs93",
+        "a465 doctor --cell my-cell/cell.toml --ask -o checklist.html",
+    ),
 )
 def doctor(
+    context: typer.Context,
     port: Annotated[str | None, Option(help=_DOCTOR_PORT)] = None,
     camera: Annotated[
         str | None, Option(help=f"Take an image with this camera: {SELECTORS} {TRIED}", metavar="SELECTOR")
@@ -286,16 +323,77 @@ def doctor(
     cell: Annotated[
         Path | None, Option(help="Cell or task file to check; default: the built-in one.", metavar="CELL")
     ] = None,
+    ask: Annotated[bool, Option("--ask", help=_ASK)] = False,
+    output: Annotated[
+        Path | None, Option("-o", "--output", help="With --cell: page of the checklist to write.")
+    ] = None,
     as_json: shared.Json = False,
 ) -> None:
     from cell.doctor.doctor import doctor_step
 
-    console = Console(as_json)
+    if cell is None:
+        refuse_given(context, ("ask", "output"), "needs --cell: the built-in cell has no checklist")
+    console, answer = Console(as_json), None
+    if ask:
+        from cell.session.dialogue import at_terminal, typed
+
+        if not at_terminal():
+            raise InputError("--ask: there is no terminal at which a person can answer", option="--ask")
+        answer = typed
     if port == "cell":  # what finds that port needs libraries, which may be missing otherwise
         from cell.session.ports import choose_port
 
         port = choose_port(port, cell, console)
-    report = doctor_step(port, camera, cell, console)
+    report = doctor_step(port, camera, cell, console, answer, output)
     console.result(report)
     if report["wrong"]:
         refuse(f"doctor: wrong: {', '.join(report['wrong'])}")
+
+
+@tools.command(
+    short_help="Ask one question of many cells, such as where boards may stand.",
+    help="Evaluate many cells that differ in a few values: can every hole be reached, the boards be seen, the task be "
+    "planned and run? Each refusal has its reason. Finished chunks are kept: the same command goes on where it ended.",
+    epilog=examples(
+        "a465 study scenes/where-boards-may-stand.toml",
+        "a465 study scenes/where-boards-may-stand.toml --point 23",
+    ),
+)
+def study(
+    file: Annotated[
+        Path, Argument(help="Study file, such as scenes/where-boards-may-stand.toml.", metavar="FILE")
+    ],
+    output: Annotated[
+        Path | None,
+        Option(
+            "-o",
+            "--output",
+            help="Folder of the results; default: study-NAME, with --point study-NAME-NUMBER.",
+            metavar="FOLDER",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        Option(min=0, help="Processes; 0: this one alone. Default: one per processor.", metavar="N"),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        Option(help="Dask scheduler whose workers compute, such as tcp://127.0.0.1:8786.", metavar="ADDRESS"),
+    ] = None,
+    best: Annotated[
+        Path | None, Option(help="New folder for the files of the most robust point.", metavar="FOLDER")
+    ] = None,
+    point: Annotated[
+        int | None, Option(help="Write the files of this point with its look and its plan.", metavar="NUMBER")
+    ] = None,
+    as_json: shared.Json = False,
+) -> None:
+    with answering("studying", as_json) as console:
+        from cell.study.command import point_step, study_step
+
+        if point is None:
+            console.result(study_step(file, output, workers, scheduler, best, console))
+        elif workers is None and scheduler is None and best is None:
+            console.result(point_step(file, point, output, console))
+        else:
+            raise InputError("--point: needs no --workers, --scheduler or --best", option="point")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from arm.arguments import option_numbers
 from arm.errors import InputError
 from cell.console import Console
 from cell.files.scene import (
@@ -17,7 +18,6 @@ from cell.files.scene import (
     Pair,
     Query,
     SceneFile,
-    option_numbers,
 )
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
@@ -210,7 +210,7 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
     Raises:
         InputError: the text is not six angles, or a joint limit is exceeded.
     """
-    degrees = option_numbers(configuration, 6, "six angles in deg, J1 to J6, such as 0,10,-80,0,-60,0")
+    degrees = option_numbers("--q", configuration, 6, "J1 to J6 in deg")
     rule = scene.unit.beyond_limits(np.radians(degrees))
     if rule:
         raise InputError(f"q = {configuration!r}: {rule}", q=configuration)

@@ -13,14 +13,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from arm.controller.unit import Unit, load_unit
+from arm.controller.unit import Unit, load_unit, unit_called
 from arm.errors import ExecutionStopped, InputError
-from arm.io.storage import keep_apart
+from arm.io.outputs import keep_apart
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.faults.file import read_faults
 from driver.line.clock import Clock
 from driver.line.signals import SIGNALS
 from driver.line.wire_log import WireLog
+from driver.log.read import is_log
 
 if TYPE_CHECKING:
     from cell.sim.cell import SimulatedCell
@@ -57,7 +58,10 @@ def emulate_step(
         raise InputError(f"{link}: exists already; choose another name for the link", link=str(link))
     if tcp is not None and not 0 <= tcp <= 65535:
         raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
-    keep_apart(log_file, fault_file, task_file, world)
+    keep_apart(log_file, fault_file, task_file, world, kind=None)
+    if log_file is not None and log_file.is_file() and log_file.stat().st_size and not is_log(log_file):
+        why = f"--log {log_file}: is a file, and no wire log, which alone is replaced; choose another name"
+        raise InputError(why, option="log", file=str(log_file))
     simulated = _cell(task_file, world, hand_file)
     unit, clock = _unit(unit_name, simulated), Clock(time_scale)
     options = EmulatorOptions(faults=read_faults(fault_file) if fault_file else ())
@@ -130,9 +134,9 @@ def _cell(task_file: Path | None, world: Path | None, hand_file: Path | None) ->
 
 def _unit(name: str | None, simulated: SimulatedCell | None) -> Unit:
     if simulated is None:
-        return load_unit(name or "crs93")
+        return load_unit("crs93") if name is None else unit_called(name)
     unit = simulated.cell.nominal_unit
-    if name not in (None, unit.name):
+    if name not in (None, unit.name) and unit_called(str(name)).digest != unit.digest:
         raise InputError(f"--unit {name}: the task's cell has {unit.name}; leave out --unit", unit=name)
     return unit
 

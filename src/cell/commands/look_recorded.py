@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from arm.io.storage import canonical_json, keep_apart, keep_unread, write_atomic
+from arm.io.outputs import keep_apart
+from arm.io.storage import canonical_json, keep_unread, write_atomic
 from arm.poses import BoardPose
 from arm.se3 import Array
 from cell.config.board_keys import MADE_WITHIN_MM
@@ -27,7 +28,7 @@ def detections_step(
     Raises:
         InputError: a file is wrong, or cannot be written.
     """
-    keep_apart(output, file, task_file)
+    keep_apart(output, file, task_file, kind="look")
     keep_unread(output)
     recorded = read_detections(file)
     camera, limits, board = recorded.camera, BoardLimits(), recorded.board

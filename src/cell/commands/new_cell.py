@@ -5,25 +5,36 @@ Values come from the project's own scenes, comments from `cell.texts.key_texts`.
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from arm.controller.unit import UNITS
 from arm.errors import InputError
 from arm.io.keys import Keys
+from arm.io.rules import port_fault
 from arm.io.storage import data_file, read_text
 from arm.io.toml_reader import read_toml
+from cell.config.camera_keys import require_device
 from cell.config.cell_file import CellKeys
 from cell.console import Console
 from cell.export.folder import write_folder
 from cell.files.hand_target import HandCharucoKeys
 from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
+from cell.session.dialogue import answered
 from cell.texts.key_texts import commented
 from vision.camera.model import CameraKeys
+from vision.camera.video.selector import is_video
 
+Answer = Callable[[], str | None]
+
+UNASKED = "give --unit to be asked nothing"
+LONGEST_MM = 1000.0  # of a gripper
 PLACEHOLDER = "placeholder"
 LONGEST_NAME = 60
 
@@ -39,54 +50,145 @@ _FILES: dict[str, tuple[str, str, type[Keys]]] = {
 """Source of each file of a new cell: scene file with its values, name of its texts, declaration of its keys."""
 
 
-def new_cell_step(folder: Path, unit: str | None, name: str | None, console: Console) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Own:
+    """What only the owner of a cell knows.
+
+    Attributes:
+        unit: name of the arm, one of `UNITS`.
+        port: of the controller, as the cell file has it; None: not known yet.
+        camera: selector of the camera; None: not known yet.
+        length_mm: of the gripper, from the flange to the finger tips; None: the shipped one's.
+    """
+
+    unit: str
+    port: str | None = None
+    camera: str | None = None
+    length_mm: float | None = None
+
+
+def new_cell_step(
+    folder: Path, unit: str | None, name: str | None, console: Console, answer: Answer | None = None
+) -> dict[str, Any]:
     """Write a cell to a new or empty folder, completely or not at all, and print the next steps.
 
     Args:
         folder: folder to write.
-        unit: name of the arm; None is refused, because it cannot be detected.
+        unit: name of the arm, which cannot be detected; None: ask for it, and for what else only the owner knows.
         name: name of the cell, for the heads of its files; default: that of the folder.
+        console: output.
+        answer: returns a line that a person typed, or None if nobody can; without it nothing is asked.
 
     Raises:
-        InputError: unit or name is wrong, or the folder cannot be written.
+        InputError: unit or name is wrong or missing, or the folder cannot be written.
     """
-    if unit is None:
-        raise InputError(
-            f"--unit is missing: must be {' or '.join(UNITS)}; the controller cannot report it, and with the other "
-            "unit's zeros angles are wrong by up to 11 degrees",
-            option="--unit",
-            choices=list(UNITS),
-        )
-    if unit not in UNITS:
-        raise InputError(f"--unit {unit}: must be one of {', '.join(UNITS)}", unit=unit)
+    known = None if unit is None else Own(_unit(unit))
     place = folder.resolve()
     _require_free(folder, place)
     title = place.name if name is None else name
     if not title.strip() or len(title) > LONGEST_NAME or not title.isprintable():
         why = f"--name {title!r}: must be a line of 1 to {LONGEST_NAME} printable characters"
         raise InputError(why, name=title)
-    texts = cell_files(unit, title)
+    own = known or _asked(folder, console, answer)
+    texts = cell_files(own, title)
     write_folder(place, texts)
     console.say(
-        f"{folder}: cell {title!r} with arm {unit}, {len(texts)} files; their comments say what to measure"
+        f"{folder}: cell {title!r} with arm {own.unit}, {len(texts)} files; their comments say what to measure"
     )
-    commands = next_commands(folder, unit)
-    console.say("\nNext steps; the first three need no hardware, docs/real-cell.md explains the others:")
+    commands = next_commands(folder, own.unit)
+    console.say(
+        "\nWithout hardware, docs/first-day.md leads to an executed run of this cell beside an emulated unit. With the "
+        "arm: next steps; the first three need no hardware, docs/real-cell.md explains the others:"
+    )
     for why, line in commands:
         console.say(f"\n# {why}" + (f"\n{line}" if line else ""))
     return {
         "folder": str(folder),
         "name": title,
-        "unit": unit,
+        "unit": own.unit,
         "files": sorted(texts),
         "next": [{"why": why, "command": line} for why, line in commands],
     }
 
 
-def cell_files(unit: str, name: str) -> dict[str, str]:
+def _asked(folder: Path, console: Console, answer: Answer | None) -> Own:
+    """Ask for what only the owner of the cell knows; an empty line leaves what is optional as it is.
+
+    Raises:
+        InputError: nobody answers, or no answer is right after `TRIES`.
+    """
+    unit = None
+    if answer is not None:
+        console.say("Only you know the following; every answer can be changed in cell.toml later.")
+        unit = answered(console, f"arm ({' or '.join(UNITS)}; its label says it): ", _unit, answer, UNASKED)
+    if unit is None or answer is None:
+        raise InputError(
+            f"--unit is missing: must be {' or '.join(UNITS)}; the controller cannot report it, and with the other "
+            "unit's zeros angles are wrong by up to 11 degrees",
+            option="--unit",
+            choices=list(UNITS),
+        )
+    port = answered(
+        console,
+        "port of its controller, such as /dev/mars (Enter: not yet): ",
+        lambda line: _port(line, folder),
+        answer,
+        UNASKED,
+    )
+    question = "camera, such as name:camera-crs93 or video:0 (Enter: not yet): "
+    camera = answered(console, question, _camera, answer, UNASKED)
+    tool = read_toml(data_file("scenes/cell.toml"))["tool"]
+    length = answered(
+        console,
+        f"gripper, flange to finger tips in mm (Enter: as shipped, {tool['length_mm']:g}): ",
+        lambda line: _length(line, tool["finger_mm"][2] + tool["palm_mm"][2]),
+        answer,
+        UNASKED,
+    )
+    return Own(unit, port, camera, length)
+
+
+def _unit(name: str) -> str:
+    if name not in UNITS:
+        raise InputError(f"--unit {name}: must be one of {', '.join(UNITS)}", unit=name)
+    return name
+
+
+def _port(name: str, folder: Path) -> str:
+    """Return a port as the cell file has it: a device that is no absolute path is relative to that."""
+    if fault := port_fault(name):
+        raise InputError(f"port {name!r}: {fault}", port=name)
+    return name if "://" in name or name.startswith("/") else os.path.relpath(name, folder.resolve())
+
+
+def _camera(selector: str) -> str:
+    require_device(selector)
+    return selector
+
+
+def _length(text: str, least_mm: float) -> float:
+    """Return the length of a gripper; its fingers and palm, `least_mm`, fit into it."""
+    try:
+        length = float(text)
+    except ValueError:
+        length = math.nan
+    if not least_mm <= length <= LONGEST_MM:
+        why = f"gripper {text!r}: must be a number from {least_mm:g} (fingers and palm) to {LONGEST_MM:g} mm"
+        raise InputError(why, length=text)
+    return length
+
+
+def cell_files(own: Own, name: str) -> dict[str, str]:
     """Return the text of every file of a new cell, by its name in the folder."""
     scenes = {file: read_toml(data_file(scene)) for file, (scene, _, _) in _FILES.items()}
-    scenes["cell.toml"] |= {"unit": unit, "camera": "camera.toml"}
+    cell = scenes["cell.toml"]
+    cell |= {"unit": own.unit, "camera": "camera.toml"}
+    if own.port is not None:
+        cell["port"] = own.port
+    if own.camera is not None:
+        cell["look"]["video" if is_video(own.camera) else "basler"] = {"device": own.camera}
+    if own.length_mm is not None:
+        cell["tool"]["length_mm"] = own.length_mm
     scenes["camera.toml"]["calibration"] = {"id": PLACEHOLDER}
     texts = {file: commented(values, *_FILES[file][1:], name) for file, values in scenes.items()}
     for board in scenes["cell.toml"]["boards"]["files"]:
@@ -165,6 +267,11 @@ def next_commands(folder: Path, unit: str) -> list[tuple[str, str]]:
             f"a465 preview {plan} {task} -o {at('plan.html')}",
         ),
         ("execute slowly first", f"a465 execute {plan} {task} {homed}"),
+        (
+            "tick off what must be true before the arm may run unattended; it asks what only you can see "
+            "(docs/real-cell.md, step 9)",
+            f"a465 doctor --cell {at('cell.toml')} {arm} --ask -o {at('checklist.html')}",
+        ),
         ("do it all in one command", f"a465 run {task} {homed}"),
     ]
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
-from arm.io.storage import keep_apart, keep_unread
+from arm.io.outputs import keep_apart
+from arm.io.storage import keep_unread
 from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.clearances import erring_clearances
 from cell.commands.steps import move_to_json, warn_of
@@ -65,7 +66,7 @@ def plan_poses_step(
         InputError: a file or value is wrong.
         ImpossibleError: an entry (named) is out of reach or has too little clearance, or an arm with its errors has.
     """
-    keep_apart(output, place_file, poses_file, look)
+    keep_apart(output, place_file, poses_file, look, kind="plan")
     keep_unread(output)
     seen, explain = None, None
     task = place_or_arm(place_file)
@@ -79,7 +80,7 @@ def plan_poses_step(
         if look is not None:
             seen = read_observation(look, task.cell.boards)
             if task.kind != POSES:
-                require_boards(seen, task)
+                require_boards(seen, task, look)
             require_above_table(task, seen)
         place = place_of_cell(task, seen, planning_speed(task.cell, speed))
         explain = partial(explain_list_failure, task, seen) if advice else None
@@ -144,7 +145,7 @@ def plan_program_step(
         InputError: a file or value is wrong, or the look is missing.
         ImpossibleError: a step (named) is out of reach or has too little clearance, or an arm with its errors has.
     """
-    keep_apart(output, program_file, look)
+    keep_apart(output, program_file, look, kind="plan")
     keep_unread(output)
     task, seen = _task_and_look(program_file, look)
     explain = partial(explain_list_failure, task, seen) if advice else None
@@ -225,7 +226,7 @@ def _task_and_look(program_file: Path, look: Path | None) -> tuple[ProgramTask, 
         raise InputError(why, option="--look")
     seen = Observation() if look is None else read_observation(look, task.cell.boards)
     if look is not None:
-        require_boards(seen, task)
+        require_boards(seen, task, look)
     return task, seen
 
 

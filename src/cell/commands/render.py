@@ -38,14 +38,16 @@ def render_step(
         InputError: a file, the count or the seed is wrong.
     """
     if count is not None and not 1 <= count <= 1000:
-        raise InputError(f"count = {count}: must be from 1 to 1000", count=count)
+        raise InputError(f"--count {count}: must be from 1 to 1000", count=count)
+    if seed < 0:
+        raise InputError(f"--seed {seed}: must be 0 or more", seed=seed)
+    if output.is_file():
+        raise InputError(f"-o {output}: is a file; give a folder for the images", file=str(output))
     task = read_task(task_file)
     if target_file is None:
         wanted = count or task.cell.photographs
         images: Iterable[Image] = camera_at_start(task, world).grab(wanted)
         return _write(images, wanted, output / "photograph", "", console)
-    if seed < 0:
-        raise InputError(f"--seed {seed}: must be 0 or more", seed=seed)
     target = Target() if target_file == "charuco" else read_target(Path(target_file))
     rng, wanted = np.random.default_rng(seed), count or TARGET_IMAGES
     camera = target_camera(task, world, rng)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
+from arm.io.outputs import keep_apart
 from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.report import kept
@@ -29,6 +30,7 @@ def report_step(folders: Sequence[Path], output: Path | None, console: Console) 
     Raises:
         InputError: a folder has no report, or a file cannot be read or written.
     """
+    keep_apart(output)
     runs = read_runs(folders or [RUNS])
     console.table(HEADER, [run.row() for run in runs])
     found = runs_to_json(runs)
@@ -59,6 +61,8 @@ def runs_step(folder: Path | None, days: float | None, unasked: bool, console: C
     Raises:
         InputError: the folder cannot be read, `days` is less than one, nobody agreed, or a folder cannot be removed.
     """
+    if days is not None:
+        kept.require_days(days)
     if days is not None and not unasked and not at_terminal():
         raise InputError("no terminal to confirm that runs may be removed: give --yes", option="--yes")
     runs = kept.kept_runs(folder or RUNS)

@@ -14,12 +14,14 @@ from cell.accuracy.clearances import erring_clearances
 from cell.console import Console, OutputLost
 from cell.cubes.confirm_placed import nominal_width
 from cell.cubes.recovery import Recovery
+from cell.doctor.checklist import note_of_open
 from cell.files.cube_widths import read_widths
-from cell.files.task import Task
+from cell.files.task import Task, task_or_cell
 from cell.preview.of_plan import write_page
 from cell.program.program_file import ProgramTask, task_of_file
 from cell.report.run_folder import LOG, REPORT, run_folder
-from cell.session.connection import WhichCell, open_cell
+from cell.session.connection import WhichCell, open_cell, require_openable
+from cell.session.homed import may_be_real
 from cell.session.keyboard import HELP, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
@@ -69,7 +71,9 @@ def run_task(
             is at q_start.
         ExecutionStopped: motion stopped; the state is in the error's data.
     """
+    task_or_cell(task_file).require_kind("task", "program")
     task = task_of_file(task_file)
+    _note_open_items(task, where, console)
     speed = planning_speed(task.cell, where.speed)
     with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
         run.advice, run.budget = advice, budget
@@ -111,6 +115,8 @@ def execute_plan(
     """
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     cell, control = task.cell, Control(ceiling=override_of(plan, where.speed))
+    require_openable(task, where)
+    _note_open_items(task, where, console)
     with console.doing("checking the plan"):
         moves = replayed(task, plan)
         erring_clearances(cell, plan)
@@ -164,6 +170,7 @@ def resume_plan(
         raise InputError("--resume needs --port: every command starts a new simulated cell", port=None)
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
+    _note_open_items(task, where, console)
     require_match(task, plan)
     # the arm may begin anew on all of a program; of a task with cubes the rest is planned anew
     if isinstance(task, ProgramTask):
@@ -181,6 +188,12 @@ def resume_plan(
             run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
             resume(run, plan)
         return run.require_confirmed()
+
+
+def _note_open_items(task: Task, where: WhichCell, console: Console) -> None:
+    """Tell a person who lets a real arm move which items of the cell's first-day checklist are open."""
+    if where.port is not None and may_be_real(where.port) and (note := note_of_open(task.cell)):
+        console.say(note)
 
 
 def _plan_to_send(plan_file: Path) -> Plan:

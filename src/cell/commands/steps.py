@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import zip_longest
@@ -11,22 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped, ImpossibleError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.former import former_names
-from arm.io.storage import canonical_json, keep_apart, keep_unread, write_atomic
+from arm.io.outputs import keep_apart
+from arm.io.storage import canonical_json, keep_unread, write_atomic
 from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.budget_report import budget_to_json, print_budgets
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.measures import Budgets, require_insertion
+from cell.accuracy.measures import require_insertion
 from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.plan_budgets import pocket_fit, require_placements
-from cell.accuracy.reach_budgets import reach_budgets
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
 from cell.files.task import KINDS, Task, read_task
 from cell.program.program_file import task_of_file
+from cell.scene.board_doubts import board_doubts
 from cell.scene.places import reach_of
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
@@ -34,9 +35,7 @@ from cell.task.planning import (
     Rest,
     plan_otherwise,
     plan_rest,
-    request_of,
     require_above_table,
-    without_holes,
 )
 from plan.budget import PlanningInterrupted, SearchBudget
 from plan.cartesian.reachability import ReachTable
@@ -63,8 +62,12 @@ def look_step(
     from cell.task.look import look_and_save
 
     require_one_camera(images, camera)
+    if picture is not None and picture.suffix.lower() != ".png":
+        raise InputError(
+            f"--picture {picture}: must end in .png, as it is a PNG", option="picture", file=str(picture)
+        )
     for written in (output, picture):
-        keep_apart(written, task_file, world)
+        keep_apart(written, task_file, world, kind="look")
         keep_unread(written)
     task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:
@@ -73,6 +76,7 @@ def look_step(
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
+    _doubt(task.cell, seen, console)
     require_boards(seen, task)
     if task.kind not in KINDS:
         return result | {"placements": []}
@@ -109,6 +113,12 @@ def _print_look(seen: Observation, console: Console) -> None:
         )
 
 
+def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
+    """Print what is doubtful about where boards were seen; a refusal that follows may come from it."""
+    if doubt := board_doubts(cell, seen):
+        console.say(f"NOTE: {doubt}")
+
+
 def _foreseen(
     task: Task,
     seen: Observation,
@@ -123,21 +133,14 @@ def _foreseen(
     """
     if not ErrorModel.available(task.cell):
         return []
-    found = table or reach_of(task, seen)
+    from cell.task.look import foreseen
 
-    def of(cell: Cell, look: Observation) -> tuple[PlacementBudget, ...]:
-        return reach_budgets(cell, look, task.from_board, task.to_board, found)
-
-    def again(look: Observation, without: Set[str]) -> tuple[PlacementBudget, ...]:
-        other = without_holes(task, without)
-        request_of(Rest(other, look, task.cell.q_start, task.cell.speed))  # are there places enough?
-        return reach_budgets(task.cell, look, task.from_board, task.to_board, reach_of(other, look))
-
-    if budgets := of(task.cell, seen):
-        print_budgets(budgets, console)
+    budgets = foreseen(task, seen, table)
+    if found := budgets.of(task.cell, seen):
+        print_budgets(found, console)
         if picture is not None:
-            _draw_over(picture, task.cell, seen, budgets)
-    return [budget_to_json(budget) for budget in require_insertion(task.cell, seen, Budgets(of, again))]
+            _draw_over(picture, task.cell, seen, found)
+    return [budget_to_json(budget) for budget in require_insertion(task.cell, seen, budgets)]
 
 
 def _draw_over(picture: Path, cell: Cell, seen: Observation, budgets: Sequence[PlacementBudget]) -> None:
@@ -155,7 +158,8 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
 
     task = read_task(task_file)
     seen = read_observation(look_file, task.cell.boards)
-    require_boards(seen, task)
+    _doubt(task.cell, seen, console)
+    require_boards(seen, task, look_file)
     require_above_table(task, seen)
     table = reach_of(task, seen)
     console.table(
@@ -197,11 +201,12 @@ def plan_step(
     """
     from cell.task.explain import explain_failure
 
-    keep_apart(output, task_file, look_file)
+    keep_apart(output, task_file, look_file, kind="plan")
     keep_unread(output)
     task = read_task(task_file)
     seen = read_observation(look_file, task.cell.boards)
-    require_boards(seen, task)
+    _doubt(task.cell, seen, console)
+    require_boards(seen, task, look_file)
     rest = Rest(task, seen, task.cell.q_start, planning_speed(task.cell, speed))
     stopped: PlanningInterrupted | None = None
     try:

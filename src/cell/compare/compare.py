@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from arm.calibration_file import COVARIANCE, ArmCalibration, read_arm_calibration
+from arm.controller.unit import SUFFIX
 from arm.errors import InputError
 from arm.io.node import Node
 from arm.io.storage import begins_as_object
@@ -21,7 +22,7 @@ from cell.config.inputs import config_inputs
 from cell.console import Console
 from vision.camera.model import Camera, read_intrinsics
 
-FOLLOWED = ("cell", "camera", "calibration")  # keys that name a file which is compared too
+FOLLOWED = ("cell", "unit", "camera", "calibration")  # keys that name a file which is compared too
 LONGEST = 36  # characters of a value in the table
 SAME = 1e-12  # rad, m or px: numbers that differ by less are the same
 _DEG = 180.0 / np.pi
@@ -119,11 +120,12 @@ def _of_files(first: Path, second: Path, file: str) -> Iterator[Change]:
         if change.what not in FOLLOWED and not _same_files(change, first.parent, second.parent):
             yield replace(change, file=file)
     for name in FOLLOWED:
-        if isinstance(then.value.get(name), str) and isinstance(now.value.get(name), str):
+        values = then.value.get(name), now.value.get(name)
+        if all(isinstance(one, str) and (name != "unit" or one.endswith(SUFFIX)) for one in values):
             before, after = first.parent / then.value[name], second.parent / now.value[name]
             yield from differences(before, after, after.name)
-        elif then.value.get(name) != now.value.get(name):
-            yield Change(name, then.value.get(name), now.value.get(name), file=file)
+        elif values[0] != values[1]:
+            yield Change(name, *values, file=file)
 
 
 def _same_files(change: Change, first: Path, second: Path) -> bool:

@@ -99,7 +99,7 @@ def read_arm_file(path: Path) -> ArmFile:
     Raises:
         InputError: a value is wrong; names file, key, value and rule; or the URDF is refused (`load_robot`).
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "arm")
     keys = _FileKeys.read(root)
     arm, node = keys.arm, root[ARM]
     locked = {name: node["locked"].get(name, number()) for name in arm.locked}

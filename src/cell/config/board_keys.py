@@ -10,7 +10,7 @@ import numpy as np
 from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board, seat_depth
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import is_number, number, numbers, rule_of, same, text, triple
+from arm.io.rules import is_number, no_file, number, numbers, rule_of, same, standing, text, triple
 from arm.se3 import Array
 from cell.config.plain_board import read_board
 from vision.boards.checks import BoardLimits
@@ -48,7 +48,7 @@ class BoardKeys(Keys):
     made_within: float = key("boards.made_within_mm", number("mm", 0, 2), MADE_WITHIN_MM)
     tilts_deg: list[float] = key("boards.tilts_deg", rule_of(_TILTS, _are_tilts, same), [])
     stand_size: Array = key("boards.stand_size_mm", numbers(2, "mm", 10, 240))
-    zone_centre: Array = key("boards.zone_centre_mm", numbers(3, "mm", -5000, 5000))
+    zone_centre: Array = key("boards.zone_centre_mm", standing(3, -5000, 5000))
     zone_size: tuple[float, float, float] = key("boards.zone_size_mm", triple("mm", 1, 10000))
     sideways: float = key("look.least_certain_mm", number("mm", 0.01, 10), 1e3 * _LIMITS.sideways_m)
     height: float = key(
@@ -76,7 +76,7 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
     for name in keys.board_files:
         path = root.file.parent / name
         if not path.is_file():
-            raise root.error_at("boards.files", f"names a file that does not exist: {path}")
+            raise root.error_at("boards.files", no_file(path))
         board = replace(read_board(path, keys.marker_size, keys.made_within), pocket=pocket)
         taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
         if taken:

@@ -92,12 +92,19 @@ def _hull(node: Node, file: Path, unit: str) -> Convex:
     return hull
 
 
+def _ring(node: Node, radius: float, tube: float) -> Torus:
+    if tube >= radius:
+        rule = f"must be less than radius_mm, {1e3 * radius:g}: a torus has a hole"
+        raise node.error_at("tube_mm", rule, "both are radii: of the tube, and of its centre line")
+    return Torus(radius, tube)
+
+
 SHAPES: dict[str, tuple[Callable[..., Shape], tuple[str, ...]]] = {
     "box": (lambda _, size: Box(size), ("size",)),
     "cylinder": (lambda _, radius, length: Cylinder(radius, length), ("radius", "length")),
     "sphere": (lambda _, radius: Sphere(radius), ("radius",)),
     "capsule": (lambda _, radius, length: Capsule(radius, length), ("radius", "length")),
-    "torus": (lambda _, radius, tube: Torus(radius, tube), ("radius", "tube")),
+    "torus": (_ring, ("radius", "tube")),
     "mesh": (_hull, ("mesh", "mesh_unit")),
 }
 """Constructor and own keys of each shape."""

@@ -13,7 +13,7 @@ from arm.io.node import Node, Rule
 from arm.io.rules import flag, integers, number, table, text
 from vision.camera.basler import BaslerSettings
 from vision.camera.basler_devices import read_selector
-from vision.camera.video.selector import read_video
+from vision.camera.video.selector import is_video, read_video
 from vision.camera.video.settings import VideoSettings
 
 OF_CELL = "cell"  # the selector for the device of the cell file
@@ -57,6 +57,18 @@ def _video_selector(node: Node) -> str:
     if video.kind == "file":
         raise node.error("must be a device or a stream; a recording cannot show the present cell")
     return device
+
+
+def require_device(selector: str) -> None:
+    """Check the selector of a cell's own camera.
+
+    Raises:
+        InputError: it is invalid, or names a recording.
+    """
+    if not is_video(selector):
+        read_selector(selector)
+    elif read_video(selector).kind == "file":
+        raise InputError(f"camera {selector}: must be a device or a stream, not a recording", camera=selector)
 
 
 def _features(words: str, *kinds: type) -> Rule[dict[str, Any]]:

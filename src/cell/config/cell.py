@@ -7,7 +7,7 @@ from typing import Any
 
 from arm.board import Board
 from arm.calibration_file import ArmCalibration
-from arm.controller.unit import Limits, Unit
+from arm.controller.unit import Limits, Unit, unit_note
 from arm.errors import InputError
 from arm.robot.dh import A465
 from arm.robot.gripper import HAND, Gripper
@@ -107,7 +107,7 @@ class Cell(CellValues, JawValues):
 
     def noted(self) -> dict[str, Any]:
         """Return what a log needs to convert counts to joint angles."""
-        noted: dict[str, Any] = {"unit": self.unit.name}
+        noted: dict[str, Any] = {**unit_note(self.nominal_unit)}
         if (made := self.calibration) is not None:
             noted |= {"calibration": made.id, "joint_offsets_rad": made.joint_offsets.tolist()}
         return noted

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from arm.calibration_file import ArmCalibration, read_arm_calibration
-from arm.controller.unit import UNITS, Unit, load_unit
+from arm.controller.unit import Unit, unit_rule
 from arm.controller.unit_keys import MOST_REST_TOLERANCE
 from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node
-from arm.io.rules import integer, integers, number, numbers, path, tables, text
+from arm.io.rules import integer, integers, number, numbers, path, standing, tables
 from arm.io.storage import canonical_json, sha256
 from arm.robot.dh import A465
 from arm.robot.gripper import Gripper
@@ -45,14 +45,14 @@ _REGISTERS = integers(6, 1, 32767)
 
 
 class _DeviceKeys(Keys):
-    unit: str = key("unit", text(*UNITS))
+    unit: Unit = key("unit", unit_rule())
     camera: Path = key("camera", path())
     calibration: Path | None = key("calibration", path(exists=False), None)  # a run may begin without it
     background: Path | None = key("background", path(exists=False), None)  # as may a cell without it
 
 
 class _FixedKeys(Keys):
-    centre: Array = key("table.centre_mm", numbers(2, "mm", -5000, 5000))
+    centre: Array = key("table.centre_mm", standing(2, -5000, 5000))
     size: Array = key("table.size_mm", numbers(2, "mm", 10, 10000))
     thickness: float = key("table.thickness_mm", number("mm", 1, 1000))
     walls: tuple[Body, ...] = key("walls", tables(lambda node: read_body(node, "wall"), BodyKeys), default=[])
@@ -95,11 +95,11 @@ class _Flange:
 
 
 def _flange(keys: CellKeys | FixedToolCellKeys, root: Node) -> _Flange:
-    unit = load_unit(keys.unit)
+    unit = keys.unit
     if isinstance(keys, CellKeys):
         gripper = gripper_of(keys, root, keys.cube_size)
         return _Flange(gripper, keys, with_force(unit, keys.force_v), root.value)
-    file = Node.of_toml(root["tool"]["bodies"].read(path()))
+    file = Node.of_toml(root["tool"]["bodies"].read(path()), "tool")
     tool, inputs = read_fixed_tool(file), with_tool_stated(root.value, file.value)
     if keys.walls:
         require_names_differ(root["walls"], keys.walls, tool.bodies)
@@ -117,7 +117,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     Raises:
         InputError: a value is wrong; names file, key, value, unit and rule.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "cell")
     keys = FixedToolCellKeys.read(root) if is_without_jaws(root) else CellKeys.read(root)
     flange = _flange(keys, root)
     nominal_unit, nominal_camera = flange.unit, read_camera(keys.camera)
@@ -236,7 +236,7 @@ def _registers(root: Node, name: str, given: tuple[int, ...] | None, unit: Unit)
     caps = unit.speed_register_cap() if name == "speed" else unit.acceleration_register_cap()
     if given is None:
         return unit.speed_registers if name == "speed" else unit.acceleration_registers
-    for axis, value, cap in zip("ABCDEF", given, caps, strict=True):
+    for axis, value, cap in zip(unit.axes, given, caps, strict=True):
         if value > cap:
             rule = f"axis {axis} must be at most {cap}: twice the unit's default, within the data sheet"
             raise root.error_at(f"motion.{name}_registers", rule)

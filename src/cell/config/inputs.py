@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from arm.board import PLATE, Board
+from arm.board import PLATE, SECOND_MARKER, Board
 from arm.io.storage import canonical_json, sha256
 
 Inputs = Mapping[str, Any]
@@ -44,7 +44,7 @@ def config_inputs(
     }
     for board in boards:
         content: list[Any] = [list(board.marker_ids), board.holes.tolist(), board.marker_size]
-        if board.plate != PLATE:
+        if (board.plate, board.second_marker) != (PLATE, SECOND_MARKER):
             content += [list(board.second_marker), list(board.plate.size), list(board.plate.centre)]
         flat[f"board {board.name}"] = sha256(canonical_json(content))[:12]
     return flat

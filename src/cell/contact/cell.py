@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, plate_name
+from arm.board import plate_name
 from arm.numerics.products import mul, norm
 from arm.se3 import Array, apply, frozen, inverse
 from cell.config.cell import Cell
@@ -227,7 +227,8 @@ class ContactCell(SimulatedCell):
         reach = NEAR + HAND_RADIUS
         centre = apply(T_base_tool, HAND_CENTRE)
         for b in self.world.boards:
-            from_plate = apply(inverse(b.T_base_board), centre) - (*PLATE_CENTRE, -PLATE_SIZE[2] / 2.0)
-            if norm(np.maximum(np.abs(from_plate) - np.array(PLATE_SIZE) / 2.0, 0.0)) < reach:
+            plate = b.board.plate
+            from_plate = apply(inverse(b.T_base_board), centre) - plate.T_board_plate[:3, 3]
+            if norm(np.maximum(np.abs(from_plate) - np.array(plate.size) / 2.0, 0.0)) < reach:
                 return True
         return any(norm(c.T_base_cube[:3, 3] - centre) < reach + c.size * HALF_DIAGONAL for c in self._cubes)

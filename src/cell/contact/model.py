@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE
 from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.gripper import HAND
@@ -84,7 +83,7 @@ class Builder:
     def add_plate(self, name: str, b: TrueBoard) -> None:
         """Add a plate on its stand: an inclined plane, on which it may slide on four feet."""
         body = self._body(name, b.T_base_board)
-        (x, y), (a, c, h) = PLATE_CENTRE, PLATE_SIZE
+        (x, y), (a, c, h) = b.board.plate.centre, b.board.plate.size
         body.explicitinertial, body.mass, body.ipos = True, self._keys.plate_mass, (x, y, -h / 2.0)
         body.inertia = self._keys.plate_mass / 12.0 * np.array([c * c + h * h, a * a + h * h, a * a + c * c])
         for index, piece in enumerate(plate_pieces(b.board)):

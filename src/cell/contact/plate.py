@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, Board
+from arm.board import POCKET_DEPTH, Board
 from arm.robot.shapes import Box, Convex
 from arm.se3 import Array
 
@@ -39,15 +39,14 @@ def plate_pieces(board: Board) -> list[Piece]:
     half = board.pocket[0] / 2.0 + rim
     pieces: list[Piece] = []
     for x, y, _ in board.holes:
-        pieces += _walls((x, y), board.pocket, half) + _floor((x, y), half)
+        pieces += _walls((x, y), board.pocket, half) + _floor((x, y), half, -board.plate.size[2])
     return pieces + _between(board, half)
 
 
 def _rim(board: Board) -> float:
     """Width of the walls' tops, m: half the room to the next pocket, and at most that to the plate's edge."""
     mouth = board.pocket[0]
-    edge = np.array(PLATE_SIZE[:2]) / 2.0 - np.abs(board.holes[:, :2] - PLATE_CENTRE)
-    room = [float(edge.min()) - mouth / 2.0]
+    room = [float(board.plate.edge_distances(board.holes).min()) - mouth / 2.0]
     for index, hole in enumerate(board.holes):
         room += [(float(np.abs(hole - other).max()) - mouth) / 2.0 for other in board.holes[:index]]
     return min(MOST_RIM, max(min(room), 0.0))
@@ -68,9 +67,9 @@ def _walls(axis: tuple[float, float], pocket: tuple[float, float], half: float) 
     ]
 
 
-def _floor(axis: tuple[float, float], half: float) -> list[Piece]:
-    """What is below a funnel, around its finger hole."""
-    hole, low, high = FINGER_HOLE / 2.0, -PLATE_SIZE[2], -POCKET_DEPTH
+def _floor(axis: tuple[float, float], half: float, low: float) -> list[Piece]:
+    """What is below a funnel, around its finger hole; `low` is the plate's underside."""
+    hole, high = FINGER_HOLE / 2.0, -POCKET_DEPTH
     spans = [
         ((-half, half), (hole, half)),
         ((-half, half), (-half, -hole)),
@@ -85,8 +84,9 @@ def _floor(axis: tuple[float, float], half: float) -> list[Piece]:
 
 def _between(board: Board, half: float) -> list[Piece]:
     """The plate beside the squares of 2 `half` around its holes: strips between their edges, cut by the squares."""
-    low, high = np.array(PLATE_CENTRE) - np.array(PLATE_SIZE[:2]) / 2.0, None
-    high = low + PLATE_SIZE[:2]
+    size = np.array(board.plate.size)
+    low = np.array(board.plate.centre) - size[:2] / 2.0
+    high = low + size[:2]
     edges = sorted(
         {float(low[1]), float(high[1]), *(float(h[1] + s) for h in board.holes for s in (-half, half))}
     )
@@ -100,7 +100,7 @@ def _between(board: Board, half: float) -> list[Piece]:
         starts = [float(low[0]), *(end for _, end in cut)]
         ends = [*(begin for begin, _ in cut), float(high[0])]
         pieces += [
-            _box([(x0, y0, -PLATE_SIZE[2]), (x1, y1, 0.0)])
+            _box([(x0, y0, -float(size[2])), (x1, y1, 0.0)])
             for x0, x1 in zip(starts, ends, strict=True)
             if x1 - x0 > 1e-6 and y1 - y0 > 1e-6
         ]

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE, seat_depth
+from arm.board import seat_depth
 from arm.numerics.products import mul
 from arm.se3 import Array, apply, inverse
 from cell.files.world import TrueBoard
@@ -44,8 +44,8 @@ def resting(T_base_cube: Array, size: float, boards: Sequence[TrueBoard], table_
     corners = size * _CORNERS
     for b in boards:
         T_board_cube = mul(inverse(b.T_base_board), T_base_cube)
-        centre, half = T_board_cube[:3, 3], np.array(PLATE_SIZE[:2]) / 2.0
-        if (np.abs(centre[:2] - PLATE_CENTRE) > half).any() or not -size < centre[2] < 2.0 * size:
+        centre = T_board_cube[:3, 3]
+        if (b.board.plate.edge_distances(centre) < 0.0).any() or not -size < centre[2] < 2.0 * size:
             continue
         hole = int(np.argmin(np.abs(b.board.holes[:, :2] - centre[:2]).max(axis=1)))
         aside = float(np.abs(b.board.holes[hole, :2] - centre[:2]).max())

@@ -14,6 +14,7 @@ import numpy as np
 from cell.config.cell import Cell
 
 MOST_COUNTS = 500  # by which a carried cube may hold an axis back beyond the rest tolerance: 4 mm at the tool
+MOST_GRIPPED_COUNTS = 200  # by which jaws that close on a cube may push an axis off: 2 mm at the tool
 LEAST_SIGMAS = 3.0  # standard deviations of the following error at rest that are not yet taken for contact
 
 

@@ -8,7 +8,7 @@ from arm.controller.unit import Unit
 from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Move, Plan
 from arm.se3 import Array, frozen, inverse
-from cell.accuracy.plan_budgets import gripper_positions
+from cell.accuracy.placement import gripper_positions
 from cell.config.cell import Cell
 from cell.cubes.confirm_placed import T_base_of
 from cell.files.task import Task

@@ -119,13 +119,15 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
 
     Args:
         selector: selector of the camera; `cell.config.camera_keys.OF_CELL`: the one of the cell file.
-        cell: cell with the camera's settings and the size of its images; None: any settings and size.
+        cell: cell with the camera's settings, the size of its images, and the markers that show whether it is sharp
+            and exposed (`cell.doctor.sharpness`); None: any settings and size, and nothing about these.
 
     Raises:
         InputError: the selector is invalid.
         CameraError: the camera delivers no image.
     """
     from cell.config.camera_keys import OF_CELL
+    from cell.doctor.sharpness import judge_image
     from cell.session.cameras import camera_by, device_of
 
     device = selector if selector != OF_CELL else device_of(None if cell is None else cell.live_camera)
@@ -135,13 +137,16 @@ def check_photograph(selector: str, cell: Cell | None) -> CheckResult:
     live, size = (None, None) if cell is None else (cell.live_camera, cell.camera.size)
     with camera_by(device, live, size) as camera:
         (image,) = camera.grab(1)
-        description, doubts = camera.description, camera.doubts
+        description, doubts, stand_in = camera.description, camera.doubts, camera.stand_in
     grey = float(image.mean())
     data = {
         "camera": str(camera.selector),
         "size_px": list(image.shape[::-1]),
         "mean_grey": grey,
         "doubts": doubts,
+        "stand_in": stand_in,
     }
     found = f"{description}; mean grey {grey:.0f} of 255"
+    if cell is not None:
+        data |= asdict(judge_image(image, cell))
     return CheckResult("photograph", NOTE if doubts else OK, found, "; ".join(doubts), data)

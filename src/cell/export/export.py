@@ -13,7 +13,8 @@ import numpy as np
 
 from arm.controller.unit import Unit
 from arm.errors import A465Error, InputError
-from arm.io.storage import keep_apart, keep_unread, read_text, write_atomic
+from arm.io.outputs import keep_apart
+from arm.io.storage import keep_unread, read_text, write_atomic
 from arm.plan_file import read_plan
 from cell.console import Console
 from cell.export.ros import JOINTS, joint_trajectory
@@ -105,7 +106,7 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
         why = "--period does not go with --format trajectory, which has the ends of segments"
         raise InputError(why, option="period")
     path = asked.output or file.with_suffix(SUFFIXES[form])
-    keep_apart(path, file, asked.cell)
+    keep_apart(path, file, asked.cell, kind="trajectory")
     keep_unread(path)
     period = PERIOD_S if asked.period is None else asked.period
     if form == "csv":
@@ -204,7 +205,7 @@ def _log_step(log: Path, asked: ExportOptions, console: Console) -> dict[str, An
     session = read_log(log)
     unit = unit_of(session, asked.unit)
     path = asked.output or log.with_suffix(SUFFIXES[form])
-    keep_apart(path, log)
+    keep_apart(path, log, kind="trajectory")
     if form == "csv":
         samples = executed(session, unit)
         content: bytes | str = csv_text(samples)

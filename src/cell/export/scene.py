@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from arm.controller.unit import Limits, Unit, load_unit
+from arm.controller.unit import UNITS, Limits, Unit, load_unit
 from arm.errors import FileInputError
 from arm.io.node import Node
 from arm.plan_file import Plan
@@ -41,7 +41,7 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     Raises:
         InputError: the file is none of them, or invalid.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "scene", "cell", "task", "program", "arm")
     if "task" in root or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
     if PROGRAM in root:
@@ -70,7 +70,7 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
     cell = task.cell
     observation = Observation() if look is None else read_observation(look, cell.boards)
     if look is not None and task.kind != POSES:
-        require_boards(observation, task)
+        require_boards(observation, task, look)
     states = {"home": cell.unit.soft_home, "q_start": cell.q_start}
     return _around(build_scene(cell, observation), cell.limits, states)
 
@@ -158,6 +158,10 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> Unit:
     if plan.unit == NO_UNIT:
         return _stated(path, plan, place).unit
     place = _cell_only(path, plan, place)
+    if place is None and plan.unit not in UNITS:
+        raise FileInputError(
+            path, "unit", plan.unit, "is no shipped unit, so its counts are not known", _GIVE_CELL
+        )
     unit = load_unit(plan.unit) if place is None else place.cell.unit
     if plan.unit != unit.name:
         raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _GIVE_CELL)

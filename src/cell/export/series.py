@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.controller.unit import UNITS, Unit, load_unit
+from arm.controller.unit import UNITS, Unit, load_unit, noted_unit, unit_called
 from arm.errors import InputError
 from arm.se3 import Array, frozen
 from driver.log.motions import LoggedMotion
@@ -62,18 +62,24 @@ def unit_of(session: Session, name: str | None) -> Unit:
     """Return the unit of a session: the one named, the one noted in the log, or the one with its gripper axis.
 
     Raises:
-        InputError: the unit cannot be determined, or the name is unknown.
+        InputError: the unit cannot be determined, or the name is unknown, or another than that in the log; a noted unit
+            file is wrong.
     """
-    runs = [n.data for n in session.noted("run") if n.data.get("unit") in UNITS]
-    if runs and name in (None, runs[-1]["unit"]):
-        return load_unit(runs[-1]["unit"]).calibrated(runs[-1].get("joint_offsets_rad", np.zeros(AXES)))
-    if name is not None:
-        return load_unit(name)
+    known = [(n.data, unit) for n in session.noted("run") if (unit := noted_unit(n.data)) is not None]
+    given = None if name is None or (known and name == known[-1][1].name) else unit_called(name)
+    if known:
+        data, noted = known[-1]
+        if given is not None and given.digest != noted.digest:
+            why = f"--unit {name}: the log is of {noted.name}, and with another unit its counts are other angles"
+            raise InputError(why, option="unit", value=name, log=noted.name)
+        return noted.calibrated(data.get("joint_offsets_rad", np.zeros(AXES)))
+    if given is not None:
+        return given
     sent = {line.text.partition(":")[0] for line in session.sent}
     fitting = [u for u in map(load_unit, UNITS) if f"ANAXSETUP{u.gripper.axis}" in sent]
     if len(fitting) == 1:
         return fitting[0]
-    why = f"{session.file}: does not name its unit; give --unit, one of {', '.join(UNITS)}"
+    why = f"{session.file}: does not name its unit; give --unit, one of {', '.join(UNITS)}, or its file"
     raise InputError(why, file=str(session.file), choices=list(UNITS))
 
 

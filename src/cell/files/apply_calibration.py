@@ -1,29 +1,16 @@
-"""Enter a calibration or a background in a cell file: one key changes, everything else stays as its user wrote it.
-
-No library puts a new key where a person would: tomlkit, which keeps comments, puts it between the first table and that
-table's comment (python-poetry/tomlkit#7). So this module tries several edits of the text and takes the first one that
-`tomllib` reads as the old content with this key.
-"""
+"""Enter a calibration or a background in a cell file: one key changes, everything else stays as its user wrote it."""
 
 from __future__ import annotations
 
-import io
 import os
-import re
-import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from arm.errors import A465Error, InputError
 from arm.io.storage import read_bytes, write_atomic
+from arm.io.toml_edit import content, place_of
 from arm.io.toml_reader import read_toml
 from arm.io.toml_writer import toml_value
 from cell.config.cell_file import read_cell
-
-_STRING = r'"""(?:[^\\]|\\.)*?"""' + r"|'''.*?'''" + r'|"(?:[^"\\\n]|\\.)*"' + r"|'[^'\n]*'"
-# A line with content, and the indented comments below it, which continue its own.
-_SAYING = re.compile(r"^[ \t]*[^\s#].*(?:\n|\Z)(?:[ \t]+#.*(?:\n|\Z))*", re.MULTILINE)
 
 
 def name_in(cell_file: Path, calibration: Path) -> str:
@@ -48,13 +35,12 @@ def apply_calibration(cell_file: Path, calibration: Path, key: str = "calibratio
         InputError: the cell file cannot be read or written, or is invalid with this calibration; it is left unchanged.
     """
     wanted = read_toml(cell_file)
-    is_named = key in wanted
     wanted[key] = name_in(cell_file, calibration)
     line = naming(wanted[key], key)
     before = read_bytes(cell_file, "TOML").decode()
-    candidates = _replaced(before, key, wanted[key]) if is_named else _added(before, line)
-    after = next((text for text in candidates if _content(text) == wanted), None)
-    if after is None:
+    place = place_of(before, [key])
+    after = "" if place is None else place.set(before, wanted[key])
+    if content(after) != wanted:
         raise InputError(
             f"{cell_file}: its key {key} cannot be written without changing more; the file was left as it was, so "
             f"write {line} by hand",
@@ -69,29 +55,3 @@ def apply_calibration(cell_file: Path, calibration: Path, key: str = "calibratio
         why = f"{cell_file}: is invalid with {calibration}: {error}; it was left as it was"
         raise InputError(why, **error.data) from error
     return line
-
-
-def _replaced(text: str, key: str, name: str) -> Iterator[str]:
-    """Yield the text with the name replaced at each apparent place of the key."""
-    named_at = re.compile(
-        rf"""^[ \t]*(?:{key}|"{key}"|'{key}')[ \t]*=[ \t]*(?P<value>{_STRING})""", re.MULTILINE | re.DOTALL
-    )
-    for named in named_at.finditer(text):
-        yield text[: named.start("value")] + toml_value(name) + text[named.end("value") :]
-
-
-def _added(text: str, line: str) -> Iterator[str]:
-    """Yield the text with a new line for the key after each line with content, the last one first, then at its head."""
-    end = "\r\n" if "\r\n" in text else "\n"
-    for place in (*reversed([saying.end() for saying in _SAYING.finditer(text)]), 0):
-        head = text[:place]
-        between = "" if head.endswith("\n") or not head else end
-        yield f"{head}{between}{line}{end}{text[place:]}"
-
-
-def _content(text: str) -> dict[str, Any] | None:
-    """Return the content of a TOML text, or None if it is invalid."""
-    try:
-        return tomllib.load(io.BytesIO(text.encode()))
-    except ValueError:
-        return None

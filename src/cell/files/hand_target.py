@@ -92,7 +92,7 @@ def read_hand_target(path: Path) -> HandTarget:
     Raises:
         FileInputError: a value is wrong.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "target")
     keys: HandCharucoKeys | _HandCheckerboardKeys
     if root.get("kind", KIND, "charuco") == "charuco":
         keys = HandCharucoKeys.read(root)

@@ -26,21 +26,31 @@ HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1
 FLAT_TOLERANCE = np.radians(2.0)
 
 
-def require_boards(seen: Observation, task: Task) -> None:
+def require_boards(seen: Observation, task: Task, look: Path | None = None) -> None:
     """Require that the task's boards were detected, at poses that the task allows.
+
+    Args:
+        seen: what was detected.
+        task: the task.
+        look: the file that it was read from, which the message then names; None: the camera has just seen it.
 
     Raises:
         ImpossibleError: names the board and the reason.
     """
+    of = "" if look is None else f"{look}: "
     for board in task.boards:
         if seen.board(board.name) is None:
             why = seen.missing.get(board.name, "its markers are not in the image")
-            message = f"board {board.name} was not found: {why}; move it completely into the camera's view"
+            help = "move it completely into the camera's view"
+            if look is not None:
+                names = ", ".join(one.name for one in seen.boards)
+                help += f" and look again; this look has {f'board {names}' if names else 'no board'}"
+            message = f"{of}board {board.name} was not found: {why}; {help}"
             raise ImpossibleError(message, board=board.name, why=why)
     if seen.half_seen:
         name = seen.half_seen[0]
         raise ImpossibleError(
-            f"board {name} is partly in view, so its pose is unknown: {seen.missing[name]}; move it completely "
+            f"{of}board {name} is partly in view, so its pose is unknown: {seen.missing[name]}; move it completely "
             "into the camera's view, or out of the cell",
             board=name,
             why=seen.missing[name],
@@ -147,7 +157,7 @@ def read_observation(path: Path, boards: Sequence[Board]) -> Observation:
     Raises:
         FileInputError: the file is not a look file, or has boards that the cell does not list.
     """
-    root = replace(Node.of_json(path), help="a465 look writes this file; look again")
+    root = replace(Node.of_json(path, "look"), help="a465 look writes this file; look again")
     require_finite(path, root.value)
     scenes = root["scenes"].items()
     if not scenes:
@@ -174,7 +184,10 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
     if [hole["hole"].value for hole in holes] != [f"{board.name}/{n + 1}" for n in range(len(holes))]:
         raise node["holes"].error("must be in the order of the board's file")
     if len(holes) != len(board.holes):
-        raise node["holes"].error(f"must be {len(board.holes)}, each {_STATE.words}")
+        help = (
+            f"the board of the cell has {len(board.holes)} holes: is this a look at another cell? look again"
+        )
+        raise node["holes"].error(f"must be {len(board.holes)}, each {_STATE.words}", help)
     covariance, repeatability = node["covariance"].read(_COVARIANCE), None
     if entry.value.get("repeatability") is not None:
         repeatability = node["repeatability"].read(_COVARIANCE)

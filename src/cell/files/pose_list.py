@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -178,7 +178,7 @@ def read_pose_list(path: Path, reading: Reading | None = None) -> PoseList:
     file = Node(path, "", None)
     if data.startswith(b"\x93NUMPY"):
         found = _of_array(file, data, reading)
-    elif data.lstrip()[:1] in (b"{", b"["):
+    elif data.lstrip()[:1] in (b"{", b"[") or path.suffix == ".toml":
         found = _of_json(path, reading)
     else:
         found = _of_text(file, data, reading)
@@ -221,14 +221,27 @@ def _of_text(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
     count = 0
     for row, words in enumerate(text.splitlines(), start=1):
         cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]
-        if not cells or (not count and not any(map(_is_number, cells))):
-            continue  # empty, or the names of the columns
+        if not cells:
+            continue
+        if not count and not any(map(_is_number, cells)):
+            _require_units(Node(file.file, f"row {row}", None), cells, reading)
+            continue  # the names of the columns
         wrong = next((cell for cell in cells if not _is_number(cell)), None)
         if wrong is not None:
             raise Node(file.file, f"row {row}", wrong).error("must be a number")
         count += 1
         values = np.array([float(c) for c in cells])
         yield _bare(Node(file.file, f"row {row}", values.tolist()), values, count, reading)
+
+
+def _require_units(node: Node, names: Sequence[str], reading: Reading) -> None:
+    """Refuse columns that are named in another unit than their numbers would be read in."""
+    for kind, given, units in (("angles", reading.angles, ANGLES), ("lengths", reading.lengths, LENGTHS)):
+        for name in names:
+            unit = name.strip('"').lower().rpartition("_")[2]
+            if given is not None and unit in units and unit != given:
+                rule = f"is in {unit} by its name, but numbers are read in {given}; give --{kind} {unit}"
+                raise replace(node, value=name).error(rule)
 
 
 def _is_number(word: str) -> bool:
@@ -277,7 +290,7 @@ def _pose(node: Node, values: Array, lengths: str) -> Array:
 
 
 def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
-    root = Node.of_json(path)
+    root = Node.of_json(path, "list")
     if isinstance(root.value, dict):
         given = _ListKeys.read(root)
         stated = {name: value for name, value in vars(given).items() if name != "entries" and value}

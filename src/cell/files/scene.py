@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from arm.controller.unit import UNITS, Unit, load_unit
+from arm.controller.unit import Unit, unit_rule
 from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
@@ -138,7 +136,7 @@ class _MotionKeys(_ExpectedKeys):
 
 
 class _SceneKeys(Keys):
-    unit: str = key("unit", text(*UNITS))
+    unit: Unit = key("unit", unit_rule())
     tool_length: float = key("tool_length_mm", number("mm", 1, 1000))
     jaw_opening: float = key("jaw_opening_mm", number("mm", 1, 100))
     padding: float = key("padding_mm", number("mm", 0, 100), 0)
@@ -152,21 +150,6 @@ class _SceneKeys(Keys):
     motions: tuple[tuple[Node, _MotionKeys], ...] = key(
         "motions", tables(lambda node: (node, _MotionKeys.read(node))), []
     )
-
-
-def option_numbers(text: str, count: int, rule: str) -> Array:
-    """Return the numbers (count,) of an option such as ``--q 0,10,-80,0,-60,0``.
-
-    Raises:
-        InputError: they are not as many finite numbers; the message states `rule`.
-    """
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.zeros(0)
-    if len(values) != count or not np.isfinite(values).all():
-        raise InputError(f"q = {text!r}: must be {rule}", q=text)
-    return frozen(values)
 
 
 def read_scene_file(path: Path) -> SceneFile:
@@ -189,7 +172,7 @@ def read_scene_file(path: Path) -> SceneFile:
             file=str(path),
         )
     keys = _SceneKeys.read(root)
-    unit = load_unit(keys.unit)
+    unit = keys.unit
     robot = load_a465(keys.tool_length, keys.jaw_opening)
     nodes = [node for key in ("bodies", "cubes") if key in root for node in root[key].items()]
     bodies = (*keys.bodies, *keys.cubes)

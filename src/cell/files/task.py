@@ -12,9 +12,11 @@ import numpy as np
 from arm.board import Board
 from arm.errors import FileInputError, InputError
 from arm.io.keys import Keys, key
+from arm.io.kind import kind_of
 from arm.io.node import Node
 from arm.io.rules import flag, integer, integers, is_whole, number, numbers, path, rule_of, same, text
 from arm.io.storage import canonical_json, sha256
+from arm.io.toml_reader import read_toml
 from arm.se3 import Array, frozen
 from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell import Cell
@@ -139,7 +141,7 @@ class Task2Keys(TaskKeys):
 
 
 def task_or_cell(path: Path) -> Node:
-    """Read a TOML file that may be a task file.
+    """Read a TOML file that may be a task, program, cell or arm file.
 
     Raises:
         InputError: it cannot be read; of a folder, the message names the task files in it.
@@ -148,12 +150,12 @@ def task_or_cell(path: Path) -> Node:
         tasks = [str(file) for file in sorted(path.glob("*.toml")) if _is_task(file)]
         help = f"give a task file of it: {', '.join(tasks)}" if tasks else "it holds no task file"
         raise FileInputError(path, "", None, "is a folder, must be a file", help)
-    return Node.of_toml(path)
+    return Node.of_toml(path, "task", "program", "cell", "arm")
 
 
 def _is_task(file: Path) -> bool:
     with suppress(InputError):
-        return "task" in Node.of_toml(file)
+        return kind_of(read_toml(file)) == "task"
     return False
 
 
@@ -174,8 +176,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         InputError: a value is wrong; names file, key, value and rule.
     """
     root = task_or_cell(path)
-    if "program" in root:
-        raise root.error("is a program file, must be a task of cubes", "a465 plan and execute take it")
+    root.require_kind("task")
     is_clear_board = root.get("task", KIND) == KINDS[0]
     keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
     cell = read_cell(keys.cell, on_uncalibrated)

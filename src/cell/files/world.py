@@ -12,7 +12,7 @@ import numpy.typing as npt
 from arm.board import PLATE, Board, Plate
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, tables
+from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, standing, tables
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, frozen, inverse, rot_z, rotation, transform
@@ -139,7 +139,7 @@ class TrueBoardKeys(Keys):
     """Keys of a board of the world file."""
 
     file: Path = key("file", path())
-    centre: Array = key("centre_mm", numbers(3, "mm", -2000, 2000))
+    centre: Array = key("centre_mm", standing(3, -2000, 2000))
     yaw: float = key("yaw_deg", number("deg", -360, 360))
     tilt: float = key("tilt_deg", number("deg", 0, 60))
     lean_azimuth: float = key("lean_azimuth_deg", number("deg", -360, 360), 0)
@@ -176,7 +176,7 @@ def read_world(path: Path, marker_size: float) -> World:
     Raises:
         InputError: a value is wrong; names file, key, value and rule.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "world")
     keys = WorldKeys.read(root)
     if keys.ring is not None and keys.ring[0] >= keys.ring[1]:
         raise root.error_at(
@@ -184,8 +184,14 @@ def read_world(path: Path, marker_size: float) -> World:
         )
     boards = tuple(_true_board(board, marker_size) for board in keys.boards)
     for index, true in enumerate(boards):
+        node = root["boards"].items()[index]
+        if shared := sorted(
+            set(true.board.marker_ids) & {i for b in boards[:index] for i in b.board.marker_ids}
+        ):
+            raise node.error_at(
+                "file", f"has the marker {shared[0]} of a board before it", "name each board once"
+            )
         if max(true.cubes, default=-1) >= len(true.board.holes):
-            node = root["boards"].items()[index]
             raise node.error_at(
                 "cubes", f"must be empty: {keys.boards[index].file.name} is a board without holes"
             )

@@ -120,7 +120,10 @@ def refusal_of(
         joint = int(peaks.beyond.argmax())
         beyond = float(peaks.beyond[joint])
         by = f"{np.degrees(beyond):.3g} deg" if asked.in_deg else f"{beyond:.3g} rad (m)"
-        why = f"{file}: {joints[joint]} is beyond its position limits by {by}; {also}"
+        degrees = (
+            " (are these degrees? positions are in rad)" if asked.in_deg and beyond > 2.0 * np.pi else ""
+        )
+        why = f"{file}: {joints[joint]} is beyond its position limits by {by}{degrees}; {also}"
         return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=beyond)
     for what, share in (("velocity", peaks.velocity), ("acceleration", peaks.acceleration)):
         joint = 0 if share is None else int(share.argmax())  # NaN counts as the largest

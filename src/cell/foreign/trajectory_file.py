@@ -88,7 +88,7 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
             do not increase; only some points have velocities; points have accelerations, between which a controller
             follows other curves.
     """
-    root = _message(Node.of_json(path))
+    root = _message(Node.of_json(path, "trajectory"))
     names: list[str] = root.get("joint_names", _NAMES)
     order = _order(root, names, joints)
     points = root["points"].items()
@@ -154,6 +154,8 @@ def _time(node: Node) -> float:
         whole = next((names for names in _SECONDS if set(value) == names), set())
         parts = [value[name] for name in sorted(whole, key=len)]
         fits = len(parts) == 2 and all(is_number(part) and 0.0 <= part <= 1e9 * LONGEST_S for part in parts)
+        if fits and parts[1] >= 1e9:
+            raise node.error("must have less than 1000000000 ns beside its seconds")
         value = parts[0] + 1e-9 * parts[1] if fits else None
     if not is_number(value) or not 0.0 <= value <= LONGEST_S:
         rule = f"must be a time from 0 to {LONGEST_S:g} s: a number, or sec and nanosec"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import secrets
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import takewhile
 from typing import Any, TypeVar
 
@@ -97,6 +97,13 @@ class LiveState:
             "override": round(progress.override, 4),
             "jaws": None if progress.jaws is None else round(progress.jaws, 4),
         }
+        self._samples.append((self.version, sample))
+
+    def rest(self, counts: Sequence[int] | None, facts: str) -> None:
+        """Where an arm is that follows no plan here, counts or None if that is not known; and what is said of it."""
+        self.version += 1
+        sample: dict[str, Any] = {"motion": None, "t": None, "ms": 0, "done": 0, "total": 0, "override": 1.0}
+        sample |= {"counts": None if counts is None else list(counts), "jaws": None, "facts": facts}
         self._samples.append((self.version, sample))
 
     def say(self, text: str) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 
+from arm.controller.unit import Unit
 from arm.errors import A465Error, InputError
 from arm.plan_file import Plan, Step
 from cell.console import Console
@@ -50,6 +51,23 @@ class Live(RunObserver):
 
     def progress(self, progress: Progress) -> None:
         self._server.put(lambda state: state.sample(progress))
+
+    def place(self, plan: Plan, unit: Unit, page_of: Callable[[str], str]) -> None:
+        """Show an arm that follows no plan here.
+
+        Args:
+            plan: of one step, in which the arm rests.
+            unit: whose counts `reading` gets.
+            page_of: makes the page, from its mark.
+        """
+        mark = f"{self._run}-{next(self._plans)}"
+        page = page_of(mark).encode()
+        self._server.put(lambda state: state.follow(mark, "place", plan, unit, page))
+        self._server.put(lambda state: state.enter(plan.steps[0]))
+
+    def reading(self, counts: Sequence[int] | None, facts: str) -> None:
+        """Where that arm is; see `cell.live.state.LiveState.rest`."""
+        self._server.put(lambda state: state.rest(counts, facts))
 
     def line(self, text: str) -> None:
         """Pass on a line of the console."""

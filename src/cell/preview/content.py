@@ -32,7 +32,7 @@ from cell.preview.overlays import (
     shape_numbers,
 )
 from plan.options import clearance_words
-from vision.camera.model import Camera
+from vision.camera.model import Camera, Image
 
 
 def page_content(
@@ -43,6 +43,7 @@ def page_content(
     boards: Sequence[Board] = (),
     dictionary: str = "DICT_4X4_50",
     camera: Camera | None = None,
+    photograph: Image | None = None,
     clearance: Mapping[int, Sequence[ClearanceSample]] | None = None,
     executed: Sequence[ExecutedMove] = (),
     erring: Sequence[float] = (),
@@ -57,7 +58,8 @@ def page_content(
         unit: of the plan.
         boards: of the cell; those whose plates are in the scene are drawn with holes and markers.
         dictionary: of the boards' markers.
-        camera: drawn with its field of view.
+        camera: drawn with its field of view, and what it sees.
+        photograph: that it took; ignored without a camera.
         clearance: samples of a move by index of its step.
         executed: drawn over the plan.
         erring: clearance of each move for an arm with its errors, m; empty if they are not known.
@@ -111,7 +113,7 @@ def page_content(
             for c in cubes
         ],
         "boards": boards_to_json(boards, bodies, dictionary),
-        "camera": None if camera is None else camera_to_json(camera),
+        "camera": None if camera is None else camera_to_json(camera, photograph),
         "steps": [
             _step(timed, i in joined, next(of_erring, None) if isinstance(timed.step, Move) else None)
             for i, timed in enumerate(steps)

@@ -8,17 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from arm.arguments import option_numbers
 from arm.board import Board
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ImpossibleError, InputError
-from arm.io.storage import keep_apart, keep_unread
+from arm.io.outputs import keep_apart
+from arm.io.storage import keep_unread
 from arm.numerics.products import mul
-from arm.plan_file import Move
+from arm.plan_file import Move, Plan
 from arm.se3 import Array, transform
 from cell.config.arm_file import ArmFile
 from cell.console import Console
 from cell.files.observation import read_observation
-from cell.files.scene import option_numbers
 from cell.files.task import task_or_cell
 from cell.preview.overlays import Refused
 from cell.preview.page import Drawn, write_preview
@@ -33,14 +34,22 @@ from plan.program.goals.attachments import AttachmentState
 from plan.program.planned import Planned
 from plan.program.setting import Setting
 from plan.trajectory.virtual_unit import is_virtual
+from vision.camera.frame_source import read_grey
+from vision.camera.model import Image
 from vision.observation import Observation
 
+LEAST_CONTRAST = 8  # between the darkest and the brightest pixel of a photograph, of 255
 KINDS = ("task", "program", "arm", "camera", "q_start_deg")  # keys, of which each file has one
 REST_MS = 1000  # that the page shows
 
 
 def view_step(
-    file: Path, look: Path | None, angles: str | None, output: Path | None, console: Console
+    file: Path,
+    look: Path | None,
+    angles: str | None,
+    output: Path | None,
+    console: Console,
+    image: Path | None = None,
 ) -> dict[str, Any]:
     """Write the page of a place, by default beside its file, and return a summary as JSON types.
 
@@ -51,34 +60,65 @@ def view_step(
             Default: q_start.
         output: page to write.
         console: for what is said.
+        image: photograph of the cell's camera.
 
     Raises:
-        InputError: a file or value is wrong.
+        InputError: a file or value is wrong, or the photograph is of another size than the camera's.
         ImpossibleError: the workpiece of a program is on a board, and there is no look with it.
     """
     output = output or Path(f"{file.stem}.html")
-    keep_apart(output, file, look)
+    keep_apart(output, file, look, image)
     keep_unread(output)
     setting, drawn, q_start, _ = place_shown(file, look)
+    if image is not None:
+        drawn["photograph"] = photograph_for(drawn, image, file)
     q = q_start if angles is None else _configuration(setting, angles)
-    world = World(setting.robot, (*setting.scene.bodies, *setting.scene.cubes))
-    closest = world.distance(q)
+    closest = world_of(setting).distance(q)
     if closest.value <= 0.0:
         drawn["refused"] = Refused(nearness(closest.pair, closest.value, 0.0), 0.0, closest.pair)
-    counts = tuple(setting.unit.counts(q).tolist())
-    rest = CountPath(counts, (Segment(REST_MS, ((0,) * len(counts),) * 3),))
-    name = "at q_start" if angles is None else "at the given angles"
-    move = Move(name, "transit", None, rest, None, 0.0, max(closest.value, 0.0), closest.pair)
-    nothing = AttachmentState(None, None, ())
-    planned = Planned(setting, q, q, (move,), (), 0.0, nothing, task={"name": file.stem})
+    plan = resting(setting, q, "at q_start" if angles is None else "at the given angles", file.stem)
     robots = setting.scene.robot_open, setting.scene.robot_holding
-    write_preview(planned.plan(), *robots, setting.unit, output, **drawn)
+    write_preview(plan, *robots, setting.unit, output, **drawn)
     seen = " - ".join(closest.pair)
     console.say(
         f"closest at {'q_start' if angles is None else 'these angles'}: {seen}, {1e3 * closest.value:.1f} mm"
     )
     console.say(f"open {output} in a browser")
     return {"page": str(output), "closest": list(closest.pair), "distance_mm": 1e3 * closest.value}
+
+
+def photograph_for(drawn: Drawn, image: Path, file: Path) -> Image:
+    """Read a photograph by the camera of what is drawn.
+
+    Raises:
+        InputError: there is none (`file` is named), or the photograph cannot be read, is of another size or shows
+            nothing.
+    """
+    camera = drawn.get("camera")
+    if camera is None:
+        raise InputError(f"--image goes with a cell that has a camera ({file})", option="--image")
+    photograph = read_grey(image)
+    camera.require_size(photograph, str(image))
+    low, high = int(photograph.min()), int(photograph.max())
+    if high - low < LEAST_CONTRAST:
+        why = f"{image}: shows nothing: all its grey values are from {low} to {high} of 0 to 255"
+        raise InputError(f"{why}; is the lens covered, or the exposure wrong?", path=str(image))
+    return photograph
+
+
+def world_of(setting: Setting) -> World:
+    """Return the arm with open jaws among all that is shown."""
+    return World(setting.robot, (*setting.scene.bodies, *setting.scene.cubes))
+
+
+def resting(setting: Setting, q: Array, step: str, name: str) -> Plan:
+    """Return a plan in which the arm rests at q (n,) for `REST_MS`, for a page: named, and its step too."""
+    closest = world_of(setting).distance(q)
+    counts = tuple(setting.unit.counts(q).tolist())
+    rest = CountPath(counts, (Segment(REST_MS, ((0,) * len(counts),) * 3),))
+    move = Move(step, "transit", None, rest, None, 0.0, max(closest.value, 0.0), closest.pair)
+    nothing = AttachmentState(None, None, ())
+    return Planned(setting, q, q, (move,), (), 0.0, nothing, task={"name": name}).plan()
 
 
 class Shown(NamedTuple):
@@ -132,8 +172,8 @@ def _configuration(setting: Setting, text: str) -> Array:
         InputError: another number of joints, or a limit is exceeded.
     """
     names, own = setting.robot.joint_names, is_virtual(setting.unit)
-    rule = f"{len(names)} numbers, {', '.join(names)}, in {'rad, m where a joint slides' if own else 'deg'}"
-    given = option_numbers(text, len(names), rule)
+    what = f"{', '.join(names)}, in {'rad, m where a joint slides' if own else 'deg'}"
+    given = option_numbers("--q", text, len(names), what)
     q = given if own else np.radians(given)
     outside = np.flatnonzero((q < setting.limits.lower) | (q > setting.limits.upper))
     if len(outside):

@@ -23,6 +23,7 @@ from cell.files.task import Task
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import Accuracy, Drawn, preview_page
 from cell.report.html import Table
+from vision.camera.model import Image
 
 
 def write_page(
@@ -30,6 +31,7 @@ def write_page(
     plan: Plan,
     path: Path,
     budgets: Sequence[PlacementBudget] = (),
+    photograph: Image | None = None,
     unit: Unit | None = None,
     executed: Sequence[ExecutedMove] = (),
 ) -> None:
@@ -40,13 +42,14 @@ def write_page(
         plan: to show.
         path: of the page.
         budgets: of its placements.
+        photograph: of the cell, shown over what the camera sees.
         unit: in whose counts the executed motion is; default: the cell's.
         executed: drawn over the plan.
 
     Raises:
-        InputError: the plan does not fit the cell, or the file cannot be written.
+        InputError: the plan does not fit the cell, the photograph is not of its camera, or the file cannot be written.
     """
-    write_atomic(path, plan_page(task, plan, budgets=budgets, unit=unit, executed=executed))
+    write_atomic(path, plan_page(task, plan, None, budgets, photograph, unit, executed))
 
 
 def plan_page(
@@ -54,22 +57,23 @@ def plan_page(
     plan: Plan,
     live: str | None = None,
     budgets: Sequence[PlacementBudget] = (),
+    photograph: Image | None = None,
     unit: Unit | None = None,
     executed: Sequence[ExecutedMove] = (),
 ) -> str:
     """Return the page of a plan as HTML text.
 
     Args:
-        task, plan, budgets, unit, executed: see `write_page`.
+        task, plan, budgets, photograph, unit, executed: see `write_page`.
         live: unique mark of a page that follows the state of its server; see `cell.live.state.LiveState.follow`.
 
     Raises:
-        InputError: the plan does not fit the cell.
+        InputError: the plan does not fit the cell, or the photograph is not of its camera.
     """
     cell = task.cell
     arms = cell.robot(), cell.robot_holding()
     drawn: Drawn = {"boards": cell.boards, "dictionary": cell.dictionary, "camera": cell.camera}
-    drawn["executed"] = executed
+    drawn |= {"executed": executed, "photograph": photograph}
     drawn["erring"] = _erring(cell, plan, arms)
     boards = budget_pictures(cell.boards, budgets, pocket_fit(cell))
     accuracy = Accuracy(Table(HEADER, budget_rows(budgets)), boards) if budgets else None

@@ -11,7 +11,8 @@ import numpy as np
 from arm.board import POCKET_DEPTH, Board, plate_name
 from arm.robot.shapes import Body, Convex, Shape, hull_faces, shape_to_json
 from arm.se3 import Array, inverse
-from vision.camera.model import Camera
+from cell.preview.photograph import photograph_url
+from vision.camera.model import Camera, Image
 from vision.markers.dictionaries import marker_modules
 
 _DIGITS = 7  # of lengths in m: a tenth of a micrometre
@@ -117,12 +118,20 @@ def boards_to_json(boards: Sequence[Board], bodies: Sequence[Body], dictionary: 
     ]
 
 
-def camera_to_json(camera: Camera) -> dict[str, Any]:
-    """Return the camera's pose and the rays through its image corners at depth 1 m, without lens distortion."""
+def camera_to_json(camera: Camera, photograph: Image | None) -> dict[str, Any]:
+    """Return the camera's pose, the rays through its image corners at depth 1 m, and what it took.
+
+    Rays and photograph are without the lens's distortion.
+
+    Raises:
+        InputError: the photograph has not the camera's size.
+    """
     width, height = camera.size
     pixels = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]], dtype=float)
     rays = pixels @ np.linalg.inv(camera.K).T
-    return {"T": pose_numbers(camera.T_base_camera), "corners": np.round(rays, 5).tolist()}
+    taken = None if photograph is None else photograph_url(camera, photograph)
+    corners = np.round(rays, 5).tolist()
+    return {"T": pose_numbers(camera.T_base_camera), "corners": corners, "photograph": taken}
 
 
 def clearance_to_json(samples: Sequence[ClearanceSample]) -> dict[str, Any]:

@@ -16,13 +16,13 @@ from cell.preview.clearance import CLEARANCE_EVERY_S, sample_clearance
 from cell.preview.content import page_content
 from cell.preview.overlays import ExecutedMove, Refused
 from cell.report.html import Table, render
-from vision.camera.model import Camera
+from vision.camera.model import Camera, Image
 
 _HERE = Path(__file__).resolve().parent
 # Ordered: a later script may use what an earlier one defines.
 SCRIPTS = (
     *("palette.js", "motion.js", "shapes.js", "stage.js", "cell3d.js"),
-    *("trace.js", "chart.js", "plots.js", "panels.js", "marks.js", "main.js"),
+    *("trace.js", "chart.js", "plots.js", "panels.js", "marks.js", "aids.js", "main.js"),
 )
 LIVE_SCRIPTS = ("live.js",)
 
@@ -33,6 +33,7 @@ class Drawn(TypedDict, total=False):
     boards: Sequence[Board]
     dictionary: str
     camera: Camera | None
+    photograph: Image | None
     executed: Sequence[ExecutedMove]
     erring: Sequence[float]
     refused: Refused | None

@@ -8,9 +8,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from arm.errors import FileInputError, InputError
+from arm.io.storage import canonical_json
 from arm.plan_file import Plan, read_plan
 from cell.files.task import Task
 from cell.program.program_file import place_of_file
+from cell.scene.fingerprint import plan_fingerprint
 from plan.trajectory.virtual_unit import NO_UNIT
 
 DEEPEST = 3  # folders below the present one
@@ -22,7 +24,8 @@ def task_of_plan_file(plan_file: Path) -> Path:
     """Return the file of a plan's task.
 
     It has the plan's name for it and its content (values, not text), and is in the plan's folder, a folder above that
-    up to the present one, or one at most `DEEPEST` below the present one; the first of these.
+    up to the present one, or one at most `DEEPEST` below the present one; the first of these whose cell is that of the
+    plan, or else the first, so that whoever compares can say what differs.
 
     Raises:
         InputError: there is none; the message names files of that name that do not fit.
@@ -46,6 +49,7 @@ def _found(plan_file: Path, plan: Plan) -> Path:
             plan_file, "task.name", name, "must be the name of a task; give its task file too"
         )
     others: list[str] = []
+    first: Path | None = None
     for file in _near(plan_file, f"{name}.toml"):
         try:
             place = place_of_file(file)
@@ -53,11 +57,25 @@ def _found(plan_file: Path, plan: Plan) -> Path:
             others.append(str(error))
             continue
         if isinstance(place, Task) and place.digest == digest:
-            return file
+            if _fits(place, plan):
+                return file
+            first = first or file
+            continue
         others.append(f"{file} is not as it was when the plan was made")
+    if first is not None:
+        return first
     why = f"{plan_file} is a plan of {name!r}, and there is no {name}.toml here that it was made for"
     seen = f" ({'; '.join(others[:MOST_TOLD])})" if others else ""
     raise InputError(f"{why}{seen}; give its task file too: {plan_file} TASK", file=str(plan_file), name=name)
+
+
+def _fits(task: Task, plan: Plan) -> bool:
+    """Whether the plan is for the present cell of a task: two cells may have the same task."""
+    now, then = plan_fingerprint(task), plan.provenance
+    return all(
+        canonical_json(now[key]) == canonical_json(then.get(key))
+        for key in ("calibration_id", "inputs", "limits")
+    )
 
 
 def _near(plan_file: Path, name: str) -> Iterator[Path]:

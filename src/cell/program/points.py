@@ -88,7 +88,7 @@ def read_wire(path: Path) -> Wire:
     Raises:
         InputError: a value is wrong; names file, key, value and rule.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "wire", "tool")
     keys = WireKeys.read(root)
     if keys.bodies:
         require_names_differ(root["bodies"], keys.bodies)

@@ -17,6 +17,7 @@ from cell.files.pose_list import JAWS_RULE, WAYS
 from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, paths_of
 
 MOST_PLACES = 1000  # of a grid
+LEAST_STEP = 1e-3  # of a grid, m
 RESERVED = ("start", "end")  # names of where every plan of a program begins and ends
 TAKE, PUT = "take", "put"  # what a step does with a part
 _LENGTH = number("mm", 0.0, 1000.0)
@@ -165,6 +166,10 @@ def _require_handles(node: Node, keys: ActionKeys) -> None:
 
 def _pose(node: Node, name: str, keys: PoseStepKeys) -> PoseStep:
     count = int(np.prod(keys.count))
+    sizes = np.abs(keys.step)
+    if ((sizes > 0.0) & (sizes < LEAST_STEP)).any():
+        rule = f"must be 0, or {1e3 * LEAST_STEP:g} mm or more, along each axis; the unit is mm: 50 mm is 50"
+        raise node.error_at("grid.step_mm", rule)
     if count > MOST_PLACES:
         raise node.error_at("grid.count", f"makes {count} places; must be at most {MOST_PLACES}")
     shifts = [

@@ -3,19 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from arm.se3 import Array
+from arm.se3 import Array, apply
 from calib.chain.result import ChainCalibration
 from calib.chain.self_test import SelfTest
 from calib.chain.verdict import describe
 from cell.report.chain_text import Numbers, describe_self_test, left_out, numbers
 from cell.report.html import Table, render
 
+_ROW, _LABEL, _FIGURE = (
+    22,
+    74,
+    128,
+)  # of the drawing of changes: height of a row, widths of names and figures, px
 _WIDE, _BAR = 420, 110  # width of a drawing, and height of its bars, px
 _MOST_DOTS = 6000
+
+
+class Changed(NamedTuple):
+    """A quantity before and after a calibration, both in the unit that its name ends with.
+
+    Attributes:
+        name: such as "J2, deg".
+        was, now: before and after.
+        sigma: standard deviation of `now`.
+    """
+
+    name: str
+    was: float
+    now: float
+    sigma: float
 
 
 def chain_page(
@@ -25,6 +45,8 @@ def chain_page(
     found: Sequence[tuple[str, Sequence[str], Sequence[Sequence[str]]]],
     test: SelfTest | None = None,
     images: Sequence[Numbers] = (),
+    changed: Sequence[Changed] = (),
+    against: str = "",
 ) -> str:
     """Return the page, self-contained. The same calibration gives the same bytes.
 
@@ -35,6 +57,8 @@ def chain_page(
         found: tables of results: title, header and rows each.
         test: self-test; None if the calibration was refused before.
         images: see `cell.report.chain_text.left_out`.
+        changed: quantities before and after; none if there is nothing to compare with.
+        against: what they are compared with.
     """
     x, y = c.problem.pixel_sigma
     return render(
@@ -57,6 +81,9 @@ def chain_page(
         scatter=_scatter(c),
         arrows=_arrows(c),
         bars=_bars(c),
+        places=_places(c),
+        changes=_changes(changed),
+        against=against,
         model=_model(c),
         suspects=_suspects(c),
         correlations=Table(("", "", "correlation"), [(a, b, f"{r:+.3f}") for a, b, r in c.correlations[:12]]),
@@ -104,6 +131,51 @@ def _arrows(c: ChainCalibration) -> dict[str, Any]:
     some = some[sizes[some] < 5.0 * typical]
     lines = np.hstack([pixels[some], scale * residuals[some]])
     return {"width": width, "height": height, "scale": scale, "lines": lines}
+
+
+def _changes(changed: Sequence[Changed]) -> dict[str, Any]:
+    """Return a row for each quantity: where it was and is, and two standard deviations to both sides, px from zero."""
+    reach: dict[str, float] = {}  # by unit: all rows of one have the same scale
+    for name, *values, sigma in changed:
+        unit = name.rpartition(" ")[2]
+        reach[unit] = max(reach.get(unit, 0.0), *(abs(v) + 2.0 * sigma for v in values))
+    half = 0.5 * (_WIDE - _LABEL - _FIGURE)
+    rows = []
+    for k, one in enumerate(changed):
+        scale = 0.95 * half / max(reach[one.name.rpartition(" ")[2]], 1e-12)
+        now, spread = scale * one.now, 2.0 * scale * one.sigma
+        figures = f"{one.was:+.3f} to {one.now:+.3f}"
+        rows.append((one.name, (k + 0.5) * _ROW, scale * one.was, now, now - spread, now + spread, figures))
+    return {"rows": rows, "zero": _LABEL + half, "width": _WIDE, "height": _ROW * max(len(rows), 1)}
+
+
+def _places(c: ChainCalibration) -> list[dict[str, Any]]:
+    """Return where the targets were, in the camera's frame, as it sees them and from the side: drawings in mm."""
+    outlines, used = [], []
+    for s, errors, w in zip(c.problem.sightings, c.fit.errors, c.fit.weights, strict=True):
+        (x0, y0, z), (x1, y1, _) = s.points.min(axis=0), s.points.max(axis=0)
+        corners = [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]
+        T = s.evaluate(c.fit.unknowns, errors).T
+        outlines += [1e3 * apply(one, corners) for one in T]
+        used += [bool(v > 0.0) for v in w]
+    points = np.array(outlines)
+    views = [("as the camera sees them", (0, 1)), ("from the side, the camera above", (0, 2))]
+    drawn = []
+    for name, axes in views:
+        flat = points[..., axes]
+        low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+        margin = 0.04 * float((high - low).max())
+        drawn.append(
+            {
+                "name": name,
+                "low": low - margin,
+                "size": high - low + 2.0 * margin,
+                "stroke": float((high - low).max()) / 300.0,
+                "outlines": list(zip(flat.round(1).tolist(), used, strict=True)),
+                "range": (float(low[1]), float(high[1])),
+            }
+        )
+    return drawn
 
 
 def _bars(c: ChainCalibration) -> dict[str, Any]:

@@ -88,14 +88,23 @@ def _kept(folder: Path) -> KeptRun:
     )
 
 
+def require_days(days: float) -> None:
+    """Refuse less than a day.
+
+    Raises:
+        InputError: `days` is less than one, so that a run in progress could be among those of that age.
+    """
+    if not days >= 1.0:
+        raise InputError(f"--prune {days:g}: must be at least 1 day", days=days)
+
+
 def older(runs: Sequence[KeptRun], days: float, now: float) -> list[KeptRun]:
     """Return the runs of which no file was written for `days` before `now`, s since 1970.
 
     Raises:
-        InputError: `days` is less than one, so that a run in progress could be among them.
+        InputError: see `require_days`.
     """
-    if not days >= 1.0:
-        raise InputError(f"--prune {days:g}: must be at least 1 day", days=days)
+    require_days(days)
     return [run for run in runs if now - run.written > days * DAY]
 
 

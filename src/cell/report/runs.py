@@ -27,7 +27,7 @@ HEADER = (
     "placed",
     "taken again",
     "error mm",
-    "motion s",
+    "planned s",
     "lasted s",
 )
 _CUBES = rule_of(

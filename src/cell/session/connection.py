@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -166,6 +167,8 @@ def world_file(task: Task, world: Path | None) -> Path:
     path = world or (beside if beside.exists() or not shared.exists() else shared)
     if not path.exists():  # its reader reports anything else
         why = f"{path}: no such world file; give --world for the simulated cell, or --port for the real one"
+        if task.file == task.cell.file:
+            why += f"; {task.file} is a cell file, and worlds stand beside the task files that name it"
         raise InputError(why, file=str(path))
     return path
 
@@ -179,7 +182,7 @@ def require_openable(task: Task, where: WhichCell) -> None:
     live = task.cell.live_camera
     port, images, camera, time_scale = where.port, where.images, where.camera, where.time_scale
     if time_scale is not None and not 0.01 <= time_scale <= 100.0:
-        raise InputError(f"time scale = {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
+        raise InputError(f"--time-scale {time_scale:g}: must be from 0.01 to 100", time_scale=time_scale)
     if time_scale is not None and port is not None:
         why = f"--time-scale {time_scale:g} is for the simulated cell; the unit on {port} has its own time"
         raise InputError(why, time_scale=time_scale)
@@ -235,12 +238,14 @@ def open_cell(task: Task, where: WhichCell, log: Path) -> Iterator[Connection]:
         return
     clock = Clock()
     # the camera is opened before anything is sent, and closed after the arm was commanded to stop
-    with (
-        _frames(task, where) as source,
-        WireLog(log, clock) as wire,
-        Mars(where.port, unit, clock, wire) as mars,
-    ):
-        yield Connection(mars, source, 1.0)
+    with _frames(task, where) as source, WireLog(log, clock) as wire:
+        try:
+            opened = Mars(where.port, unit, clock, wire)
+        except InputError:
+            os.truncate(log, 0)  # nothing was sent, so no run is kept
+            raise
+        with opened as mars:
+            yield Connection(mars, source, 1.0)
 
 
 def _frames(task: Task, where: WhichCell) -> AbstractContextManager[FrameSource]:

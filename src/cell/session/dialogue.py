@@ -9,10 +9,12 @@ import sys
 import termios
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 from arm.errors import InputError
 from cell.console import Console
 
+T = TypeVar("T")
 TRIES = 3
 LONGEST = 20_000  # bytes of a line; terminals deliver no more
 WAIT_S = 600.0  # time for a person to type
@@ -35,8 +37,7 @@ def asked(
         answer: returns a typed line, or None if nobody can type.
     """
     for left in reversed(range(TRIES)):
-        with contextlib.suppress(OSError, ValueError, termios.error):  # forget what was typed before
-            termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+        _forget_typed()
         console.say(question)
         typed = answer()
         if typed is None:
@@ -46,6 +47,46 @@ def asked(
         if left:
             console.say(f"that is not {wanted}; {left} more {'try' if left == 1 else 'tries'}")
     return False
+
+
+def answered(
+    console: Console,
+    question: str,
+    read: Callable[[str], T],
+    answer: Callable[[], str | None],
+    otherwise: str,
+) -> T | None:
+    """Return what is read from the first right answer of up to `TRIES`; None for an empty line.
+
+    Args:
+        console, question, answer: see `asked`.
+        read: reads a line without spaces around it; raises an InputError for a wrong one.
+        otherwise: what to do if nobody answers, the end of the message.
+
+    Raises:
+        InputError: nobody answers, or the last answer is wrong.
+    """
+    for left in reversed(range(TRIES)):
+        _forget_typed()
+        console.say(question)
+        line = answer()
+        if line is None:
+            raise InputError(f"nobody answered: {question.rstrip(': ')}; {otherwise}")
+        if not line.strip():
+            return None
+        try:
+            return read(line.strip())
+        except InputError as error:
+            if not left:
+                raise
+            console.say(f"{error}; {left} more {'try' if left == 1 else 'tries'}")
+    return None
+
+
+def _forget_typed() -> None:
+    """Drop what was typed before a question."""
+    with contextlib.suppress(OSError, ValueError, termios.error):
+        termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 
 
 def require_word(

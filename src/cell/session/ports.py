@@ -70,10 +70,10 @@ def choose_port(given: str | None, place: Path | None, console: Console) -> str:
     file = None if place is None else _cell_file(task_or_cell(place))
     found: str | None = None if file is None else file.get(KEY, port(), None)
     if file is None or found is None:
-        written = "" if file is None else f", or write {EXAMPLE} in {file.file}"
-        raise InputError(
-            f"no port is named: give PORT, such as /dev/mars, set {VARIABLE}{written}", port=None
+        others = (
+            f"or set {VARIABLE}" if file is None else f"set {VARIABLE}, or write {EXAMPLE} in {file.file}"
         )
+        raise InputError(f"no port is named: give PORT, such as /dev/mars, {others}", port=None)
     console.say(f"port: {found}, of {file.file}")
     return found
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from arm.board import CAPTURE_TILT, PLATE_CENTRE, PLATE_SIZE, seat_depth
+from arm.board import CAPTURE_TILT, seat_depth
 from arm.former import former_names
 from arm.numerics.products import mul, norm
 from arm.robot.dh import A465
@@ -331,7 +331,7 @@ class SimulatedCell:
         half = cube.size / 2.0
         for b in self.world.boards:
             T = mul(inverse(b.T_base_board), T_base_cube)
-            over = (np.abs(T[:2, 3] - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0).all()
+            over = (b.board.plate.edge_distances(T[:3, 3]) > 0.0).all()
             if over and T[2, 2] > np.cos(UPRIGHT) and abs(T[2, 3] - half) <= DROP:
                 yaw = float(np.arctan2(T[1, 0], T[0, 0]))
                 flat = mul(b.T_base_board, transform(rot_z(yaw), (*T[:2, 3], half)))
@@ -358,9 +358,12 @@ class SimulatedCell:
         self.world, self._cubes = with_shifted(self.world, self._cubes, board, T_shift)
 
     def _over_plate(self, T_base_cube: Array) -> bool:
-        half = np.array(PLATE_SIZE[:2]) / 2
-        centres = (apply(inverse(b.T_base_board), T_base_cube[:3, 3]) for b in self.world.boards)
-        return any(bool((np.abs(centre[:2] - PLATE_CENTRE) < half).all()) for centre in centres)
+        return any(
+            bool(
+                (b.board.plate.edge_distances(apply(inverse(b.T_base_board), T_base_cube[:3, 3])) > 0.0).all()
+            )
+            for b in self.world.boards
+        )
 
     def _record(self, what: str, cube: str, T_base_cube: Array | None, detail: str) -> None:
         self.events.append(CellEvent(what, cube, T_base_cube, f"{cube or 'no cube'} {what}: {detail}"))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arm.board import PLATE_CENTRE, PLATE_SIZE
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen, inverse
 from cell.files.world import TrueBoard, World
@@ -37,7 +36,8 @@ def cubes_on(board: TrueBoard, cubes: Sequence[SimulatedCube]) -> tuple[int, ...
 
     def on(cube: SimulatedCube) -> bool:
         T_board_cube = mul(inverse(board.T_base_board), cube.T_base_cube)
-        near = np.abs(T_board_cube[:2, 3] - PLATE_CENTRE).max() < max(PLATE_SIZE) / 2.0
+        plate = board.board.plate
+        near = np.abs(T_board_cube[:2, 3] - plate.centre).max() < max(plate.size) / 2.0
         return bool(cube.where == "pocket" and near)
 
     return tuple(number for number, cube in enumerate(cubes) if on(cube))

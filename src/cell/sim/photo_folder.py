@@ -49,7 +49,10 @@ class FolderCamera:
         self._camera = camera
         self._emulator = emulator
         self._count = simulated.cell.photographs
-        self._number = max((number for number, _ in self._own()), default=0)
+        own = self._own()
+        self._number = max((number for number, _ in own), default=0)
+        for _, file in own:  # they show another cell, and a look takes the first images of a folder
+            _remove(file)
         self._seen: tuple[object, ...] = ()
         self._due = 0.0
 
@@ -84,7 +87,7 @@ class FolderCamera:
         with contextlib.ExitStack() as opened:  # a temporary file has no suffix of an image
             parts = [opened.enter_context(TemporaryFile(file)) for file in files]
             for part, image in zip(parts, images, strict=True):
-                part.write(image)
+                part.write([image])
             if self._moved():
                 self._due = time.monotonic() + STILL_S
                 return False  # it shows an outdated cell
@@ -94,11 +97,15 @@ class FolderCamera:
         self._due = time.monotonic() + EVERY_S
         for number, file in self._own():
             if number <= self._number - KEEP_SETS * self._count:
-                with contextlib.suppress(FileNotFoundError):  # already removed
-                    file.unlink()
+                _remove(file)
         return True
 
     def _own(self) -> list[tuple[int, Path]]:
         """Images of this camera, or of an earlier one, with their numbers."""
         found = ((_NAME.fullmatch(file.name), file) for file in self.folder.iterdir())
         return [(int(match[1]), file) for match, file in found if match]
+
+
+def _remove(file: Path) -> None:
+    with contextlib.suppress(FileNotFoundError):  # already removed
+        file.unlink()

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from pathlib import Path
 
 import cv2
 
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import write_atomic
+from cell.accuracy.measures import Budgets
+from cell.accuracy.placement import PlacementBudget
+from cell.accuracy.reach_budgets import reach_budgets
+from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task
+from cell.scene.places import reach_of
 from cell.session.camera_watch import camera_watch, look_in, shift_words
+from cell.task.planning import Rest, request_of, without_holes
+from plan.cartesian.reachability import ReachTable
 from vision.camera.frame_source import FrameSource
 from vision.camera.model import Camera, Image
 from vision.markers.detect import detect_markers
@@ -90,3 +98,23 @@ def write_png(path: Path, image: Image) -> None:
     if not good:
         raise InputError(f"{path}: this image cannot be written as PNG", file=str(path))
     write_atomic(path, data.tobytes())
+
+
+def foreseen(task: Task, seen: Observation, table: ReachTable | None = None) -> Budgets:
+    """Return how sure each placement of a task would be, before there is a plan.
+
+    Args:
+        task, seen: with all boards of the task.
+        table: reach of the holes; None: it is computed.
+    """
+    found = table or reach_of(task, seen)
+
+    def of(cell: Cell, look: Observation) -> tuple[PlacementBudget, ...]:
+        return reach_budgets(cell, look, task.from_board, task.to_board, found)
+
+    def again(look: Observation, without: Set[str]) -> tuple[PlacementBudget, ...]:
+        other = without_holes(task, without)
+        request_of(Rest(other, look, task.cell.q_start, task.cell.speed))  # are there places enough?
+        return reach_budgets(task.cell, look, task.from_board, task.to_board, reach_of(other, look))
+
+    return Budgets(of, again)

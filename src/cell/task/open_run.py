@@ -39,10 +39,11 @@ from driver.execution.progress import Progress, StreamOptions
 from driver.mars.streaming.preload import refuse_preload
 from plan.budget import SearchBudget
 from vision.background.camera_shift import UNRECOGNISED
+from vision.camera.model import Image
 from vision.observation import Observation
 from vision.occupancy.seated import CubeWidth
 
-WritePage = Callable[[Task, Plan, Path, Sequence[PlacementBudget]], None]
+WritePage = Callable[[Task, Plan, Path, Sequence[PlacementBudget], Image | None], None]
 TO_START = "to-start"  # name of a plan that only moves to q_start
 
 
@@ -94,6 +95,7 @@ class OpenRun:
         self.photographs: int | None = None  # in a look; None: the cell file's number
         self.second_looks = 0  # taken in this run
         self._looks = count(1)
+        self._photograph: Image | None = None  # of the last look
         self._released: list[Release] = []  # since the last look
         self.recovery = Recovery(self.task, 0)
 
@@ -144,15 +146,17 @@ class OpenRun:
 
     def see(self, why: str, arm_in_view: bool = False) -> Observation:
         """Look from where the arm is, without requirements."""
-        picture = self.folder / f"look-{next(self._looks)}.png"
+        number = next(self._looks)
+        picture = self.folder / f"look-{number}.png"
         self.pictures.append(Picture(why, picture))
         self.connection.mars.note("look", picture=picture.name, why=why)
         with self.console.doing("looking"):
             seen = look_and_save(
                 self.task, self.connection.frames, picture, self.console, why, arm_in_view, self.photographs
             )
+        self._photograph = seen.images[0]
         if (moved := shift_words(seen.camera_shift)) is not None:
-            self.remarks.append(moved)
+            self.remarks.append(f"look {number}: {moved}")
         return seen
 
     def initialise_arm(self) -> None:
@@ -175,7 +179,7 @@ class OpenRun:
         if name.startswith("plan"):
             page = self.folder / name.replace("plan", "preview")
             budgets = [b for cube in plan.task["cubes"] if (b := self.budgets.get(cube["cube"])) is not None]
-            self.write_page(self.task, plan, page.with_suffix(".html"), budgets)
+            self.write_page(self.task, plan, page.with_suffix(".html"), budgets, self._photograph)
         self.watcher.plan(plan, name)
 
     def follow_through(self, plan: Plan) -> None:

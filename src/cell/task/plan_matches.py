@@ -134,7 +134,7 @@ def _require_same_job(task: Task, plan: Plan) -> None:
         ("unit", plan.unit, task.cell.unit.name),
     ):
         if then != now:
-            why = f"the plan is for {what} {then}, but {task.file.name} is of {what} {now}; plan again"
+            why = f"the plan is for {what} {then}, but {task.file.name} is of {what} {now}; give its file or plan again"
             raise ImpossibleError(why, differing=[what], plan={what: then}, now={what: now})
 
 

@@ -191,8 +191,10 @@ class _Planner:
         """Require that a configuration is within limits and clear."""
         rule = self.place.beyond_limits(q)
         if rule:
-            values = q if is_virtual(self.place.unit) else np.degrees(q)
-            raise FileInputError(self.poses.file, entry.key, [round(float(v), 3) for v in values], rule)
+            own = is_virtual(self.place.unit)
+            values = [round(float(v), 3) for v in (q if own else np.degrees(q))]
+            help = "" if own or np.abs(q).max() <= 2.0 * np.pi else "were degrees read as rad?"
+            raise FileInputError(self.poses.file, entry.key, values, rule, help)
         closest = self.world.distance(q)
         if closest.value < self.clearance:
             raise ImpossibleError(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.calibration_file import CalibrationKeys
+from arm.controller.unit_keys import UnitKeys
 from arm.io.keys import Key, Keys
 from arm.io.node import REQUIRED
 from arm.io.toml_reader import read_toml
@@ -22,6 +23,7 @@ from cell.config.cell_file import CellKeys, FixedToolCellKeys
 from cell.config.fixed_tool import FixedToolKeys
 from cell.config.plain_board import PlainBoardKeys
 from cell.files.hand_target import HandCharucoKeys
+from cell.files.study import StudyKeys
 from cell.files.task import Task1Keys, Task2Keys
 from cell.files.world import WorldKeys
 from cell.program.points import WireKeys
@@ -31,12 +33,14 @@ from vision.camera.model import CameraKeys
 Texts = Mapping[str, Mapping[str, str]]
 FILES: dict[str, tuple[type[Keys], ...]] = {
     "cell": (FixedToolCellKeys, CellKeys),  # the later one's defaults are those of the rows
+    "unit": (UnitKeys,),
     "tool": (FixedToolKeys,),
     "task": (Task1Keys, Task2Keys),
     "board": (PlainBoardKeys,),
     "program": (ProgramKeys,),
     "wire": (WireKeys,),
     "world": (WorldKeys,),
+    "study": (StudyKeys,),
     "camera": (CameraKeys,),
     "target": (HandCharucoKeys,),
     "calibration": (CalibrationKeys,),
@@ -127,7 +131,7 @@ def _offers(
     for dotted, key in declared.items():
         name, text = dotted.removeprefix(prefix), texts.get(dotted, {})
         offer = text.get("example", "" if isinstance(key.default, dict) else _written(key.default))
-        if not dotted.startswith(prefix) or "." in name or name in values or not offer:
+        if not dotted.startswith(prefix) or "." in name or name in values or not (offer and text):
             continue
         yield from head
         yield from textwrap.wrap(

@@ -80,7 +80,7 @@ def execute(
     paths = {first: motion.path for first, motion in runs.items()}  # raises InputError before anything moves
     results: list[StepResult] = []
     with control.attached(arm):
-        require_start(arm, steps)
+        require_start(arm, steps, 0 if options is None else options.start_held_counts)
         while len(results) < len(steps):
             index = len(results)
             step = steps[index]
@@ -92,6 +92,8 @@ def execute(
                 match step:
                     case Move():
                         results += phases.results(arm.follow(paths[index], phases.take, options, control))
+                        # the arm has come away from what held it
+                        options = None if options is None else replace(options, start_held_counts=0)
                         continue
                     case GripperStep():
                         jaws = arm.gripper(step.fraction_closed)
@@ -195,8 +197,12 @@ def _stopped(arm: Controller, error: A465Error, steps: Sequence[Step], index: in
     return ExecutionStopped(f"step {index + 1} of {len(steps)} ({steps[index].name}): {error}", **data)
 
 
-def require_start(arm: Controller, steps: Sequence[Step]) -> None:
+def require_start(arm: Controller, steps: Sequence[Step], held: int = 0) -> None:
     """Refuse to start unless the arm is at the start of the first move.
+
+    Args:
+        arm, steps: see `execute`.
+        held: how many counts beyond `Unit.rest_tolerance` contact may hold an axis off it.
 
     Raises:
         ImpossibleError: with the deviation of each joint in counts and degrees; nothing moved.
@@ -205,13 +211,14 @@ def require_start(arm: Controller, steps: Sequence[Step]) -> None:
     if first is None:
         return
     here, start = arm.settled_counts(), first.path.start
-    if farthest(here, start) <= arm.unit.rest_tolerance:
+    allowed = arm.unit.rest_tolerance + held
+    if farthest(here, start) <= allowed:
         return
     off = [h - s for h, s in zip(here, start, strict=True)]
     off_deg = np.degrees(arm.unit.positions(here) - arm.unit.positions(start))
     raise ImpossibleError(
         f"the arm is not at the start of {first.name!r}: {off_by(arm.unit, here, start)}; must be within "
-        f"{arm.unit.rest_tolerance} counts; plan again from where the arm is",
+        f"{allowed} counts; plan again from where the arm is",
         counts=list(here),
         start=list(start),
         off_counts=off,

@@ -27,6 +27,8 @@ class StreamOptions:
         watch_jaws: poll the jaws too, with every position.
         held_back_counts: how far beyond the rest tolerance any axis may rest from the end of the path, because what the
             jaws hold touches something there.
+        start_held_counts: how far beyond the rest tolerance any axis may be from the start of the first path, because
+            the jaws have closed on something that does not give way.
     """
 
     dwell_ms: int = 300
@@ -38,6 +40,7 @@ class StreamOptions:
     preload: bool = False
     watch_jaws: bool = False
     held_back_counts: int = 0
+    start_held_counts: int = 0
 
 
 class Position(Protocol):

@@ -169,12 +169,18 @@ def refuse_path_outside(unit: Unit, path: CountPath) -> None:
         refuse_outside(unit, corner.tolist(), "the path reaches")
 
 
-def refuse_elsewhere(unit: Unit, here: tuple[int, ...], start: tuple[int, ...]) -> None:
+def refuse_elsewhere(unit: Unit, here: tuple[int, ...], start: tuple[int, ...], held: int = 0) -> None:
     """Refuse a path that does not start where the arm is, within `Unit.rest_tolerance`.
+
+    Args:
+        unit: whose counts these are.
+        here, start: where the arm is, and the path starts.
+        held: how many counts beyond the tolerance contact may hold an axis off its target.
 
     Raises:
         ImpossibleError: with the counts of both.
     """
-    if farthest(here, start) > unit.rest_tolerance:
-        why = f"the path starts {farthest(here, start)} counts from the arm, must be at most {unit.rest_tolerance}"
+    allowed = unit.rest_tolerance + held
+    if farthest(here, start) > allowed:
+        why = f"the path starts {farthest(here, start)} counts from the arm, must be at most {allowed}"
         raise ImpossibleError(why, counts=list(here), start=list(start))

@@ -70,14 +70,17 @@ class SerialPort:
     Args:
         url, write_timeout_s: see `open_port`.
         log: wire log of this program.
+        brief: whether it is closed again at once (`arm.io.claim.Holder`).
 
     Raises:
         InputError: the port cannot be opened, or another program of this user has it open (`arm.io.claim.Claimed`).
     """
 
-    def __init__(self, url: str, write_timeout_s: float, log: Path | None = None) -> None:
+    def __init__(
+        self, url: str, write_timeout_s: float, log: Path | None = None, brief: bool = False
+    ) -> None:
         self.url = url
-        self._claim = Claim(_claimed_as(url), log)
+        self._claim = Claim(_claimed_as(url), log, brief=brief)
         try:
             self.serial = open_port(url, write_timeout_s)
         except BaseException:
@@ -187,4 +190,5 @@ def _why(error: BaseException) -> str:
     number = getattr(error, "errno", None)
     if number is None and "Inappropriate ioctl" in str(error):  # pyserial drops the number
         number = errno.ENOTTY
-    return _WHY.get(number or 0, f"cannot be opened: {error}")
+    words = str(error).rpartition("] ")[2]  # pyserial repeats the name, and the error's number
+    return _WHY.get(number or 0, f"cannot be opened: {words}; is a unit or a465 emulate --tcp there?")

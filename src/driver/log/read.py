@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from arm.errors import FileInputError
+from arm.io.kind import read_any, require_kind
 from arm.io.storage import open_file
 from driver.line.protocol import (
     Answer,
@@ -234,6 +235,7 @@ class _Reader:
 
     def _open(self, record: dict[str, Any] | None) -> None:
         if record is None or record["kind"] != "open":
+            require_kind(self.path, read_any(self.path), "log")
             rule = 'line 1: must be the record of kind "open" that begins a wire log'
             raise FileInputError(self.path, "", None, rule)
         scale = record.get("time_scale", 1.0)

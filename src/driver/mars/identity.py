@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, InputError
 from driver.line.clock import Clock
-from driver.line.link import Link
+from driver.line.link import ANSWER_S, Link
 from driver.line.manners import Manners, learn_manners
+from driver.line.port import Port, SerialPort
 from driver.line.protocol import encode
 from driver.line.wire_log import WireLog
 
@@ -43,17 +44,26 @@ def identify(link: Link, firmware: str) -> tuple[str, Manners]:
 
 @contextmanager
 def identified(
-    url: str, firmware: str, clock: Clock | None = None, log: WireLog | None = None
+    url: str | Port,
+    firmware: str,
+    clock: Clock | None = None,
+    log: WireLog | None = None,
+    brief: bool = False,
 ) -> Iterator[tuple[Link, str]]:
     """Open a port to ask the unit on it, and identify that; yield the link and the firmware text.
 
-    Nothing is set, and no STOP is sent at the end, however the block ends. `clock` and `log` are those of `Link`.
+    Nothing is set, and no STOP is sent at the end, however the block ends. `clock` and `log` are those of `Link`, and
+    so is an open port in place of its URL. With `brief`, for a block that ends at once, others who want the port wait
+    for it.
 
     Raises:
         InputError: the port cannot be opened, or see `identify`.
         LinkLost: the port is lost meanwhile.
     """
-    link = Link(url, clock or Clock(), log)
+    port = url
+    if brief and isinstance(url, str):
+        port = SerialPort(url, ANSWER_S, None if log is None else log.path, brief=True)
+    link = Link(port, clock or Clock(), log)
     try:
         version, _ = identify(link, firmware)
         yield link, version

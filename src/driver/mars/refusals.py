@@ -38,13 +38,18 @@ def is_unhomed(unit: Unit, counts: Sequence[int]) -> bool:
     return max(abs(c) for c in counts) <= unit.rest_tolerance
 
 
-def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...]) -> None:
+def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...], held: int = 0) -> None:
     """Refuse to start away from the end of the last motion.
+
+    Args:
+        unit: whose counts these are.
+        here, expected: where the arm is, and should be.
+        held: how many counts beyond `Unit.rest_tolerance` contact may hold an axis off its target.
 
     Raises:
         ExecutionStopped: with the counts and the axes that are off.
     """
-    if farthest(here, expected) > unit.rest_tolerance:
+    if farthest(here, expected) > unit.rest_tolerance + held:
         why = (
             f"the arm is {farthest(here, expected)} counts from where the last motion ended "
             f"({off_by(unit, here, expected)}); was it pushed, or the unit switched off? Initialise it again"

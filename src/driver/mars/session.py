@@ -275,8 +275,11 @@ class Session(Guarded):
         self._last_motion = self.clock.now()
         return end
 
-    def require_ready(self) -> tuple[int, ...]:
+    def require_ready(self, held: int = 0) -> tuple[int, ...]:
         """Check that the arm may move and is where the last motion left it. Return its counts.
+
+        Args:
+            held: how many counts beyond `Unit.rest_tolerance` contact may hold an axis off its target.
 
         Raises:
             ExecutionStopped: not initialised, a fault, moving, or displaced (pushed, or power-cycled).
@@ -294,7 +297,7 @@ class Session(Guarded):
         if self.reference is not None and farthest(here, self.reference) > self.unit.rest_tolerance:
             here = self.counts()  # the answer may have been damaged on the line
         if self.reference is not None:
-            refuse_displaced(self.unit, here, self.reference)
+            refuse_displaced(self.unit, here, self.reference, held)
         return here
 
     def _engage(self) -> None:

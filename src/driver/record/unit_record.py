@@ -67,7 +67,7 @@ def read_unit_record(file: Path) -> UnitRecord:
     Raises:
         FileInputError: it cannot be read, or a value breaks a rule.
     """
-    root = Node.of_json(file)
+    root = Node.of_json(file, "unit record")
     root.get("format", text(FORMAT))
     root.get("version", integer(VERSION, VERSION))
     manners: dict[str, bool] | None = None

@@ -20,15 +20,13 @@ from arm.former import former_names
 from arm.robot.model import Robot
 from arm.se3 import Array, frozen
 from plan.cartesian.line import LineOptions, follow_line
-from plan.kinematics.closed_form import BRANCH_NAMES, RawBranches, all_branches, has_closed_form
+from plan.cartesian.line_margins import LineMargins, heights_of, line_margins
+from plan.kinematics.closed_form import BRANCH_NAMES, has_closed_form
 from plan.kinematics.configuration import require_limits
-from plan.kinematics.ik import nearest_turns
 from plan.kinematics.numeric_ik import solve_ik
 from plan.options import PlanOptions
 from plan.scene import Station
 
-# m between poses along a line; joints move smoothly between them, away from singularities
-_SAMPLE_STEP = 0.005
 _MOST_SOLUTIONS = 12  # for each pose of an arm without a closed form
 
 
@@ -177,21 +175,18 @@ def reach(
     finite("offset", offset_m, "m")
     if not offset_m > 0.0:
         raise InputError(f"offset = {offset_m:g} m: must be positive", offset_m=offset_m)
-    heights = np.linspace(0.0, offset_m, max(2, int(np.ceil(offset_m / _SAMPLE_STEP - 1e-9)) + 1))
+    heights = heights_of(offset_m)
     require_limits(robot, limits)
     poses = np.stack(
         [rigid(f"hole {name!r}: pose {i}", T) for name, hole in grasps.items() for i, T in enumerate(hole)]
     )
     if not has_closed_form(robot):
         return _numeric_reach(robot, limits, grasps, heights, slowest)
-    lines = np.repeat(poses[:, None], len(heights), axis=1)
-    lines[:, :, :3, 3] -= heights[:, None] * poses[:, None, :3, 2]
-    raw = all_branches(robot, lines.reshape(-1, 4, 4))
-    steps = _Steps(robot, limits, lines, raw, limits.velocity * (heights[1] / slowest))
+    margins = line_margins(robot, limits, poses, heights, slowest)
     holes, row = [], 0
     for name, yaws in grasps.items():
         each = product(range(len(yaws)), range(len(BRANCH_NAMES)))
-        choices = [steps.choice(name, row + yaw, yaw, branch) for yaw, branch in each]
+        choices = [_candidate(robot, margins, name, row + yaw, yaw, branch) for yaw, branch in each]
         holes.append(HoleReach(name, tuple(sorted(choices, key=_rank))))
         row += len(yaws)
     return ReachTable(tuple(holes))
@@ -259,40 +254,21 @@ def _spread(q: Array, limits: Limits, most: int) -> Array:
     return q[chosen]
 
 
-class _Steps:
-    """Continuous joint positions along every line, and the candidates made from them."""
-
-    def __init__(self, robot: Robot, limits: Limits, lines: Array, raw: RawBranches, fastest: Array) -> None:
-        self.names, self.limits, self.fastest = robot.joint_names, limits, fastest
-        self.lines = lines  # (k, samples, 4, 4)
-        shape = (*lines.shape[:2], len(BRANCH_NAMES))
-        q = raw.q.reshape(*shape, len(self.names))
-        q = np.unwrap(q, axis=1)
-        # shift by whole revolutions, so that the middle of the line is nearest to the middle of the limits
-        middle = (q.min(axis=1) + q.max(axis=1)) / 2
-        turned = nearest_turns(middle, (limits.lower + limits.upper) / 2)
-        self.q = q + (turned - middle)[:, None]
-        self.outside = np.where(raw.reached, 0.0, np.maximum(raw.outside, 1e-9)).reshape(shape)
-
-    def choice(self, hole: str, line: int, yaw: int, branch: int) -> GraspCandidate:
-        q = self.q[line, :, branch]
-        rooms = np.minimum(q - self.limits.lower, self.limits.upper - q)
-        room, outside = rooms.min(axis=0), self.outside[line, :, branch]
-        joint = int(np.argmin(room))
-        worst = int(np.argmax(outside) if outside.max() > 0.0 else np.argmin(rooms[:, joint]))
-        hurry = (np.abs(np.diff(q, axis=0)).max(axis=0)) / self.fastest
-        fastest = int(np.argmax(hurry))
-        return GraspCandidate(
-            hole=hole,
-            yaw=yaw,
-            branch=BRANCH_NAMES[branch],
-            q_line=frozen(q),
-            margin=float(room[joint]),
-            joint=self.names[joint],
-            outside=float(outside.max()),
-            racing=self.names[fastest] if hurry[fastest] > 1.0 else "",
-            T_worst=self.lines[line, worst],
-        )
+def _candidate(
+    robot: Robot, margins: LineMargins, hole: str, line: int, yaw: int, branch: int
+) -> GraspCandidate:
+    racing = int(margins.racing[line, branch])
+    return GraspCandidate(
+        hole=hole,
+        yaw=yaw,
+        branch=BRANCH_NAMES[branch],
+        q_line=frozen(margins.q[line, :, branch]),
+        margin=float(margins.margin[line, branch]),
+        joint=robot.joint_names[int(margins.joint[line, branch])],
+        outside=float(margins.outside[line, branch]),
+        racing=robot.joint_names[racing] if racing >= 0 else "",
+        T_worst=margins.lines[line, margins.worst[line, branch]],
+    )
 
 
 former_names(__name__, __name__, LineChoice="GraspCandidate")

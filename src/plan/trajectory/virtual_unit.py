@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm.controller import unit_keys
 from arm.controller.unit import GripperAxis, Limits, Unit
-from arm.controller.unit_keys import REST_TOLERANCE
 from arm.io.storage import sha256
 from arm.robot.model import Robot
 from arm.se3 import frozen
 
 PER_RAD = 1e6
-NO_UNIT = "none"  # name of such a unit
+NO_UNIT = unit_keys.NO_UNIT  # name of such a unit
 
 
 def virtual_unit(robot: Robot, limits: Limits) -> Unit:
@@ -42,7 +42,7 @@ def virtual_unit(robot: Robot, limits: Limits) -> Unit:
         gripper=GripperAxis(
             axis="", open_adc=0, closed_adc=1, adc_channel=0, current_channel=0, registers={}
         ),
-        rest_tolerance=REST_TOLERANCE,
+        rest_tolerance=unit_keys.REST_TOLERANCE,
         digest=sha256({"per_rad": PER_RAD, "axes": list(robot.joint_names)}),
     )
 

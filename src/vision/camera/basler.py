@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 from arm.errors import CameraError
-from vision.camera.basler_devices import Selector, find_devices, load_pylon, read_selector
+from vision.camera.basler_devices import EMULATED, Selector, find_devices, load_pylon, read_selector
 from vision.camera.basler_features import (
     Feature,
     choose,
@@ -61,6 +61,7 @@ class BaslerCamera:
         exposure, gain: set by the camera, s and dB; None if not requested.
         description: the camera and its settings in one line.
         doubts: what the camera does not tell: nothing, as every frame is triggered.
+        stand_in: what it is if it cannot show the present cell: pylon's emulation; "" of a real one. Known once open.
     """
 
     def __init__(
@@ -87,6 +88,7 @@ class BaslerCamera:
         self.gain: float | None = None
         self.description = ""
         self.doubts: tuple[str, ...] = ()
+        self.stand_in = ""
         self._size = size
         self._tell = tell
         self._pylon: Any = None
@@ -151,6 +153,7 @@ class BaslerCamera:
         if settings.gain is not None:
             self.gain = set_gain(nodes, settings.gain, self._refused)
         info = self.device.GetDeviceInfo()
+        self.stand_in = "pylon's emulation" if info.GetDeviceClass() == EMULATED else ""
         width, height = (nodes.GetNode(name).GetValue() for name in ("Width", "Height"))
         self.description = (
             f"camera {self.selector}: {info.GetModelName()} serial:{info.GetSerialNumber()}, {width} x {height} px"

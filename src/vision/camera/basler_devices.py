@@ -12,6 +12,7 @@ from arm.credentials import without_url
 from arm.errors import CameraError, InputError
 
 KINDS = ("name", "serial", "ip", "class")
+EMULATED = "BaslerCamEmu"  # device class of pylon's emulation
 
 
 @dataclass(frozen=True)

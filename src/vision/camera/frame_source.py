@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -14,6 +19,7 @@ from arm.io.storage import read_bytes
 Image = npt.NDArray[np.uint8]
 """An image: 8-bit grey (h, w) or BGR (h, w, 3)."""
 
+_STANDARD_ERROR = threading.Lock()  # held while it is taken from the libraries that decode images
 IMAGE_SUFFIXES = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg", ".pgm")
 
 
@@ -34,13 +40,35 @@ def read_grey(file: Path) -> Image:
 
     data = np.frombuffer(read_bytes(file, "photograph"), dtype=np.uint8)
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+    said: list[str] = []
     try:
-        image = cv2.imdecode(data, flags) if len(data) else None
+        with _of_libraries(said):
+            image = cv2.imdecode(data, flags) if len(data) else None
     except cv2.error:  # more pixels than OpenCV supports
         image = None
-    if image is None:
-        raise InputError(f"{file}: cannot be read as an image", path=str(file))
+    if image is None or any("premature end" in line.lower() for line in said):
+        why = f": the file is damaged ({said[0]})" if said else ""
+        raise InputError(f"{file}: cannot be read as an image{why}", path=str(file))
     return np.asarray(image, dtype=np.uint8)
+
+
+@contextmanager
+def _of_libraries(said: list[str]) -> Iterator[None]:
+    """Take what libpng and libjpeg write to standard error; what others write there meanwhile is written after."""
+    with _STANDARD_ERROR, tempfile.TemporaryFile() as taken:
+        kept = os.dup(2)
+        try:
+            os.dup2(taken.fileno(), 2)
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            taken.seek(0)
+            lines = taken.read().decode(errors="replace").splitlines()
+            said += [line for line in lines if "libpng" in line or "JPEG" in line]
+            for line in lines:
+                if line not in said:
+                    os.write(2, f"{line}\n".encode())
 
 
 class FrameSource(Protocol):
@@ -63,6 +91,17 @@ class FrameSource(Protocol):
         ...
 
 
+def require_folder(path: Path) -> None:
+    """Require a folder, for its images.
+
+    Raises:
+        InputError: there is none of this name, or it is a file.
+    """
+    if not path.is_dir():
+        rule = "is a file; give the folder that it is in" if path.is_file() else "no such folder of images"
+        raise InputError(f"{path}: {rule}", path=str(path))
+
+
 class ImageFolder:
     """Images in a folder, in the order of their names.
 
@@ -78,8 +117,7 @@ class ImageFolder:
         Raises:
             InputError: it does not exist.
         """
-        if not path.is_dir():
-            raise InputError(f"{path}: no such folder of images", path=str(path))
+        require_folder(path)
         self.path = path
         self._used: set[str] = {p.name for p in path.iterdir()} if only_new else set()
 

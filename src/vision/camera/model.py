@@ -19,12 +19,13 @@ from arm.errors import InputError
 from arm.former import former_names
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import covariance_matrix, integers, numbers, rigid, table, tables
+from arm.io.rules import covariance_matrix, integers, number, numbers, rigid, table, tables
 from arm.io.storage import sha256, write_atomic
 from arm.io.toml_writer import toml_lines, toml_rows
 from arm.se3 import Array, apply, frozen, inverse
 from vision.camera.distortion import distort, distortion_jacobian, undistort
 from vision.camera.frame_source import FrameSource, Image, ImageFolder
+from vision.camera.taped_pose import looking_pose
 
 __all__ = ["Camera", "FrameSource", "Image", "ImageFolder", "read_camera", "read_intrinsics", "write_camera"]
 
@@ -164,6 +165,11 @@ def _intrinsic_matrix(node: Node) -> Array:
     return K
 
 
+def _off_centre(point: Array, size: tuple[int, int]) -> float:
+    """Return how far a pixel is from the middle of an image, at most along an axis, as a fraction of the size."""
+    return float(np.abs(point / size - 0.5).max())
+
+
 INTRINSIC_MATRIX = Rule(numbers((3, 3), "px").words, _intrinsic_matrix)
 
 
@@ -177,6 +183,12 @@ def _region(node: Node) -> Region:
 REGION = Rule(numbers(4, "px").words, _region)
 
 FARTHEST = 20.0  # m along each axis from the base to a camera; more is a pose in other units
+_FARTHEST_MM = 1e3 * FARTHEST
+_NEAREST = 0.05  # m from the base: a position by tape is outside the arm
+SWAPPED = (
+    0.3,
+    0.2,
+)  # principal point off the middle, of the size: more if width and height are swapped, less if not
 
 
 class CameraKeys(Keys):
@@ -188,6 +200,9 @@ class CameraKeys(Keys):
     covariance: Array | None = key("intrinsics.covariance", covariance_matrix(9), None)
     region: Region | None = key("intrinsics.region_px", REGION, None)
     T_base_camera: Array | None = key("pose.T_base_camera", rigid(), None)
+    position: Array | None = key("pose.position_mm", numbers(3, "mm", -_FARTHEST_MM, _FARTHEST_MM), None)
+    looks_at: Array | None = key("pose.looks_at_mm", numbers(3, "mm", -_FARTHEST_MM, _FARTHEST_MM), None)
+    right_azimuth: float | None = key("pose.right_azimuth_deg", number("deg", -360, 360), None)
     calibration: Mapping[str, Any] = key("calibration", table(), {})
     # poses of the target, for people and for later calibrations
     views: tuple[Any, ...] = key("views", tables(lambda node: node.value), default=[])
@@ -213,15 +228,9 @@ def read_intrinsics(path: Path) -> Camera:
 
 
 def _read(path: Path, placed: bool) -> Camera:
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "camera")
     keys = CameraKeys.read(root)
-    if keys.T_base_camera is None and ("pose" in root or placed):
-        raise root.error_at(
-            "pose.T_base_camera" if "pose" in root else "pose",
-            "is missing: the file has intrinsics, but no extrinsics",
-            "add [pose] with T_base_camera, 4 rows of 4 numbers, m",
-        )
-    T_base_camera = np.eye(4) if keys.T_base_camera is None else keys.T_base_camera
+    T_base_camera = _pose_of(root, keys, placed)
     away = float(np.abs(T_base_camera[:3, 3]).max())
     if away > FARTHEST:
         raise root.error_at(
@@ -230,6 +239,10 @@ def _read(path: Path, placed: bool) -> Camera:
             "its last column is in metres",
         )
     size = (keys.size[0], keys.size[1])
+    middle = keys.K[:2, 2]
+    if _off_centre(middle, size) > SWAPPED[0] and _off_centre(middle, size[::-1]) < SWAPPED[1]:
+        rule = f"must be width and height, with cx {middle[0]:g} and cy {middle[1]:g} near the middle"
+        raise root.error_at("intrinsics.size_px", rule, f"are they swapped? [{size[1]}, {size[0]}]")
     camera = Camera(
         keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance, keys.region
     )
@@ -240,6 +253,43 @@ def _read(path: Path, placed: bool) -> Camera:
             "the order is k1 k2 p1 p2 k3; calibration views must reach the image's corners",
         )
     return camera
+
+
+def _pose_of(root: Node, keys: CameraKeys, placed: bool) -> Array:
+    """The pose of a camera file, by its matrix or by what a tape measures."""
+    taped = {
+        "position_mm": keys.position,
+        "looks_at_mm": keys.looks_at,
+        "right_azimuth_deg": keys.right_azimuth,
+    }
+    stated = [name for name, value in taped.items() if value is not None]
+    if keys.T_base_camera is not None:
+        if stated:
+            raise root.error_at(f"pose.{stated[0]}", "must be left out where T_base_camera is given")
+        return keys.T_base_camera
+    if "pose" not in root and not placed:
+        return np.eye(4)
+    if not stated:
+        raise root.error_at(
+            "pose.T_base_camera" if "pose" in root else "pose",
+            "is missing: the file has intrinsics, but no extrinsics",
+            "add [pose] with position_mm, looks_at_mm and right_azimuth_deg, or with T_base_camera",
+        )
+    missing = next((name for name, value in taped.items() if value is None), None)
+    if keys.position is None or keys.looks_at is None or keys.right_azimuth is None:
+        raise root.error_at(f"pose.{missing}", f"is missing; it belongs to {stated[0]}")
+    if np.abs(keys.position).max() < _NEAREST:
+        rule = f"must be {1e3 * _NEAREST:g} mm or more from the base along one axis"
+        raise root.error_at(
+            "pose.position_mm", rule, "inside the arm is no place for a lens; is it in metres?"
+        )
+    if keys.looks_at[2] > keys.position[2]:
+        rule = f"must be no higher than the lens, {1e3 * keys.position[2]:g} mm: boards are seen from above"
+        raise root.error_at("pose.looks_at_mm", rule, "are position_mm and looks_at_mm swapped?")
+    try:
+        return looking_pose(keys.position, keys.looks_at, keys.right_azimuth)
+    except InputError as error:
+        raise root.error_at("pose.looks_at_mm", f"gives no direction: {error}") from error
 
 
 def _has_inverse(camera: Camera) -> bool:

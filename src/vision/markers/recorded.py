@@ -41,7 +41,7 @@ def read_detections(path: Path) -> Detections:
     Raises:
         FileInputError: the format is broken; the message names the key.
     """
-    root = Node.of_json(path)
+    root = Node.of_json(path, "corners")
     return Detections(
         read_recorded_camera(root["camera"]),
         _board(root["board"]),

@@ -14,7 +14,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from arm.board import CUBE_SEAT_DEPTH, PLATE_CENTRE, PLATE_SIZE, POCKET_DEPTH, QUIET_ZONE, Board
+from arm.board import CUBE_SEAT_DEPTH, POCKET_DEPTH, QUIET_ZONE, Board
 from arm.se3 import Array, Bools
 
 FINGER_HOLE_RADIUS = 0.008  # m
@@ -155,8 +155,7 @@ def _depth_in(corners: Array, points: Array) -> Array:
 def _plain(points: Array, board: Board, hole: Array, near: float) -> Bools:
     """Which points lie on bare plate, at least `near` m from its edges, markers and other pockets."""
     on_plate = points + hole[:2]
-    inside = np.abs(on_plate - PLATE_CENTRE) < np.array(PLATE_SIZE[:2]) / 2.0 - near
-    good = inside.all(axis=-1)
+    good = (board.plate.edge_distances(on_plate) > near).all(axis=-1)
     centres, grid = marker_squares(board)
     for centre in centres:
         good &= np.abs(on_plate - centre[:2]).max(axis=-1) > grid.max() + near

@@ -15,13 +15,10 @@ from arm.se3 import Array, Indices, frozen
 from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.markers.dictionaries import predefined
+from vision.markers.edge_blur import blur_widths, mean_profiles
 from vision.markers.edge_lines import refine_by_border_lines
 from vision.targets.target import Target, TargetView
 
-LINES = 24  # profiles across an edge, averaged
-MARGIN_PX = 3.0  # between the end of a profile and the next edge, whose blur it must exclude
-MOST_REACH_PX, LEAST_REACH_PX = 10.0, 2.0
-STEP_PX = 0.25
 SATURATED, BLACK = 254, 1
 
 
@@ -53,11 +50,11 @@ def measure_quality(image: Image, target: Target, view: TargetView) -> Quality:
     for starts, ends in _edges(target, view):
         if not len(starts):
             continue
-        profile, half = _profiles(grey, starts, ends, room)
+        profile, half = mean_profiles(grey, starts, ends, room)
         low, high = profile[:, :3].mean(axis=1), profile[:, -3:].mean(axis=1)
         steps += list(np.abs(high - low))
         white.append(np.maximum(profile[:, :3], profile[:, -3:]).ravel())
-        blur.append(float(np.median(_widths(profile, half))))
+        blur.append(float(np.median(blur_widths(profile, half))))
     return Quality(
         max(blur) if blur else float("nan"),
         float(np.median(steps)) if steps else 0.0,
@@ -81,34 +78,6 @@ def _edges(target: Target, view: TargetView) -> list[tuple[Array, Array]]:
         both = (a >= 0) & (b >= 0)
         found.append((view.corners_px[a[both]], view.corners_px[b[both]]))
     return found
-
-
-def _profiles(grey: Image, starts: Array, ends: Array, room: float) -> tuple[Array, Array]:
-    """Mean grey profile across each edge, (edges, samples), and its half length in px, (edges,)."""
-    along = ends - starts
-    length = np.linalg.norm(along, axis=-1)
-    half = np.clip(room * length - MARGIN_PX, LEAST_REACH_PX, MOST_REACH_PX)
-    across = np.stack([along[:, 1], -along[:, 0]], axis=-1) / length[:, None]
-    share = 0.25 + 0.5 * (np.arange(LINES) + 0.5) / LINES
-    centres = starts[:, None] + share[:, None] * along[:, None]
-    count = int(np.ceil(2.0 * half.max() / STEP_PX)) + 1
-    s = half[:, None] * np.linspace(-1.0, 1.0, count)
-    points = centres[:, :, None] + s[:, None, :, None] * across[:, None, None]
-    flat = points.reshape(-1, LINES * count, 2).astype(np.float32)
-    values = cv2.remap(grey.astype(np.float32), flat[..., 0], flat[..., 1], cv2.INTER_LINEAR)
-    return np.asarray(values.reshape(len(starts), LINES, count).mean(axis=1), dtype=float), half
-
-
-def _widths(profile: Array, half: Array) -> Array:
-    """Standard deviation of the gradient across each edge, px; signed, so that noise averages out."""
-    gradient = np.diff(profile, axis=1)
-    gradient *= np.sign(gradient.sum(axis=1))[:, None]
-    s = half[:, None] * np.linspace(-1.0, 1.0, profile.shape[1])
-    middle = 0.5 * (s[:, 1:] + s[:, :-1])
-    total = np.maximum(gradient.sum(axis=1), 1e-9)
-    mean = (gradient * middle).sum(axis=1) / total
-    variance = (gradient * (middle - mean[:, None]) ** 2).sum(axis=1) / total
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _marker_share(grey: Image, target: Target, view: TargetView) -> float:

@@ -125,7 +125,7 @@ def read_target(path: Path) -> Target:
     Raises:
         FileInputError: a value breaks its rule.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "target")
     is_charuco = root.get("kind", KIND, "charuco") == "charuco"
     return target_of((CharucoKeys if is_charuco else CheckerboardKeys).read(root), root)
 

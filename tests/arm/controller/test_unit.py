@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm.controller.unit import UNITS, Limits, Unit, load_unit
+from arm.controller.unit import UNITS, Limits, Unit, load_unit, noted_unit, unit_called, unit_note
 from arm.errors import FileInputError, InputError
 from arm.io.storage import data_file
 
@@ -100,12 +100,52 @@ def test_an_unknown_name_and_a_broken_file_are_refused(tmp_path: Path) -> None:
         ("margin_deg = 1.0", "margin = 1.0", "limits.margin_deg: is missing"),
         ("speed = 500", "speed = 'fast'", "gripper.speed = 'fast': must be a whole number"),
         ('[["B"]', '[["B", "B"]', "homing.sequence"),
+        ('axes = ["A",', 'axes = ["B",', "axes = .*: must be six different letters, without G"),
+        ('axes = ["A",', 'axes = ["G",', "axes = .*: must be six different letters, without G"),
+        ("7680, 19200]", "7680, 24564]", "registers.speed = .*: axis F must be at most 24563"),
+        (
+            'name = "crs93"',
+            'name = "none"',
+            "name = 'none': must be up to 40 letters, digits, - and _, and not none",
+        ),
+        ('name = "crs93"', 'name = "a b"', "name = 'a b': must be"),
+        (
+            "margin_deg = 1.0",
+            "margin_deg = 1.5",
+            "name = 'crs93': is that of a shipped unit with other values",
+        ),
     ):
         path = tmp_path / "unit.toml"
         assert old in text
         path.write_text(text.replace(old, new))
         with pytest.raises(FileInputError, match=message):
             load_unit(path)
+
+
+def test_jaws_need_two_positions(tmp_path: Path) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    closed = re.search(r"closed_adc = (\d+)", text)
+    assert closed is not None
+    (tmp_path / "u.toml").write_text(re.sub(r"open_adc = \d+", f"open_adc = {closed[1]}", text))
+    with pytest.raises(FileInputError, match=f"gripper.closed_adc = {closed[1]}: must differ from open_adc"):
+        load_unit(tmp_path / "u.toml")
+
+
+def test_a_copy_of_a_shipped_file_is_that_unit_and_another_name_another_one(tmp_path: Path) -> None:
+    file, text = tmp_path / "mine.toml", data_file("urdf/a465/crs97.toml").read_text()
+    file.write_text(text)
+    assert load_unit(file).digest == load_unit("crs97").digest
+    assert load_unit(file).source == load_unit("crs97").source == ""
+    file.write_text(text.replace('"crs97"', '"mine"'))
+    mine = unit_called(str(file))
+    assert (mine.name, mine.source) == ("mine", file.read_text())
+    assert unit_called("crs93").name == "crs93"
+    again = noted_unit(unit_note(mine))
+    assert again is not None
+    assert again.digest == mine.digest
+    assert unit_note(load_unit(file.with_name("mine.toml"))) == {"unit": "mine", "unit_file": mine.source}
+    with pytest.raises(InputError, match="unit = 'mine': must be one of crs93, crs97, or a unit file"):
+        unit_called("mine")
 
 
 @pytest.mark.parametrize(
@@ -152,7 +192,7 @@ def test_limits_are_checked_and_cannot_be_changed() -> None:
 
 @pytest.mark.parametrize("key", ["open_adc", "closed_adc"])
 def test_positions_of_the_jaws_are_those_of_the_converter(tmp_path: Path, key: str) -> None:
-    text = data_file("urdf/a465/crs93.toml").read_text()
+    text = data_file("urdf/a465/crs93.toml").read_text().replace('"crs93"', '"mine"')
 
     def read(value: int) -> Unit:
         (tmp_path / "mine.toml").write_text(
@@ -170,7 +210,7 @@ def test_positions_of_the_jaws_are_those_of_the_converter(tmp_path: Path, key: s
 
 
 def test_a_joint_without_room_is_refused(tmp_path: Path) -> None:
-    text = data_file("urdf/a465/crs93.toml").read_text()
+    text = data_file("urdf/a465/crs93.toml").read_text().replace('"crs93"', '"mine"')
     upper = re.search(r"^upper_counts = .*$", text, re.MULTILINE)
     assert upper is not None
     for lower in (
@@ -192,7 +232,9 @@ def test_a_joint_range_of_zero_is_refused(tmp_path: Path) -> None:
     """The data sheet's range is just twice the margin."""
     text, file = data_file("urdf/a465/crs93.toml").read_text(), tmp_path / "own.toml"
     for first, refused in (("1.0", True), ("1.001", False)):
-        changed = text.replace("data_sheet_deg = [175.0", f"data_sheet_deg = [{first}")
+        changed = text.replace("data_sheet_deg = [175.0", f"data_sheet_deg = [{first}").replace(
+            "crs93", "mine"
+        )
         assert changed != text
         file.write_text(re.sub(r"^(soft_home_deg = \[)[^,]*", r"\g<1>0.0", changed, flags=re.MULTILINE))
         if refused:
@@ -242,3 +284,13 @@ def test_counts_and_positions_of_another_shape_are_refused(value: object) -> Non
     for name, function in (("q", unit.counts), ("counts", unit.positions)):
         with pytest.raises(InputError, match=f"{name} = .*: must have 6 numbers, one for each joint"):
             function(value)  # type: ignore[arg-type]
+
+
+def test_limits_of_the_data_sheet_in_rad_are_told_by_their_key(tmp_path: Path) -> None:
+    file, text = tmp_path / "own.toml", data_file("urdf/a465/crs93.toml").read_text().replace("crs93", "mine")
+    sheet = re.search(r"^data_sheet_deg = \[(.*)\]", text, re.MULTILINE)
+    assert sheet is not None
+    in_rad = [float(np.radians(float(value))) for value in sheet[1].split(",")]
+    file.write_text(text.replace(sheet[0], f"data_sheet_deg = {in_rad}"))
+    with pytest.raises(FileInputError, match=r"own.toml: limits.data_sheet_deg = .*6.28 deg.*is it in rad\?"):
+        load_unit(file)

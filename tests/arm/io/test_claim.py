@@ -119,6 +119,19 @@ def test_a_claim_may_wait_for_another() -> None:
         pass
 
 
+def test_a_brief_holder_is_waited_for_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = Claim("port P", brief=True)
+    threading.Timer(0.1, first.release).start()
+    with Claim("port P"):
+        begun = time.monotonic()
+        with pytest.raises(Claimed):
+            Claim("port P")
+        assert time.monotonic() - begun < 0.5 * arm.io.claim.BRIEF_S
+    monkeypatch.setattr(arm.io.claim, "BRIEF_S", 0.1)
+    with Claim("port P", brief=True), pytest.raises(Claimed):  # one that does not let go
+        Claim("port P")
+
+
 def test_no_password_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["/bin/a465", "run", "--camera", "video:rtsp://me:secret@host/1"])
     with Claim("port P"):

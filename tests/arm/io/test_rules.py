@@ -28,6 +28,7 @@ length_mm = 134.1
 count = 3
 name = "crs93"
 on = true
+here = "."
 triple = [1, 2, 3]
 rows = [[1, 2], [3, 4]]
 [sub]
@@ -111,6 +112,7 @@ def test_a_default_is_read_as_if_the_file_had_it(root: Node) -> None:
         ("sub.x", text(), r"sub\.x = 1: must be a string"),
         ("list", tables(lambda node: node.get("y", text())), r"list\[0\]\.y = 2: must be a string"),
         ("name", path(), r"name = 'crs93': names a file that does not exist: .*crs93"),
+        ("here", path(), r"here = '\.': names a folder, must name a file: "),
     ],
 )
 def test_bad_values_are_refused(root: Node, key: str, rule, message: str) -> None:  # type: ignore[no-untyped-def]

@@ -1,7 +1,7 @@
 """Files are written whole or not at all; hashes depend on values only."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -12,17 +12,18 @@ from arm.io.storage import (
     MOST_BYTES,
     canonical_json,
     data_file,
-    keep_apart,
     keep_unread,
     one_command,
     open_file,
     read_bytes,
+    read_instead,
     read_json,
     read_text,
     require_finite,
     sha256,
     write_atomic,
 )
+from arm.io.toml_reader import read_toml
 
 
 def test_an_older_file_survives_a_failed_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,6 +38,28 @@ def test_an_older_file_survives_a_failed_write(tmp_path: Path, monkeypatch: pyte
         write_atomic(path, "new")
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_parts_are_written_one_after_the_other(tmp_path: Path) -> None:
+    write_atomic(tmp_path / "a", (text for text in ("x\n", "y\n")))
+    assert (tmp_path / "a").read_text() == "x\ny\n"
+
+    def broken() -> Iterator[str]:
+        yield "z"
+        raise OSError(5, "Input/output error")
+
+    with pytest.raises(InputError, match="Input/output error"):
+        write_atomic(tmp_path / "a", broken())
+    assert (tmp_path / "a").read_text() == "x\ny\n"
+
+
+def test_a_file_is_read_with_other_contents_inside_the_block_only(tmp_path: Path) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text("a = 1")
+    with read_instead({file: b"a = 2", tmp_path / "none.toml": b"b = 3"}):
+        assert read_toml(tmp_path / "." / "a.toml") == {"a": 2}
+        assert read_toml(tmp_path / "none.toml") == {"b": 3}
+    assert read_toml(file) == {"a": 1}
 
 
 def test_folders_are_made(tmp_path: Path) -> None:
@@ -61,20 +84,6 @@ def test_data_files_are_found_and_a_missing_one_is_refused() -> None:
     assert data_file("urdf/a465/a465.urdf").is_file()
     with pytest.raises(InputError, match="reinstall"):
         data_file("urdf/none.urdf")
-
-
-def test_an_input_is_not_overwritten_under_any_name(tmp_path: Path) -> None:
-    read, other = tmp_path / "plan.json", tmp_path / "page.html"
-    read.write_text("{}")
-    (tmp_path / "link").symlink_to(read)
-    os.link(read, tmp_path / "hard")
-    for name in ("plan.json", "link", "hard"):
-        with pytest.raises(InputError, match=f"{name}: is read by this command"):
-            keep_apart(tmp_path / name, other, None, read)
-    keep_apart(other, read)
-    keep_apart(None, read)
-    other.touch()
-    keep_apart(other, read, tmp_path / "not there")
 
 
 def test_a_command_does_not_read_what_it_will_overwrite(tmp_path: Path) -> None:
@@ -149,7 +158,7 @@ def _pipe(path: Path) -> None:
         (_pipe, "a named pipe"),
         (lambda path: path.symlink_to("/dev/zero"), "a character device"),
         (lambda path: path.symlink_to("/dev/tty0000"), "cannot be read: No such file"),
-        (Path.mkdir, "cannot be read: Is a directory"),
+        (Path.mkdir, r"is a folder, must be a file"),
     ],
 )
 def test_only_regular_files_are_read_and_nothing_is_waited_for(
@@ -164,6 +173,15 @@ def test_only_regular_files_are_read_and_nothing_is_waited_for(
     ):
         with pytest.raises(FileInputError, match=rf"a: .*{what}"):
             read(tmp_path / "a")
+
+
+def test_a_folder_is_told_with_the_files_of_the_project_in_it(tmp_path: Path) -> None:
+    for name in ("wire.jsonl", "report.json", "page.html", *(f"z{k}.toml" for k in range(4))):
+        (tmp_path / name).touch()
+    with pytest.raises(FileInputError) as refused:
+        read_json(tmp_path)
+    told = "is a folder, must be a file (it holds report.json, wire.jsonl, z0.toml, z1.toml, z2.toml, ...)"
+    assert str(refused.value) == f"{tmp_path}: {told}"
 
 
 @pytest.mark.parametrize("kind", sorted(MOST_BYTES))
@@ -191,3 +209,37 @@ def test_a_file_that_says_it_is_empty_and_is_not_is_read_to_its_limit(
 def test_line_ends_are_pythons(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"a\r\nb\rc\n")
     assert read_text(tmp_path / "a") == (tmp_path / "a").read_text() == "a\nb\nc\n"
+
+
+def test_a_key_that_is_there_twice_is_refused_and_named(tmp_path: Path) -> None:
+    """Of two values nobody knows which one is meant; a list that is written again would lose one."""
+    file = tmp_path / "a.json"
+    file.write_text('{"entries": [{"name": "a", "q_deg": [1], "q_deg": [2]}]}')
+    with pytest.raises(FileInputError, match=r"a\.json: q_deg: is there twice in one object"):
+        read_json(file)
+    file.write_text('[{"a": 1}, {"a": 2, "b": {"a": 3}}]')
+    assert read_json(file) == [{"a": 1}, {"a": 2, "b": {"a": 3}}]
+
+
+def test_a_byte_order_mark_is_no_content(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    file.write_bytes(b'\xef\xbb\xbf{"a": 1}')
+    assert read_json(file) == {"a": 1}
+    file.write_bytes(b"\xef\xbb\xbfa = 1\n")
+    assert read_text(file) == "a = 1\n"
+    assert read_toml(file) == {"a": 1}
+
+
+def test_json_that_ends_early_or_has_a_comma_too_many_is_told_as_such(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    for text, told in (
+        ('{"a": [1, 2', "(the file ends too early"),
+        ('{"a": 1, ', "(the file ends too early"),
+        ("[1, 2,]", "(a comma stands before a bracket that ends)"),
+        ("[1 2]", "(char 3)"),
+    ):
+        file.write_text(text)
+        with pytest.raises(InputError) as refused:
+            read_json(file)
+        assert f"{file}: is not JSON: " in str(refused.value)
+        assert told in str(refused.value)

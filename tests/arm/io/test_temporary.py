@@ -68,7 +68,7 @@ def test_only_files_with_our_name_pattern_are_removed(tmp_path: Path) -> None:
 
 def test_two_of_one_program_do_not_remove_each_other(tmp_path: Path) -> None:
     with TemporaryFile(tmp_path / "a") as first, TemporaryFolder(tmp_path / "b") as second:
-        first.write(b"1")
+        first.write([b"1"])
         write_atomic(second.path / "c", "2")
         write_atomic(tmp_path / "d", "3")
         first.become(0o640)
@@ -81,7 +81,7 @@ def test_two_of_one_program_do_not_remove_each_other(tmp_path: Path) -> None:
 
 def test_unfinished_files_are_removed(tmp_path: Path) -> None:
     with TemporaryFile(tmp_path / "a") as a, TemporaryFolder(tmp_path / "b") as b:
-        a.write(b"half")
+        a.write([b"half"])
         (b.path / "inside").touch()
         assert len(_hidden(tmp_path)) == 2
     assert list(tmp_path.iterdir()) == []
@@ -103,7 +103,7 @@ def test_a_file_removed_before_it_is_locked_is_created_again(
 
     monkeypatch.setattr(fcntl, "flock", late)
     with TemporaryFile(tmp_path / "a") as file:
-        file.write(b"whole")
+        file.write([b"whole"])
         file.become(0o600)
     assert taken
     assert (tmp_path / "a").read_bytes() == b"whole"

@@ -86,3 +86,23 @@ def test_an_integer_of_more_than_64_bits_is_refused_by_its_key(tmp_path: Path) -
             FileInputError, match=r"a\[1\]\.b = .*: must be a whole number of at most 64 bits"
         ):
             read_toml(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("unit = crs93", ": unit = crs93 (text stands in quotation marks)"),
+        ("length_mm = 36,5", ": length_mm = 36,5 (the decimal sign is a point)"),
+        ("length_mm 36", ": length_mm 36"),
+        (f"a = [{'1 ' * 300}", "characters left out"),
+    ],
+)
+def test_a_line_that_is_no_toml_is_shown_with_what_is_often_wrong(
+    tmp_path: Path, line: str, told: str
+) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text(f"first = 1\n{line}\nlast = 3\n")
+    with pytest.raises(FileInputError) as refused:
+        read_toml(file)
+    assert f"{file}: is not valid TOML: " in str(refused.value)
+    assert told in str(refused.value)[-120:]

@@ -9,7 +9,7 @@ import pytest
 from arm.se3 import frozen
 from calib.chain.result import ChainLimits, chi2_limit
 from calib.chain.score_tests import ChainErrorHypothesis
-from calib.chain.verdict import with_verdict
+from calib.chain.verdict import LEAST_NOISE_PX, with_verdict
 from calib.hand_eye.calibrate import calibrate_hand_eye
 from recorded.arm_sets import TARGETS, draw_truth, recorded, spoilt, wide
 from recorded.faults import faulty
@@ -38,6 +38,16 @@ def test_a_sudden_change_is_a_reason_of_its_own():
         "earlier ones: most likely a movement of the camera by about 1.00 mm before image 7"
         in named.reasons[0]
     )
+
+
+def test_corners_without_noise_are_told_as_implausible():
+    rng = np.random.default_rng(5)
+    truth = draw_truth(rng)
+    exact = recorded(truth, wide(truth, TARGETS["marker"], 12, rng), "marker", rng, 0.3 * LEAST_NOISE_PX)
+    c = calibrate_hand_eye(exact).chain
+    assert "were these corners computed?" in c.remarks[0]
+    noisy = replace(c, problem=replace(c.problem, pixel_sigma=np.array([0.3, 3.0]) * LEAST_NOISE_PX))
+    assert "computed" not in " ".join(with_verdict(noisy, lambda name, value: f"{name} {value}").remarks)
 
 
 @pytest.mark.slow

@@ -108,7 +108,9 @@ def test_vertices_may_lie_outside_the_image(tmp_path):
 
 def test_a_recording_of_an_arm_is_sent_to_its_own_command(tmp_path):
     for value in ({"poses": [], "dh": {}}, {"poses": 3, "camera": example()["camera"]}):
-        with pytest.raises(FileInputError, match=r"nao\.json: poses.* a465 calibrate hand-eye"):
+        with pytest.raises(
+            FileInputError, match=r"nao\.json: is a recording of an arm.*a465 calibrate hand-eye"
+        ):
             read(tmp_path, value)
 
 

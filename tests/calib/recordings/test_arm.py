@@ -176,7 +176,9 @@ def test_two_images_from_one_place_or_one_wrong_image_are_no_repeat(tmp_path, sa
 def test_a_recording_of_a_nao_is_sent_to_its_own_command(tmp_path):
     for value in ({"images": [], "board": {}}, content() | {"images": 3}):
         value.pop("poses", None)
-        with pytest.raises(FileInputError, match=r"poses\.json: images.* a465 calibrate kinematic"):
+        with pytest.raises(
+            FileInputError, match=r"poses\.json: is a recording of a NAO.*a465 calibrate kinematic"
+        ):
             read(tmp_path, value)
     assert len(read(tmp_path, content() | {"images": ["a.png"]}).joints) == 12
 

@@ -19,8 +19,7 @@ from arm.robot.shapes import Body, Box, Capsule, Cylinder, Sphere, Torus
 from arm.se3 import Array, apply, frozen, transform
 from cell.accuracy.arm_errors import arm_errors, body_errors
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.placement import Transfer, placement_error
-from cell.accuracy.plan_budgets import gripper_positions, hole_of
+from cell.accuracy.placement import Transfer, gripper_positions, hole_of, placement_error
 from cell.config.cell import Cell
 from cell.files.task import Task
 from cell.program.points import WORK

@@ -12,7 +12,14 @@ import pytest
 from arm.errors import ImpossibleError
 from arm.poses import BoardPose
 from arm.se3 import transform
-from cell.accuracy.measures import Budgets, Measure, best_measure, least_insertion, require_insertion
+from cell.accuracy.measures import (
+    Budgets,
+    Measure,
+    best_measure,
+    enough_photographs,
+    least_insertion,
+    require_insertion,
+)
 from cell.accuracy.placement import PlacementBudget, Source
 from cell.accuracy.plan_budgets import require_placements
 from cell.accuracy.reach_budgets import reach_budgets
@@ -96,6 +103,32 @@ def test_images_that_do_not_suffice_are_not_taken(task: Task, table: ReachTable)
     assert "photographs" not in refused.value.data
 
 
+def test_a_measure_that_leaves_too_little_clearance_is_not_offered(task: Task, table: ReachTable) -> None:
+    """The plan would be refused for its clearance next, whatever the cubes' chances are."""
+    of, seen = partial(_budgets, task, table), _noisy(task, 0.45)
+
+    def clear_with(noise: float) -> Budgets:
+        """Clearances hold if the look's noise is at most so much of what it was."""
+        before = float(np.trace(seen.boards[0].pose.repeatability))
+        return Budgets(
+            of, keeps=lambda _, look: float(np.trace(look.boards[0].pose.repeatability)) <= noise * before
+        )
+
+    counts = []
+    for noise in (1.0, 0.35, 0.18, 0.0):
+        measure = best_measure(task.cell, seen, clear_with(noise), 0.997)
+        counts.append(0 if measure is None else int(measure.words.split()[2]))
+        assert enough_photographs(task.cell, seen, clear_with(noise)) == (counts[-1] or None)
+    assert counts[0] == 10
+    assert counts == sorted(counts[:3]) + [0]
+    assert counts[2] > counts[1] > counts[0]
+    with pytest.raises(
+        ImpossibleError, match="no single measure reaches that and keeps the clearances"
+    ) as refused:
+        require_insertion(task.cell, seen, clear_with(0.0))
+    assert not {"measure", "photographs"} & refused.value.data.keys()
+
+
 def test_a_weak_calibration_is_cured_by_more_poses(task: Task, table: ReachTable) -> None:
     made = task.cell.calibration
     assert made is not None
@@ -121,7 +154,9 @@ def test_sizes_that_nobody_measured_are_measured(task: Task, table: ReachTable) 
 
 def test_an_arm_that_scatters_is_helped_by_nothing_here(task: Task, table: ReachTable) -> None:
     cell = replace(task.cell, following_error=np.radians(0.1))
-    with pytest.raises(ImpossibleError, match="no single measure reaches that: following has") as refused:
+    with pytest.raises(
+        ImpossibleError, match=r"no single measure reaches that and keeps .*: following has"
+    ) as refused:
         require_insertion(cell, _look(task), Budgets(partial(_budgets, task, table)))
     assert "measure" not in refused.value.data
 

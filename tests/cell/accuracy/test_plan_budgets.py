@@ -13,7 +13,8 @@ from arm.plan_file import GripperStep, Plan
 from arm.se3 import inverse
 from cell.accuracy.budget_report import budget_to_json, budget_words, print_budgets
 from cell.accuracy.error_model import ErrorModel
-from cell.accuracy.plan_budgets import gripper_positions, plan_budgets, pocket_fit, require_placements
+from cell.accuracy.placement import gripper_positions
+from cell.accuracy.plan_budgets import plan_budgets, pocket_fit, require_placements
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.task import Task, read_task
@@ -82,6 +83,17 @@ def test_a_cube_that_may_miss_its_pocket_is_refused_with_its_largest_source(
     assert (
         min(b.insertion for b in require_placements(allowed, seen, plan)) == refused.value.data["insertion"]
     )
+
+
+def test_no_measure_is_offered_after_which_the_plan_has_too_little_clearance(
+    task: Task, seen: Observation, plan: Plan
+) -> None:
+    cell = replace(task.cell, tool_tolerance=2.5e-3)
+    with pytest.raises(ImpossibleError, match="measure where the finger tips are") as refused:
+        require_placements(cell, seen, plan)
+    assert refused.value.data["insertion_then"] >= cell.least_insertion
+    with pytest.raises(ImpossibleError, match="no single measure reaches that and keeps the clearances"):
+        require_placements(replace(cell, erring_clearance=0.1), seen, plan)
 
 
 def test_a_cell_without_calibration_has_no_budgets_and_says_so(

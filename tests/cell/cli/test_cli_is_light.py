@@ -26,6 +26,7 @@ HEAVY = {
     "rich",
     "jinja2",
     "matplotlib",
+    "pydantic",
 }
 VERBS = (
     "run",

@@ -11,6 +11,7 @@ import typer
 from arm.errors import ImpossibleError
 from cell.cli.ending import fail, finish
 from cell.console import Console
+from typed.command_line import a465
 
 
 def test_a_run_that_leaves_cubes_names_them_and_exits_with_its_code(
@@ -39,3 +40,31 @@ def test_an_error_is_one_line_and_an_object_if_asked_for(
         return
     body = json.loads(said.out)["error"]
     assert (body["kind"], body["exit_code"], body["pair"]) == ("ImpossibleError", 3, ["palm", "post"])
+
+
+@pytest.mark.parametrize(
+    ("typed", "words", "help"),
+    [
+        ("plann scenes/task2.toml", ("plann", "Did you mean 'plan'?"), "a465"),
+        ("--verbose plan", ("No such option: --verbose", "--version"), "a465"),
+        ("plan --speeed 0.5 t.toml", ("plan: No such option: --speeed", "--speed)"), "a465 plan"),
+        ("plan t.toml --look", ("plan: Option '--look' requires an argument",), "a465 plan"),
+        ("plan", ("plan: Missing argument 'FILE'",), "a465 plan"),
+        ("run t.toml --cell mujco", ("run: ", "'--cell'", "'mujco'", "'ideal', 'mujoco'"), "a465 run"),
+        ("run t.toml --speed fast", ("run: ", "'--speed'", "'fast'"), "a465 run"),
+        ("view c.toml --q 0 10 -80 0", ("view: ", "-8", "joined by commas: --q=0,10,-80"), "a465 view"),
+        ("calibrate camra", ("calibrate: ", "'camra'. Did you mean 'camera'?"), "a465 calibrate"),
+        ("calibrate camera p --work-mm 4", ("calibrate camera: ", "requires 2"), "a465 calibrate camera"),
+    ],
+)
+def test_a_wrong_option_or_command_is_one_line(typed: str, words: tuple[str, ...], help: str) -> None:
+    said, told = a465(*typed.split(), code=2)
+    assert told.startswith("a465: wrong input: ")
+    assert told.endswith(f"; see {help} --help\n")
+    assert told.count("\n") == 1
+    assert all(word in told for word in words), told
+    assert said == ""
+
+
+def test_a_group_without_a_command_prints_its_help() -> None:
+    assert "Commands:" in a465("calibrate", code=2)[1]

@@ -8,12 +8,16 @@ import pty
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import pytest
 
-from arm.errors import ImpossibleError
+from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
+from cell.commands.run import execute_plan
+from cell.console import Console
+from cell.session.connection import WhichCell
 from tasks.small import small_scenes
 from tasks.whole_run import run_whole
 from typed.command_line import a465, refused, replace_in
@@ -138,11 +142,86 @@ def test_a_hole_out_of_reach_ends_with_3_before_anything_moves(scenes: Path, tmp
 
 
 @pytest.mark.parametrize(
-    ("verb", "read"), [("plan", "drawing.svg"), ("plan", "cell.toml"), ("view", "tools/pen.toml")]
+    ("verb", "read", "words"),
+    [
+        ("plan", "drawing.svg", "is read by this command, so it is not overwritten"),
+        ("plan", "cell.toml", "is a cell file, and something else would replace it"),
+        ("view", "tools/pen.toml", "is a tool file, and something else would replace it"),
+    ],
 )
-def test_a_file_that_the_program_names_is_not_overwritten(tmp_path: Path, verb: str, read: str) -> None:
+def test_a_file_that_the_program_names_is_not_overwritten(
+    tmp_path: Path, verb: str, read: str, words: str
+) -> None:
     pen = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "pen"
     before = (pen / read).read_bytes()
     told = refused(verb, pen / "drawing.toml", "-o", pen / read, code=2, cwd=tmp_path)
-    assert f"{read}: is read by this command, so it is not overwritten" in told
+    assert f"{read}: {words}" in told
     assert (pen / read).read_bytes() == before
+
+
+@pytest.mark.parametrize("verb", ["home", "park", "jog"])
+def test_a_cell_and_a_port_in_the_wrong_order_are_told(verb: str) -> None:
+    _, told = a465(verb, "mars", "scenes/cell.toml", code=2)
+    assert (
+        "scenes/cell.toml: a file is where the port belongs; the cell or task file comes before the port"
+        in told
+    )
+
+
+def test_a_file_of_another_kind_is_told_as_that_with_what_belongs_there(tmp_path: Path) -> None:
+    (tmp_path / "look.json").write_text('{"boards": {}}')
+    scenes = data_file("scenes")
+    cell, task, lens = (scenes / name for name in ("cell.toml", "task2.toml", "cameras/lab.toml"))
+    for typed, words in (
+        (("plan", tmp_path / "look.json"), "is JSON, such as a look or a plan, and a TOML file belongs here"),
+        (
+            ("run", cell),
+            "is a cell file, and a task or a program file belongs here (a task file names it: cell =",
+        ),
+        (("reach", cell, "--look", task), "is a cell file, and a task file belongs here"),
+        (("plan", task, "--look", cell), "is a cell file, and a look belongs here"),
+        (("execute", task), "is a task file, and a plan belongs here"),
+        (("look", lens), "is a camera file, and a task, a program, a cell or an arm file belongs here"),
+        (("look", task, "--world", cell), "is a cell file, and a world file belongs here"),
+        (("look", cell), "no such world file"),
+        (("emulate", "--fault", task), "is a task file, and a file of faults belongs here"),
+        (("calibrate", "target", cell), "is a cell file, and a target file belongs here"),
+        (("gripper", cell, "open"), f"the action comes first, then the cell: a465 gripper open {cell}"),
+        (("calibrate", "following", task), "is a task file, and the log of a run belongs here"),
+        (("teach", cell, "poses.json"), "the list comes first, then the cell or task file"),
+    ):
+        _, told = a465(*typed, code=2, cwd=tmp_path)
+        assert words in told, told
+        assert told.count("\n") == 1, told
+    assert [file.name for file in tmp_path.iterdir()] == ["look.json"]
+
+
+def test_what_is_wrong_at_once_is_told_before_slow_work(tmp_path: Path) -> None:
+    task = data_file("scenes/task2.toml")
+    (tmp_path / "file").touch()
+    for typed, words in (
+        (("render", task, "-o", tmp_path / "file"), "file: is a file; give a folder for the images"),
+        (("render", task, "-o", tmp_path / "new", "--seed=-1"), "--seed -1: must be 0 or more"),
+        (
+            ("park", task, "/dev/mars-not-there", "--unseen", "--look", task),
+            "is a task file, and a look belongs here",
+        ),
+        (("home", data_file("scenes/cell.toml"), "/dev/mars-not-there", "--free"), "is not there"),
+    ):
+        assert words in a465(*typed, code=2, cwd=tmp_path)[1]
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
+
+
+def test_a_time_scale_is_told_before_a_plan_is_verified(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cell.commands.run._plan_to_send", lambda _: SimpleNamespace(speed=0.5))
+    monkeypatch.setattr("cell.commands.run.replayed", lambda *_: pytest.fail("the plan was verified first"))
+    where = WhichCell(time_scale=1000.0)
+    with pytest.raises(InputError, match="--time-scale 1000: must be from"):
+        execute_plan(Path("plan.json"), data_file("scenes/task2.toml"), Console(True), where)
+
+
+def test_a_picture_is_not_written_under_the_name_of_another_kind(tmp_path: Path) -> None:
+    task = data_file("scenes/task2.toml")
+    _, told = a465("look", task, "-o", tmp_path / "a.png", "--picture", tmp_path / "look.json", code=2)
+    assert "look.json: must end in .png" in told
+    assert list(tmp_path.iterdir()) == []

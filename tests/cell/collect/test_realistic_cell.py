@@ -20,7 +20,7 @@ from cell.files.world import World, read_world
 from plan.kinematics.ik import inverse_kinematics
 from tasks.whole_run import run_whole
 from typed.command_line import a465, replace_in
-from typed.doc_commands import ROOT
+from typed.doc_pages import ROOT
 
 REALISTIC = data_file("scenes/realistic")
 SIGMAS = 2.0  # standard deviations of the tool by which two sessions may differ

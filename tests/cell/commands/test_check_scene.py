@@ -168,7 +168,7 @@ def test_any_configuration_of_a_scene(monkeypatch, capsys) -> None:
     assert distances == sorted(distances)
     for wrong in ("10,20", "a,b,c,d,e,f", "1,2,3,4,5,nan"):
         assert run(["check", path, f"--q={wrong}"], monkeypatch) == 2
-        assert "must be six angles in deg" in capsys.readouterr().err
+        assert "must be 6 numbers separated by commas, J1 to J6 in deg" in capsys.readouterr().err
 
 
 def test_a_configuration_beyond_the_limits_is_refused_as_in_the_file(monkeypatch, capsys) -> None:

@@ -139,6 +139,15 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path
     assert f"log {log}: cannot be written" in ended.stderr
 
 
+def test_a_file_that_is_no_wire_log_is_not_replaced_by_one(tmp_path: Path) -> None:
+    file = tmp_path / "look.json"
+    file.write_text("{}")
+    said, error = a465("emulate", "--unit", "crs93", "--log", file, code=2)
+    assert said == ""
+    assert "look.json: is a file, and no wire log, which alone is replaced" in error
+    assert file.read_text() == "{}"
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -18,6 +18,7 @@ import cell.export.folder
 from arm.errors import InputError
 from arm.io.node import REQUIRED
 from arm.io.storage import data_file, write_atomic
+from arm.se3 import apply
 from cell.cli.main import app
 from cell.commands import new_cell as newcell
 from cell.commands.new_cell import PLACEHOLDER, new_cell_step, next_commands
@@ -30,7 +31,7 @@ from cell.task.planning import Rest, plan_rest
 from cell.texts.key_texts import declared_keys
 from tasks.true_look import true_look
 from typed.command_line import a465, refused, replace_in
-from typed.doc_commands import ROOT
+from typed.doc_pages import ROOT
 from vision.camera.video.settings import VideoSettings
 
 NOT_OFFERED = (
@@ -108,6 +109,7 @@ def test_every_key_has_a_comment_and_every_comment_a_key(written: dict[str, Path
         assert keys
         assert all(lines[i - 1].startswith("# ") for i in keys), name
         assert max(map(len, lines)) <= 120
+        assert not re.findall(r"^# \w+ = .*#\s*$", text, re.M), name  # an offer without a text
         named = set(_names("", tomllib.loads(text)))
         offered = set(re.findall(r"^# (\w+) = .*# \w", text, re.M))
         for key, one in declared_keys(kind).items():
@@ -151,6 +153,21 @@ def test_what_may_be_added_reads_too(tmp_path: Path) -> None:
     ):
         assert getattr(cell, key) == getattr(shipped, key)  # what is not said is as shown
     assert {"velocity_fraction", "acceleration_fraction", "jerk_time_s"} <= set(tomllib.loads(text)["motion"])
+
+
+@pytest.mark.parametrize("name", ["task1", "task2"])
+def test_the_pose_by_tape_that_it_offers_has_the_boards_in_view(tmp_path: Path, name: str) -> None:
+    new_cell_step(tmp_path / "mine", "crs93", None, Console(as_json=True))
+    file = tmp_path / "mine/camera.toml"
+    text = re.sub(r"^T_base_camera = \[\n.*?^\]\n", "", file.read_text(), flags=re.M | re.S)
+    file.write_text(re.sub(r"^# (position|looks_at|right_azimuth)", r"\1", text, flags=re.M))
+    camera = read_task(tmp_path / f"mine/{name}.toml").cell.camera
+    shipped = read_task(data_file(f"scenes/{name}.toml")).cell.camera
+    assert np.linalg.norm(camera.T_base_camera[:3, 3] - shipped.T_base_camera[:3, 3]) < 0.01
+    assert (camera.T_base_camera[:3, 2] @ shipped.T_base_camera[:3, 2]) > np.cos(np.radians(1.0))
+    for board in read_world(tmp_path / f"mine/{name}.world.toml", 0.036).boards:
+        pixels = camera.project_base(apply(board.T_base_board, board.board.marker_corners()))
+        assert ((pixels >= 10.0) & (pixels <= np.array(camera.size) - 10.0)).all()
 
 
 def test_the_name_is_in_the_cell_file_and_the_folders_is_the_default(tmp_path: Path) -> None:
@@ -278,7 +295,7 @@ def test_the_next_steps_home_once_before_anything_stands_there() -> None:
     assert all("--homed --speed 0.1" in steps[i][1] for i in moving)
     told = [why for why, _ in steps]
     for step, line in (
-        (2, "check"),
+        (2, "a465 check "),
         (5, "--live"),
         (6, "--collect my-cell/task2.toml --target my-cell/hand.toml --p"),
     ):

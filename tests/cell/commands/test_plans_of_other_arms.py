@@ -127,6 +127,8 @@ def test_such_a_plan_is_never_sent_and_needs_no_cell(six: Path) -> None:
     for words in (("check", six, task), ("preview", six, task), ("export", six, "--cell", CELL)):
         _, told = a465(*words, code=2)
         assert f"plan.json: arm: is the plan's own, which needs no cell; leave out {words[-1]}" in told
+    _, told = a465("preview", six, "--image", task, code=2)
+    assert "--image goes with a plan of a cell; " in told
 
 
 def test_what_is_missing_is_told_by_file_key_and_value(six: Path, tmp_path: Path) -> None:

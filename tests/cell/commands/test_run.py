@@ -220,6 +220,7 @@ def test_the_order_of_steps_is_the_tasks(task2: WholeRun) -> None:
 def test_the_run_leaves_its_evidence(task2: WholeRun) -> None:
     names = {p.name for p in task2.folder.iterdir()}
     assert {"plan.json", "preview.html", "wire.jsonl", "report.json", "look-1.png", "look-6.png"} <= names
+    assert '"photograph":"data:image/jpeg;base64,' in (task2.folder / "preview.html").read_text()
 
 
 def test_the_log_tells_task_and_plan_and_is_shown_over_it(task2: WholeRun, tmp_path: Path) -> None:

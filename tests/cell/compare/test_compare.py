@@ -121,3 +121,27 @@ def test_plans_differ_by_what_they_are_made_for_and_by_their_motions(tmp_path: P
         InputError, match=r"a.json is a plan file, .*cell.toml is a cell file; must be two of a kind"
     ):
         list(differences(tmp_path / "a.json", data_file("scenes/cell.toml")))
+
+
+def test_unit_files_that_two_cells_name_are_compared_and_names_are_not_files(tmp_path: Path) -> None:
+    text = data_file("urdf/a465/crs97.toml").read_text().replace('"crs97"', '"hall"')
+    for name, margin in (("a", "1.0"), ("b", "1.5")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "hall.toml").write_text(text.replace("margin_deg = 1.0", f"margin_deg = {margin}"))
+        cell = data_file("scenes/cell.toml").read_text().replace('unit = "crs93"', 'unit = "hall.toml"')
+        (tmp_path / name / "cell.toml").write_text(cell)
+        shutil.copytree(data_file("scenes/cameras"), tmp_path / name / "cameras")
+    first, second = tmp_path / "a/cell.toml", tmp_path / "b/cell.toml"
+    (change,) = differences(first, second)
+    assert (change.file, change.what, change.first, change.second) == (
+        "hall.toml",
+        "limits.margin_deg",
+        1.0,
+        1.5,
+    )
+    replace_in(second, 'unit = "hall.toml"', 'unit = "crs97"')
+    (change,) = differences(first, second)
+    assert (change.what, change.first, change.second) == ("unit", "hall.toml", "crs97")
+    replace_in(first, 'unit = "hall.toml"', 'unit = "crs93"')
+    (change,) = differences(first, second)
+    assert (change.what, change.first, change.second) == ("unit", "crs93", "crs97")

@@ -85,6 +85,7 @@ def test_walls_of_every_shape(scenes: Path) -> None:
         ("radius_mm = 50", "", r"walls\[2\].radius_mm: is missing"),
         ("tube_mm = 4.8", "", r"walls\[5\].tube_mm: is missing"),
         ("tube_mm = 4.8", "tube_mm = 0", r"walls\[5\].tube_mm = 0: must be a number in mm from 1 to 10000"),
+        ("tube_mm = 4.8", "tube_mm = 32.4", r"walls\[5\].tube_mm = 32.4: must be less than radius_mm, 32.4"),
         ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
         ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
         ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that does not exist"),

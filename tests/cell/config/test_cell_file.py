@@ -98,7 +98,7 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
             "cell.toml",
             'unit = "crs93"',
             'unit = "crs39"',
-            r"unit = 'crs39': must be one of crs93, crs97 \(did you mean",
+            r"unit = 'crs39': must be one of crs93, crs97, or a unit file .* \(did you mean",
         ),
         (
             "cell.toml",
@@ -139,6 +139,18 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
             "[look]",
             "[look]\nfotographs = 5",
             "look.fotographs = 5: is not a known key .*photographs",
+        ),
+        (
+            "cell.toml",
+            "centre_mm = [350, 0] ",
+            "centre_mm = [0.35, 0] ",
+            r"table.centre_mm = \[0.35, 0\]: must be 2 mm or more from the arm's axis.*is it in metres\?",
+        ),
+        (
+            "cell.toml",
+            "zone_centre_mm = [470, -10, 110]",
+            "zone_centre_mm = [0.47, -0.01, 0.11]",
+            r"boards.zone_centre_mm = \[0.47, .*is it in metres\?",
         ),
         ("cell.toml", "[tool]", "[tool", "is not valid TOML"),
         (

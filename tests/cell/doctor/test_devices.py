@@ -98,6 +98,7 @@ def silent_port() -> Iterator[tuple[int, str]]:
     os.close(line)
 
 
+@pytest.mark.slow
 def test_a_silent_line_is_wrong_and_gets_harmless_lines_only(
     silent_port: tuple[int, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -114,3 +114,19 @@ def test_a_cell_that_cannot_be_read_is_wrong_and_the_rest_goes_on(tmp_path: Path
     assert report["wrong"] == ["cell"]
     assert "none.toml: cannot be read: No such file" in by_name(report)["cell"]["found"]
     assert by_name(report)["self-test: plan"]["verdict"] == OK
+
+
+@pytest.mark.slow
+def test_a_checklist_that_needs_a_missing_library_is_a_row(scenes: Path) -> None:
+    code = (
+        "import sys\nsys.modules['serial'] = None\n"
+        f"sys.argv = ['a465', 'doctor', '--cell', {str(scenes / 'cell.toml')!r}, '--json']\n"
+        "from cell.cli.start import main\nmain()"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=False
+    )
+    assert (ran.returncode, "Traceback" in ran.stderr) == (3, False), ran.stderr
+    found = by_name(json.loads(ran.stdout))["checklist"]
+    assert found["verdict"] == WRONG
+    assert "import of serial halted" in found["found"]

@@ -182,7 +182,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=rule):
             export_file(scene, asked, console)
     (tmp_path / "other.json").write_text('{"scenes": []}')
-    with pytest.raises(InputError, match="is from a look; a465 plan writes plan files"):
+    with pytest.raises(InputError, match="is a look, and a plan belongs here"):
         export_file(tmp_path / "other.json", ExportOptions(), console)
     replace_in(named, 'unit = "crs93"', 'unit = "crs99"')
     _, told = a465("export", named, "-o", tmp_path / "never", code=2)

@@ -83,3 +83,12 @@ def test_the_unit_is_told_by_the_gripper_and_may_be_given(
     bare.write_text('{"t":0,"kind":"open"}\n')
     with pytest.raises(InputError, match="has no position sample"):
         export_file(bare, ExportOptions("csv", tmp_path / "no.csv", unit="crs97"), console)
+
+
+def test_another_unit_than_that_in_the_log_is_refused(tmp_path: Path) -> None:
+    log = tmp_path / "wire.jsonl"
+    log.write_text('{"t":0,"kind":"open"}\n{"t":0,"kind":"run","unit":"crs93"}\n')
+    session = read_log(log)
+    assert unit_of(session, "crs93").name == unit_of(session, None).name == "crs93"
+    with pytest.raises(InputError, match="--unit crs97: the log is of crs93, and with another unit"):
+        unit_of(session, "crs97")

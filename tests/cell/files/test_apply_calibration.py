@@ -137,7 +137,6 @@ def test_any_name_is_read_as_it_was_given(any_toml: Path, name: str) -> None:
     [
         ("[calibration]\na = 1\n", "c.toml"),
         ("calibration.a = 1\n", "c.toml"),
-        ("calibration = 3\n", "c.toml"),
         ('"\\u0063alibration" = "b"\n', "c.toml"),
         ("a = 1\n", "\udcff.toml"),  # UTF-8 has no such character
     ],

@@ -84,7 +84,10 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
         (lambda b: b.update(marker_ids=[1, 99]), r"marker_ids = \[1, 99\]: is not a board of the cell file"),
         (lambda b: b.update(T_base_board=np.zeros((4, 4)).tolist()), "01-02.T_base_board"),
         (lambda b: b["holes"][0].update(state="full"), "'full': must be one of cube, empty, unsure"),
-        (lambda b: b["holes"].pop(), "must be 4, each one of cube, empty, unsure"),
+        (
+            lambda b: b["holes"].pop(),
+            "must be 4, each one of cube, empty.*has 4 holes: is this a look at another",
+        ),
         (lambda b: b.update(covariance=[[1.0]]), "01-02.covariance.*must be 6 rows of 6 finite numbers"),
         (
             lambda b: b.update(repeatability=[[1.0]]),
@@ -159,5 +162,8 @@ def test_task_1_wants_its_board_flat_and_as_high_as_stated() -> None:
 
 def test_a_missing_board_is_told_with_why(task: Task) -> None:
     seen = Observation(_seen(task).boards[:1], {"03-04": "marker 4 is hidden"})
-    with pytest.raises(ImpossibleError, match="board 03-04 was not found: marker 4 is hidden"):
+    with pytest.raises(ImpossibleError, match=r"^board 03-04 was not found: marker 4 is hidden; move it"):
         require_boards(seen, task)
+    told = r"^l1\.json: board 03-04 was not found: marker 4 .* and look again; this look has board 01-02$"
+    with pytest.raises(ImpossibleError, match=told):
+        require_boards(seen, task, Path("l1.json"))

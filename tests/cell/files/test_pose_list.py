@@ -149,7 +149,7 @@ WRONG = [
     ([{"T_base_tool": POSE, "pause": 1}], r"\[0\].pause = 1: is not a known key \(known: T_base_flange"),
     ([{"name": "a", "q_rad": Q}, {"name": "a", "q_rad": Q}], r"\[1\] = 'a': is also the name of \[0\]"),
     ([{"T_base_tool": POSE, "free": "rq"}], r"\[0\].*free = 'rq': must be one of x, y"),
-    ([{"q_deg": [0, 0, -45, 0, -45, 0]}, {"q_rad": [9, 0, 0, 0, 0, 0]}], r"\[1\] = .*J1 must be from"),
+    ([{"q_deg": [0, 0, -45, 0, -45, 0]}, {"q_rad": [9, 0, 0, 0, 0, 0]}], r"\[1\] = .*J1 must.*degrees read as rad"),
     ("1,2,3\n", r"row 1 = '3 numbers': must be one of 6"),
     ("x,y\n\n1 2 3 4 5 six\n", r"row 3 = 'six': must be a number"),
     ("1 2 3 4 5 nan\n", r"row 1.*: must be finite numbers"),
@@ -189,7 +189,7 @@ def test_arrays_that_are_no_list_are_refused(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileInputError, match="is neither text"):
         read_pose_list(path, FLANGE)
-    with pytest.raises(FileInputError, match="cannot be read"):
+    with pytest.raises(FileInputError, match="is a folder, must be a file"):
         read_pose_list(tmp_path, FLANGE)
 
 
@@ -201,7 +201,9 @@ def test_options_that_are_no_words_and_files_that_are_both(tmp_path: Path) -> No
     _, told = a465("plan", CELL, poses, "-o", poses, code=2)
     assert "is read by this command" in told
     _, told = a465("plan", data_file("scenes/fixtures/mesh.toml"), poses, code=2)
-    assert "is missing" in told
+    assert "is a scene file, and a task, a program, a cell or an arm file belongs here" in told
+    _, told = a465("plan", CELL, CELL, code=2)
+    assert "is a cell file, and a list of poses belongs here" in told
     _, told = a465("plan", CELL, poses, "--speed", "0", code=2)
     assert "speed" in told
 
@@ -254,3 +256,30 @@ def test_limits_of_directions_are_read_in_si(tmp_path: Path) -> None:
     (read,) = read_pose_list(path).entries
     assert read.tilt == pytest.approx(np.radians(20))
     assert read.ranges == {"rz": pytest.approx((np.radians(-30), np.radians(60))), "x": (-0.01, 0.01)}
+
+
+@pytest.mark.parametrize(
+    ("header", "reading", "told"),
+    [
+        ("J1_rad,J2_rad,J3_rad,J4_rad,J5_rad,J6_rad", Reading(angles="deg"), r"row 1 = 'J1_rad': is in rad"),
+        ("t_s,J1_deg,J2_deg,J3_deg,J4_deg,J5_deg", Reading(angles="rad"), r"give --angles deg"),
+        ("x_mm,y_mm,z_mm,a,b,c", Reading(angles="deg"), r"is in mm by its name, but numbers are read in m"),
+    ],
+)
+def test_columns_that_name_another_unit_are_refused(
+    tmp_path: Path, header: str, reading: Reading, told: str
+) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(f"{header}\n0,-0.3,-1.5,0,-1,0\n")
+    with pytest.raises(FileInputError, match=told):
+        read_pose_list(file, reading)
+
+
+@pytest.mark.parametrize(
+    "header", ["J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg", "J1,J2,J3,J4,J5,J6", "a_b,,,,,"]
+)
+def test_columns_that_name_the_unit_or_none_are_passed_over(tmp_path: Path, header: str) -> None:
+    file = tmp_path / "poses.csv"
+    file.write_text(f"{header}\n0,-10,-90,0,-70,0\n")
+    (entry,) = read_pose_list(file, Reading(angles="deg")).entries
+    assert entry.q == pytest.approx(np.radians([0, -10, -90, 0, -70, 0]))

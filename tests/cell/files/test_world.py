@@ -35,6 +35,16 @@ def test_placement_puts_the_plates_centre_and_leans_where_it_is_told() -> None:
     [
         ("cubes = [1, 2, 3, 4]", "cubes = [0, 1]", r"boards\[0\].cubes"),
         ("tilt_deg = 7", "tilt_deg = -7", r"boards\[0\].tilt_deg = -7"),
+        (
+            "[460, 110, 40]",
+            "[0.46, 0.11, 0.04]",
+            r"boards\[0\].centre_mm = \[0.46, .*arm's axis.*in metres\?",
+        ),
+        (
+            "plate_03-04.csv",
+            "plate_01-02.csv",
+            r"boards\[1\].file = .*: has the marker 1 of a board before it",
+        ),
         ("noise_grey = 2.0", 'noise_grey = "low"', "noise_grey = 'low'"),
         (
             "noise_grey = 2.0",

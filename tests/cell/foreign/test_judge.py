@@ -97,3 +97,12 @@ def test_a_limit_is_told_with_what_suffices_and_with_the_clearance(
     slower = float(re.search(r"([\d.]+) times", str(refused))[1])  # type: ignore[index]
     slow = trajectory([START, START + 0.1], [0.0, slower * lasts])
     assert refusal_of(tmp_path, list("abcdef"), asked, peaks_of(slow, limits.scaled(speed)), check) is None
+
+
+def test_positions_in_degrees_are_told_as_such(tmp_path: Path) -> None:
+    limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
+    for factor, told in ((np.degrees(1.0), True), (4.0, False)):
+        of = trajectory(factor * np.array([START, START + 0.1]), [0.0, 4.0])
+        check = certified(world(), of.curve, 0.0)
+        refused = refusal_of(tmp_path, list("abcdef"), Asked(0.0, 1.0, True), peaks_of(of, limits), check)
+        assert ("(are these degrees? positions are in rad)" in str(refused)) == told, refused

@@ -102,6 +102,11 @@ def test_joints_are_put_into_the_order_of_the_arm_and_without_velocities_move_on
         (("points", 1, "time_from_start"), {"sec": 10**400, "nanosec": 0}, r"points\[1\].time_from_start"),
         (
             ("points", 1, "time_from_start"),
+            {"sec": 0, "nanosec": 1_500_000_000},
+            r"points\[1\].time_from_start.*must have less than 1000000000 ns",
+        ),
+        (
+            ("points", 1, "time_from_start"),
             {"sec": 1, "nanosecs": 5},
             r"points\[1\].time_from_start.*must be a time",
         ),

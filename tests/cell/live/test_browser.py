@@ -20,10 +20,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Move
 from cell.export.timeline import timed_steps
 from cell.live.server import LiveServer
 from cell.live.view import Live
+from cell.preview.of_place import place_shown, resting
 from cell.preview.page import preview_page
 from driver.execution.control import Control
 from pages.browsers import DEADLINE_MS, complaints_of, keep_screenshot, picture_of, until
@@ -218,15 +220,15 @@ def test_the_user_goes_elsewhere_and_comes_back(browser, run: Run) -> None:
         assert page.locator("#follow").get_attribute("aria-pressed") == "true"
         page.fill("#slider", "40")
         assert page.locator("#follow").get_attribute("aria-pressed") == "false"
-        until(page, "a465.cell.ghost?.[0].visible === true")
+        until(page, "a465.cell.ghosts.executed?.[0].visible === true")
         now, counts = run.move(index, part=0.8)
         until(page, f"a465.live.place > {now} - 0.02 && a465.live.frame === 0")
         assert page.evaluate("a465.state.time") == pytest.approx(40.0)
         assert page.evaluate("a465.state.step") == page.evaluate("a465.motion.stepAt(40)")
-        assert last_frame(page, "ghost") == pytest.approx(arm_at(run, counts), abs=1e-6)
+        assert last_frame(page, "ghosts.executed") == pytest.approx(arm_at(run, counts), abs=1e-6)
         page.click("#follow")
         until(page, f"a465.state.time > {now} - 0.02 && a465.state.time < {now} + 0.02")
-        assert page.evaluate("a465.cell.ghost[0].visible") is False
+        assert page.evaluate("a465.cell.ghosts.executed[0].visible") is False
         assert page.evaluate("a465.state.step") == index
         page.click("#play")  # plays the plan, as in the preview
         until(page, "a465.state.playing && !a465.live.following")
@@ -310,3 +312,31 @@ def test_a_run_in_the_simulated_cell_is_followed_to_its_end(browser, tmp_path: P
     assert "look after cube 1" in told
     noted = [json.loads(line) for line in (tmp_path / "run/wire.jsonl").read_text().splitlines()]
     assert len(times) <= sum("COORDAP=" in r.get("data", "") for r in noted if r["kind"] == "received")
+
+
+@pytest.mark.slow
+def test_an_arm_without_a_plan_is_shown_where_it_is_reported(browser, run: Run) -> None:
+    """And nowhere while that is not known. Nothing else of the page speaks of a plan."""
+    setting, drawn, q_start, _ = place_shown(data_file("scenes/cell.toml"), None)
+    plan, unit = resting(setting, q_start, "where the unit reports the arm", "cell"), setting.unit
+    robots = setting.scene.robot_open, setting.scene.robot_holding
+    live = Live(run.server)
+    live.place(plan, unit, lambda mark: preview_page(plan, *robots, unit, live=mark, **drawn))
+    live.reading(None, "NOT HOMED")
+    with opened(browser, run.url) as page:
+        until(page, "document.getElementById('live-facts').innerText.includes('NOT HOMED')")
+        assert page.evaluate("a465.cell.frames[0].visible") is False
+        q = np.radians([20.0, 10.0, -70.0, 5.0, -50.0, 3.0])
+        live.reading(unit.counts(q).tolist(), "closest a - b: 3.0 mm")
+        until(page, "document.getElementById('live-facts').innerText.includes('3.0 mm')")
+        until(page, "a465.cell.frames[0].visible")
+        expected = setting.robot.joint_poses(unit.positions(unit.counts(q)))[-1]
+        until(page, "!a465.live.frame")  # it has come there
+        assert last_frame(page, "frames") == pytest.approx(expected, abs=1e-5)
+        shown = page.locator("#readout td:nth-child(2)").all_inner_texts()
+        assert [float(v.replace("\N{MINUS SIGN}", "-")) for v in shown] == pytest.approx(
+            np.degrees(q), abs=0.02
+        )
+        for part in ("#transport", "#clearance-chart", "#joint-chart", "#legend"):
+            assert not page.locator(part).is_visible()
+        assert "clearance" not in page.locator("header").inner_text()

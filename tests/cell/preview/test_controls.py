@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from arm.plan_file import Move
+from arm.se3 import inverse
+from cell.export.timeline import timed_steps
+from cell.preview.page import write_preview
 from pages.browsers import picture_of, until
-from pages.preview import opened, time_of
+from pages.preview import CAMERA, opened, time_of
 
 
 @pytest.mark.slow
@@ -103,3 +109,120 @@ def test_the_steps_label_covers_nothing_of_the_picture(browser, page_file, width
             picture, label = (page.locator(part).bounding_box() for part in ("#canvas", "#now"))
             assert label["y"] + label["height"] <= picture["y"]
             assert picture["height"] > 200
+
+
+@pytest.mark.slow
+def test_the_body_below_the_pointer_is_named(browser, page_file, preview_case) -> None:
+    with opened(browser, page_file) as page:
+        box = page.locator("#canvas").bounding_box()
+        found = {}
+        for board in preview_case.boards:
+            corner = board.T_base_board[:3, 3] + board.T_base_board[:3, :3] @ [0.0, 0.0, 0.0]
+            u, v = page.evaluate(
+                """(p) => { const v = new THREE.Vector3(...p).project(a465.stage.camera); return [v.x, v.y]; }""",
+                corner.tolist(),
+            )
+            page.mouse.move(box["x"] + (u + 1) / 2 * box["width"] + 3, box["y"] + (1 - v) / 2 * box["height"])
+            found[board.board.name] = page.locator("#tip").inner_text()
+            assert page.locator("#tip").is_visible()
+        page.mouse.move(5, 5)
+        assert not page.locator("#tip").is_visible()
+        page.mouse.move(box["x"] + 3, box["y"] + 3)  # nothing is there
+        assert not page.locator("#tip").is_visible()
+    for name, told in found.items():
+        assert told.startswith(f"plate {name}"), found
+
+
+@pytest.mark.slow
+def test_boards_and_holes_are_labelled_where_they_are_and_not_over_the_inset(
+    browser, page_file, preview_case
+) -> None:
+    with opened(browser, page_file) as page:
+        assert page.locator("#labels text").count() == 0
+        page.click("#views button:has-text('labels')")
+        texts = page.locator("#labels text").all_text_contents()
+        assert texts == ["01-02", "1", "2", "3", "4", "03-04", "1", "2", "3", "4"]
+        for board in range(2):
+            place = preview_case.boards[board]
+            for hole in range(4):
+                at = (place.T_base_board @ [*place.board.holes[hole][:2], 0.0, 1.0])[:3]
+                u, v = page.evaluate(
+                    "(p) => { const v = new THREE.Vector3(...p).project(a465.stage.camera); return [v.x, v.y]; }",
+                    at.tolist(),
+                )
+                canvas = page.locator("#canvas").bounding_box()
+                label = page.locator("#labels text").nth(5 * board + 1 + hole).bounding_box()
+                assert label["x"] + label["width"] / 2 == pytest.approx(
+                    canvas["x"] + (u + 1) / 2 * canvas["width"], abs=2
+                )
+                assert label["y"] + label["height"] / 2 == pytest.approx(
+                    canvas["y"] + (1 - v) / 2 * canvas["height"], abs=5
+                )
+        page.click("#views button:has-text('camera')")
+        page.click("#larger")  # now it is over the boards
+        until(page, "document.querySelectorAll('#labels text').length < 10")
+
+
+@pytest.mark.slow
+def test_ghosts_stand_where_the_step_begins_and_ends(browser, page_file, preview_case) -> None:
+    case = preview_case
+    with opened(browser, page_file) as page:
+        page.click("#views button:has-text('ghosts')")
+        for timed in [s for s in timed_steps(case.plan) if isinstance(s.step, Move)][:3]:
+            page.evaluate("(t) => a465.seek(t)", 0.5 * (timed.start_s + timed.end_s))
+            for name, end in (("past", 0), ("future", -1)):
+                q = case.unit.positions(timed.step.path.knots()[end])
+                page.evaluate("a465.cell.scene.updateMatrixWorld(true)")
+                drawn = page.evaluate(f"a465.cell.ghosts.{name}.slice(-1)[0].matrixWorld.elements")
+                expected = case.robot_open.joint_poses(q)[-1]
+                assert np.abs(np.reshape(drawn, (4, 4)).T - expected).max() < 1e-6
+                assert page.evaluate(f"a465.cell.ghosts.{name}[0].visible")
+        page.click("#views button:has-text('ghosts')")
+        assert not page.evaluate("a465.cell.ghosts.past[0].visible || a465.cell.ghosts.future[0].visible")
+
+
+@pytest.mark.slow
+def test_the_photograph_lies_over_what_the_camera_sees(browser, preview_case, tmp_path: Path) -> None:
+    """A point of the cell is drawn where the camera's own model puts it, and so where the photograph shows it."""
+    case, page_file = preview_case, tmp_path / "plan.html"
+    image = np.full((1200, 1920), 60, np.uint8)
+    arms = case.plan, case.robot_open, case.robot_holding, case.unit
+    boards = [place.board for place in case.boards]
+    write_preview(*arms, page_file, boards=boards, camera=CAMERA, photograph=image)
+    assert page_file.stat().st_size < 1.5e6
+    with opened(browser, page_file) as page:
+        assert not page.locator("#seen").is_visible()
+        page.click("#views button:has-text('camera')")
+        assert page.locator("#seen").is_visible()
+        assert page.locator("#photograph").is_visible()
+        box = page.locator("#seen").bounding_box()
+        assert box["width"] / box["height"] == pytest.approx(1.6, rel=0.02)
+        for place in case.boards:
+            at = place.T_base_board[:3, 3]
+            u, v = page.evaluate(
+                "(p) => { const v = new THREE.Vector3(...p).project(a465.seen.camera); return [v.x, v.y]; }",
+                at.tolist(),
+            )
+            expected = CAMERA.project((inverse(CAMERA.T_base_camera) @ [*at, 1.0])[:3])
+            assert [(u + 1) / 2 * 1920, (1 - v) / 2 * 1200] == pytest.approx(expected, abs=0.05)
+        dark, light = [], []
+        for share, kept in (("1", dark), ("0", light)):
+            page.fill("#blend input", share)
+            page.wait_for_timeout(100)
+            part = picture_of(page)
+            whole = page.locator("#stage").bounding_box()
+            x, y = round(box["x"] - whole["x"]), round(box["y"] - whole["y"])
+            kept.append(part[y + 8 : y + 60, x + 8 : x + 200].mean() if part.size else 0.0)
+        assert dark[0] == pytest.approx(60, abs=4)
+        assert abs(light[0] - 60) > 20
+        page.click("#larger")
+        assert page.locator("#seen").bounding_box()["width"] > 1.5 * box["width"]
+
+
+@pytest.mark.slow
+def test_without_a_photograph_there_is_nothing_to_blend(browser, page_file) -> None:
+    with opened(browser, page_file) as page:
+        page.click("#views button:has-text('camera')")
+        assert page.locator("#seen").is_visible()
+        assert not page.locator("#photograph").is_visible()
+        assert not page.locator("#blend").is_visible()

@@ -6,13 +6,16 @@ import json
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
+from cell.config.cell_file import read_cell
 from cell.console import Console
-from cell.preview.of_place import view_step
+from cell.preview.of_place import LEAST_CONTRAST, photograph_for, view_step
+from cell.preview.page import Drawn
 
 CELL = data_file("scenes/cell.toml")
 
@@ -52,6 +55,22 @@ def test_programs_and_their_work(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("angles", ["0,0,0", "a", "0,0,0,0,0,nan", "0,200,0,0,0,0"])
 def test_wrong_angles_are_refused(tmp_path: Path, angles: str) -> None:
-    with pytest.raises(InputError, match=r"q = .*(must be 6 numbers, J1, .* in deg|J2 is beyond its limits)"):
+    with pytest.raises(
+        InputError, match=r"q ?=.*(must be 6 numbers .*, J1, .* in deg|J2 is beyond its limits)"
+    ):
         _viewed(tmp_path, CELL, angles)
     assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize("dark", [0, 100, 255 - LEAST_CONTRAST])
+def test_a_photograph_that_shows_nothing_is_refused(tmp_path: Path, dark: int) -> None:
+    camera = read_cell(CELL).camera
+    image, file = np.full(camera.size[::-1], dark, np.uint8), tmp_path / "a.png"
+    for more in (0, LEAST_CONTRAST - 1):
+        image[3, 5] = dark + more
+        cv2.imwrite(str(file), image)
+        with pytest.raises(InputError, match=f"a.png: shows nothing: .* from {dark} to {dark + more} of"):
+            photograph_for(Drawn(camera=camera), file, CELL)
+    image[3, 5] = dark + LEAST_CONTRAST
+    cv2.imwrite(str(file), image)
+    assert np.array_equal(photograph_for(Drawn(camera=camera), file, CELL), image)

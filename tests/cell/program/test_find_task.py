@@ -60,6 +60,16 @@ def test_it_is_found_beside_the_plan_above_it_and_below_the_present_folder(here:
         task_of_plan_file(Path("plan.json"))
 
 
+def test_of_two_cells_with_the_same_task_that_of_the_plan_is_found(here: Path) -> None:
+    own = here / "own"
+    shutil.copytree(here, own, ignore=shutil.ignore_patterns("own", "plan.json"))
+    replace_in(here / "cell.toml", '"crs93"', '"crs97"')
+    a465("plan", "own/short.toml", "-o", "own-plan.json", cwd=here)
+    assert task_of_plan_file(Path("own-plan.json")) == Path("own/short.toml")
+    shutil.rmtree(own)
+    assert task_of_plan_file(Path("own-plan.json")) == Path("short.toml")  # who compares says what differs
+
+
 def test_a_file_of_that_name_with_other_values_is_not_taken(here: Path) -> None:
     (here / "other").mkdir()
     (here / "other" / "short.toml").write_text("program = 3")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from arm.errors import InputError
 from cell.program.program_file import read_program
 from cell.program.steps import Action, PoseStep
 from programs.program_files import program
@@ -33,3 +35,13 @@ def test_a_step_may_act_after_its_motion_or_without_one(tmp_path: Path) -> None:
     steps = read_program(file).steps
     assert [step.name for step in steps] == ["above", "above", "wire", "step 3", "joints 4"]
     assert steps[3] == Action("steps[2]", "step 3", None, 2.0)
+
+
+@pytest.mark.parametrize("steps", ["[0.05, 0, 0]", "[50, -0.999, 0]"])
+def test_steps_of_a_grid_in_metres_are_told_as_such(tmp_path: Path, steps: str) -> None:
+    file = program(tmp_path)
+    replace_in(file, "dwell_s = 0.5", f"grid.count = [2, 1, 1]\ngrid.step_mm = {steps}")
+    with pytest.raises(
+        InputError, match=r"steps\[0\].grid.step_mm = .*: must be 0, or 1 mm or more.* 50 mm is 50"
+    ):
+        read_program(file)

@@ -2,10 +2,19 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
+
+import pytest
 
 from calib.camera.calibrate import calibrate_camera
 from cell.report.camera import lens_page
+from pages.browsers import require_fit
 from pictures.targets import CHARUCO, SIZE, photos, taken
+
+
+@pytest.mark.slow
+def test_the_page_fits(tmp_path: Path) -> None:
+    require_fit(lens_page(calibrate_camera(photos(taken(1)), CHARUCO, SIZE), "one"), tmp_path, "lens")
 
 
 def test_views_to_take_at_one_place_have_labels_beside_each_other():

@@ -83,6 +83,7 @@ def test_one_new_file_keeps_a_run(folder: Path) -> None:
     ("words", "why"),
     [
         (("--prune", "30"), "no terminal to confirm that runs may be removed: give --yes"),
+        (("--prune", "0"), "--prune 0: must be at least 1 day"),
         (("--prune", "0.5", "--yes"), "--prune 0.5: must be at least 1 day"),
         (("--prune", "nan", "--yes"), "must be at least 1 day"),
         (("--yes",), "--yes needs --prune DAYS"),

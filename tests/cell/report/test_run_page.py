@@ -16,6 +16,7 @@ from arm.io.storage import data_file
 from cell.accuracy.placement import PlacementBudget, Source
 from cell.files.task import Task, read_task
 from cell.report.run_page import KeptPlan, Picture, run_page
+from pages.browsers import require_fit
 
 BEGAN = datetime(2026, 11, 22, 9, 5)
 ENDED = datetime(2026, 11, 22, 9, 7)
@@ -132,6 +133,14 @@ def test_predicted_errors_are_a_table_and_a_picture_over_their_board(task: Task)
     )  # 2.45 times 2 mm along y and 1 mm along x, by 10
     assert "91.23 %" in html
     assert "Predicted accuracy" not in run_page(task, report(cube(1)), [], [], BEGAN, ENDED)
+
+
+@pytest.mark.slow
+def test_the_page_fits(task: Task, tmp_path: Path) -> None:
+    sources = {"repeatability": Source(2e-3, 0.8), "detection": Source(1e-3, 0.2)}
+    budget = PlacementBudget("cube 01-02/1", "01-02/1", "03-04/1", 1e-6 * np.eye(6), sources, 0.91234)
+    rows = (cube(1), cube(2, remarks=["taken again from 01-02/2 after it was missed at the first try"]))
+    require_fit(run_page(task, report(*rows), [], [], BEGAN, ENDED, [budget]), tmp_path, "run")
 
 
 def test_plans_are_named_with_their_pages_and_what_they_rest_on(task: Task, preview_case) -> None:

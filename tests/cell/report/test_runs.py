@@ -10,6 +10,7 @@ import pytest
 
 from arm.errors import InputError
 from cell.report.runs import HEADER, read_runs, runs_page, runs_to_json
+from pages.browsers import require_fit
 from typed.command_line import a465
 
 
@@ -52,6 +53,7 @@ def test_runs_are_told_in_the_order_of_their_beginnings_with_what_they_have_in_c
     assert rows[2]["began"] == "2026-11-26 10:00:00"
     assert [row["taken again"] for row in rows] == ["0", "1", "1"]
     assert rows[0]["lasted s"] == "-"
+    assert [row["planned s"] for row in rows] == ["40.0"] * 3  # at the plan's speed, not as executed
 
 
 def test_the_command_prints_the_table_and_writes_the_page(day: Path, tmp_path: Path) -> None:
@@ -62,6 +64,11 @@ def test_the_command_prints_the_table_and_writes_the_page(day: Path, tmp_path: P
     assert "an axis stands still" in page.read_text()
     as_json, _ = a465("report", str(day), "--json")
     assert json.loads(as_json)["placed"] == 3
+
+
+@pytest.mark.slow
+def test_the_page_fits(day: Path, tmp_path: Path) -> None:
+    require_fit(runs_page(read_runs([day])), tmp_path, "runs")
 
 
 def test_a_page_without_faults_says_so(tmp_path: Path) -> None:

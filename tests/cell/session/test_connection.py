@@ -98,7 +98,7 @@ def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("port", "images", "time_scale", "message"),
     [
-        (None, None, 0.0, "time scale = 0: must be from"),
+        (None, None, 0.0, "--time-scale 0: must be from"),
         (None, None, 101.0, "must be from 0.01 to 100"),
         (None, Path("photographs"), 1.0, "--images needs --port"),
         ("/dev/none", None, 1.0, "--time-scale 1 is for the simulated cell"),
@@ -111,6 +111,14 @@ def test_what_cannot_be_opened_is_told(
     opened = open_cell(task, WhichCell(port, images=images, time_scale=time_scale), tmp_path / "wire.jsonl")
     with pytest.raises(InputError, match=message), opened:
         pass
+
+
+def test_a_port_that_cannot_be_opened_leaves_an_empty_log(task: Task, tmp_path: Path) -> None:
+    log = tmp_path / "wire.jsonl"
+    opened = open_cell(task, WhichCell("/dev/mars-that-is-not-there", blind=True), log)
+    with pytest.raises(InputError, match="is not there"), opened:
+        pass
+    assert log.read_bytes() == b""
 
 
 def test_contact_physics_is_for_the_simulated_cell_and_needs_its_library(

@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-from cell.session.dialogue import LONGEST, typed
+from arm.errors import InputError
+from cell.session.dialogue import LONGEST, answered, typed
+from typed.heard import Heard
 
 
 @pytest.fixture
@@ -39,3 +41,30 @@ def test_what_ends_without_an_end_of_line_is_no_answer(keys: list[bytes]) -> Non
     assert typed() is None
     keys += [b"crs", b"93 \n"]
     assert typed() == "crs93"
+
+
+def test_an_answer_is_asked_for_until_it_is_right_and_enter_is_none() -> None:
+    heard = Heard()
+
+    def number(line: str) -> int:
+        if not line.isdigit():
+            raise InputError(f"{line}: must be digits")
+        return int(line)
+
+    def answer(*lines: str | None) -> int | None:
+        rest = iter(lines)
+        return answered(heard, "how many?", number, lambda: next(rest), "give --count")
+
+    assert answer("a", "b", " 3 ") == 3
+    assert heard.told == [
+        "how many?",
+        "a: must be digits; 2 more tries",
+        "how many?",
+        "b: must be digits; 1 more try",
+    ] + ["how many?"]
+    assert answer("") is None
+    assert answer("x", " ") is None
+    with pytest.raises(InputError, match="c: must be digits"):
+        answer("a", "b", "c")
+    with pytest.raises(InputError, match=r"nobody answered: how many\?; give --count"):
+        answer(None)

@@ -34,7 +34,7 @@ def test_the_first_that_names_a_port_decides_and_is_told(
         (None, "", cell, "/dev/of-file", f"port: /dev/of-file, of {cell}"),
         ("cell", "", scenes / "task2.toml", "/dev/of-file", f"port: /dev/of-file, of {cell}"),
         (None, "", scenes / "hoop/a.toml", None, f'write port = "/dev/mars" in {scenes / "hoop/cell.toml"}'),
-        (None, "", None, None, "no port is named: give PORT, such as /dev/mars, set A465_PORT"),
+        (None, "", None, None, "no port is named: give PORT, such as /dev/mars, or set A465_PORT"),
     ):
         monkeypatch.setenv(VARIABLE, variable)
         console = Heard()

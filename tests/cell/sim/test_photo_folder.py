@@ -108,8 +108,15 @@ def test_sets_come_whole_under_later_names_and_old_ones_go(tmp_path: Path, clock
         "emulated-000044.png": 20, "emulated-000045.png": 20, "emulated-000046.png": 30,
         "emulated-000047.png": 30, "emulated-000048.png": 40, "emulated-000049.png": 40, "mine.png": 0,
     }  # fmt: skip
-    assert [len(suffixes) for suffixes in seen] == [2, 4, 6, 7]
+    assert [len(suffixes) for suffixes in seen] == [1, 3, 5, 7]
     assert {suffix for suffixes in seen for suffix in suffixes} == {".png"}
+
+
+def test_sets_of_an_earlier_emulator_are_gone_before_the_first_of_this_one(tmp_path: Path) -> None:
+    for name in ("emulated-000003.png", "emulated-000004.png", "mine.png", "emulated-3.txt"):
+        (tmp_path / name).touch()
+    _camera(Cell(), tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["emulated-3.txt", "mine.png"]
 
 
 def test_nothing_is_ever_half_there(

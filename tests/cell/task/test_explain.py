@@ -107,6 +107,22 @@ def test_holes_out_of_reach_are_explained_by_reach_alone(
     assert "out of reach: line at 01-02/2" in told
 
 
+@pytest.mark.slow
+def test_boards_outside_the_zone_are_told_before_anything_is_planned(
+    blocked: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = blocked / "cell.toml"
+    cell.write_text(
+        cell.read_text().replace("zone_size_mm = [440, 540, 216]", "zone_size_mm = [440, 300, 216]")
+    )
+    look_step(blocked / "task2.toml", None, None, None, None, Console(True))
+    assert capsys.readouterr().err.count("NOTE: boards were seen outside the zone for boards") == 1
+    reach_step(blocked / "task2.toml", blocked / "look.json", Console(True))
+    assert capsys.readouterr().err.startswith("NOTE: boards were seen outside the zone for boards")
+    refusal(blocked, advice=False)
+    assert capsys.readouterr().err.startswith("NOTE: boards were seen outside the zone for boards")
+
+
 def test_a_board_may_stand_in_the_zone_where_the_camera_sees_its_markers(scenes: Path) -> None:
     task = read_task(scenes / "task2.toml")
     seen = read_observation(scenes / "look.json", task.boards)

@@ -11,6 +11,7 @@ from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Unit
 from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import GripperStep, LookStep, Move, Step
+from driver.execution.control import Control
 from driver.execution.execute import execute
 from driver.execution.progress import Progress, StreamOptions
 from driver.mars.mars import Mars
@@ -75,6 +76,34 @@ def test_another_start_is_refused_with_the_difference(mars: Mars, fake: Any) -> 
         execute(mars, steps())
     assert refused.value.data["off_counts"] == [1111, 0, -26, 0, 0, 0]
     assert {line.rstrip("?") for line in fake.lines} == {"COORDAP"}
+
+
+def test_an_arm_that_contact_holds_off_its_target_goes_on_from_there(mars: Mars, fake: Any) -> None:
+    """As far as is allowed, and only where the unit's target is the start of the path."""
+    fake.counts = [SOFT_HOME[0] + 40, *SOFT_HOME[1:]]
+    with pytest.raises(ImpossibleError, match=r"\+40 .* must be within \d+ counts"):
+        execute(mars, steps())
+    with pytest.raises(ImpossibleError, match=r"\+40 "):
+        execute(mars, steps(), options=StreamOptions(start_held_counts=10))
+    fake.lines.clear()
+    execute(mars, steps()[1:2], options=StreamOptions(start_held_counts=50, held_back_counts=50))
+    assert any(line.startswith("COORDSPLINET") for line in fake.lines)
+    end = mars.counts()
+    fake.lines.clear()
+    away = move("away", (end[0] + 40, *end[1:]), (1, 1, 1, 0, 0, 0)).path
+    with pytest.raises(ImpossibleError, match="the path starts 40 counts from the arm, must be at most"):
+        mars.follow(away, None, StreamOptions(start_held_counts=50), Control())
+    assert not any(line.startswith("COORDSPLINET") for line in fake.lines)
+
+
+def test_only_the_first_motion_may_begin_off_its_start(mars: Mars, fake: Any) -> None:
+    """Later the arm has come away from what held it."""
+    fake.counts = [SOFT_HOME[0] + 40, *SOFT_HOME[1:]]
+    options = StreamOptions(start_held_counts=50, held_back_counts=50)
+    with pytest.raises(
+        ExecutionStopped, match=r"step 3 of 3 \(back\): .* 40 counts from where the last motion ended"
+    ):
+        execute(mars, steps()[1:4], options=options)
 
 
 def test_a_failing_step_is_named_with_the_state(mars: Mars, fake: Any) -> None:

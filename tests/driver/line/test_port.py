@@ -27,7 +27,7 @@ from wire.whole_line import send_many
         ("/dev/mars-that-is-not-there", "is not there"),
         ("/dev/null", "is not a serial line"),
         ("/tmp", "is a folder"),
-        ("socket://127.0.0.1:9", "refused"),
+        ("socket://127.0.0.1:9", "127.0.0.1:9: cannot be opened: Connection refused; is a unit or"),
         ("nonsense://x", "nonsense"),
         ("loop://", "must be a device, or socket://HOST:PORT"),
     ],

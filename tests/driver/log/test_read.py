@@ -84,7 +84,7 @@ def test_what_is_no_log_is_told_by_file_and_line(tmp_path: Path, content: bytes,
     assert refused.value.exit_code == 2
     with pytest.raises(FileInputError, match="cannot be read: "):
         read_log(tmp_path / "none")
-    with pytest.raises(FileInputError, match="cannot be read: "):
+    with pytest.raises(FileInputError, match="is a folder, must be a file"):
         read_log(tmp_path)
 
 

@@ -61,6 +61,20 @@ def complaints_of(page: Page) -> list[str]:
     return complaints
 
 
+def require_fit(html: str, folder: Path, name: str) -> None:
+    """Require that a page without programs fits into windows of 1280 and of 390 px, and complains of nothing."""
+    file = folder / f"{name}.html"
+    file.write_text(html)
+    with chromium() as browser:
+        for width in (1280, 390):
+            page = browser.new_page(viewport={"width": width, "height": 844})
+            complaints = complaints_of(page)
+            page.goto(file.as_uri())
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert complaints == []
+            keep_screenshot(page, folder, f"{name}-{width}")
+
+
 def until(page: Page, condition: str) -> None:
     """Ask until it is true. Playwright's own waiting evaluates text inside the page, which the page forbids."""
     deadline = time.monotonic() + DEADLINE_MS / 1e3

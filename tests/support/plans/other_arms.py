@@ -18,7 +18,7 @@ from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.pose_lists import plan_poses
 from tasks.pose_lists import EFFORT, FAST, TABLE, down
-from typed.doc_commands import ROOT, blocks
+from typed.doc_pages import ROOT, blocks
 
 POST = Body("post", Cylinder(0.04, 0.6), transform(t=(0.45, 0.0, 0.26)), "post")
 AROUND = [

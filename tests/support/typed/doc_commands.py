@@ -1,4 +1,4 @@
-"""What the documentation tells a reader to type: found in its pages, and typed by someone who has no arm.
+"""What the documentation tells a reader to type, typed by someone who has no arm.
 
 A page is followed in its order, in a folder of its own with the scenes. The real arm is an emulated unit in a process
 of its own, a camera the photographs that this unit's cell gives, or pylon's emulated camera where no arm is in play.
@@ -8,27 +8,27 @@ from __future__ import annotations
 
 import ast
 import re
-import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pictures.boards import smaller
 from pictures.cameras import SERIAL
+from studies.cluster import cluster_by_commands
 from tasks.small import leave_cubes, small_scenes
 from typed.beside import ASKED, answered, homing
 from typed.command_line import a465, replace_in, set_value, value_of
+from typed.doc_pages import ROOT, Command
 from vision.camera.model import read_camera, write_camera
 
-ROOT, SUPPORT = Path(__file__).resolve().parents[3], Path(__file__).resolve().parents[1]
-SHELL = ("", "sh", "bash", "shell", "console")
-FIRST = ("a465", "python", "make", "cp", ".", "export", ".venv/bin/pytest")
+SUPPORT = Path(__file__).resolve().parents[1]
 TIME_SCALE = 2.0  # of emulated units, which render images meanwhile, and of their clients' clocks
 FASTER = 20.0  # of the simulated cell
 POSES = 8  # of a target in the hand
@@ -37,83 +37,6 @@ SPEED = 1.0  # in place of any --speed
 LINK = "dev-mars"  # in place of /dev/mars
 WAIT_S = 300.0  # wall time
 IN_PLACE_OF = {"TASK": "scenes/task2.toml"}
-_FENCE = re.compile(
-    r"^(?P<indent> *)```(?P<language>[\w{}-]*)[^\n]*\n(?P<text>.*?)^(?P=indent)```", re.M | re.S
-)
-_FILE = re.compile(r"<!-- file: (\S+) -->\s*\Z")
-
-
-@dataclass(frozen=True)
-class Block:
-    """A fenced block of a page.
-
-    Attributes:
-        line: of the page on which its first line stands, from 1.
-        language: that its fence names.
-        text: between the fences.
-        file: name under which the page says that it is to be kept, or "".
-    """
-
-    line: int
-    language: str
-    text: str
-    file: str
-
-
-@dataclass(frozen=True)
-class Command:
-    """A line to type: its words without the comment, and the exit code that the comment tells."""
-
-    line: int
-    words: tuple[str, ...]
-    code: int
-
-
-def pages() -> list[Path]:
-    """Of the documentation, the README first; not those that Sphinx makes."""
-    docs = ROOT / "docs"
-    made = (docs / "_build", docs / "api")
-    found = (page for page in sorted(docs.rglob("*.md")) if not any(page.is_relative_to(m) for m in made))
-    return [ROOT / "README.md", *found]
-
-
-def blocks(text: str) -> list[Block]:
-    """All fenced blocks, in order."""
-    found = []
-    for fence in _FENCE.finditer(text):
-        kept = _FILE.search(text[: fence.start()])
-        line = text[: fence.start("text")].count("\n") + 1
-        inside = re.sub(rf"^{fence['indent']}", "", fence["text"], flags=re.M)
-        found.append(Block(line, fence["language"], inside, kept[1] if kept else ""))
-    return found
-
-
-def commands(block: Block) -> list[Command]:
-    """The lines of a block that are to be typed. Of a block that says it is a shell's, every line must be one.
-
-    Raises:
-        ValueError: a line of a shell's block begins with no command that is known.
-    """
-    if block.language not in SHELL or block.file:
-        return []
-    found = []
-    for number, line in enumerate(block.text.splitlines(), start=block.line):
-        words = tuple(shlex.split(line.removeprefix("$ "), comments=True))
-        if not words:
-            continue
-        if words[0] not in FIRST:
-            if block.language:
-                raise ValueError(f"line {number}: nobody knows how to check {line!r}")
-            continue
-        told = re.search(r"#.*exit code (\d)", line)
-        found.append(Command(number, words, int(told[1]) if told else 0))
-    return found
-
-
-def told_by_the_way(text: str) -> list[tuple[str, ...]]:
-    """Words of the commands that stand inside sentences of a page, as ``a465 look`` may."""
-    prose = re.sub(r"^ *```.*?^ *```", "", text, flags=re.M | re.S)
-    return [tuple(shlex.split(found)[1:]) for found in re.findall(r"`(a465 [^`|]+)", prose)]
 
 
 def unknown_to(command: Any, words: tuple[str, ...]) -> list[str]:
@@ -180,10 +103,13 @@ class Reader:
     _task: str = "scenes/task2.toml"
     _real: tuple[str, str] | None = None
     _homed: bool = False
+    _scheduler: str = ""
+    _cluster: ExitStack = field(default_factory=ExitStack)
 
     def __post_init__(self) -> None:
         scenes = small_scenes(self.folder)
         replace_in(scenes / "cell.toml", "photographs = 2", "photographs = 5")  # as a reader has it
+        replace_in(scenes / "where-boards-may-stand.toml", "points = 256", "points = 32")
         self._cheapen(scenes / "uncalibrated")
         leave_cubes(scenes, 1)
 
@@ -218,8 +144,10 @@ class Reader:
             case ("export", setting):
                 name, _, value = setting.partition("=")
                 self.export(name, value)
-            case (".", ".venv/bin/activate"):
+            case (".", ".venv/bin/activate") | ("dask", "scheduler"):
                 pass
+            case ("dask", "worker", *_):  # with a scheduler, on this machine
+                self._scheduler = self._cluster.enter_context(cluster_by_commands(self.folder, 1))
             case _:
                 raise AssertionError(f"nobody knows how to type {' '.join(command.words)}")
 
@@ -238,6 +166,7 @@ class Reader:
 
     def close(self) -> None:
         """End the units, and see that none ended badly."""
+        self._cluster.close()
         for link in list(self._units):
             self._end(link)
 
@@ -245,6 +174,8 @@ class Reader:
         words = [IN_PLACE_OF.get(word, word) for word in words]
         self._task = next((word for word in words if re.search(r"task\d\.toml$", word)), self._task)
         self._with_an_emulated_arm(words)
+        if "--scheduler" in words:
+            set_value(words, "--scheduler", self._scheduler)
         self._shortened(words)
         self.said += "".join(a465(*words, code=code, cwd=self.folder))
         if words[0] in ("doctor", "calibrate") and LINK in self._units:
@@ -281,8 +212,8 @@ class Reader:
         elif camera:
             set_value(words, "--camera", SERIAL)
             self._give_photographs()
-        if "--homed" in words:
-            words.remove("--homed")  # the emulated unit was just switched on
+        # the emulated unit was just switched on, and there is no terminal
+        words[:] = [word for word in words if word not in ("--homed", "--ask")]
         if port and (words[0] == "run" or "--collect" in words) and "--unseen" not in words:
             words.append("--unseen")  # a terminal would ask
         if words[0] == "execute" and port:
@@ -390,11 +321,3 @@ class Reader:
         said, errors = unit.communicate(timeout=600)
         self.said += said
         assert (unit.returncode, errors) == (0, ""), f"the unit on {link} ended badly: {errors}"
-
-
-def followed(page: Path) -> Iterator[Block | Command]:
-    """What a page has its reader do, in order: lines to type, files to keep, and what is to be seen then."""
-    for block in blocks(page.read_text()):
-        if block.file or block.language in ("python", "text"):
-            yield block
-        yield from commands(block)

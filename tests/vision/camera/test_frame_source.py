@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
-from vision.camera.frame_source import FrameSource, ImageFolder
+from vision.camera.frame_source import FrameSource, ImageFolder, _of_libraries, read_grey
 
 
 def folder(path: Path, count: int, size: tuple[int, int] = (8, 6)) -> Path:
@@ -50,3 +51,36 @@ def test_missing_folder_and_mixed_sizes(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "shot_01.png"), np.zeros((6, 9), np.uint8))
     with pytest.raises(InputError, match=r"shot_01\.png: is 9 x 6 px, but shot_00\.png is 8 x 6"):
         source.grab(2)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "words"), [("png", "(libpng error: "), ("jpg", "(Corrupt JPEG data: premature end")]
+)
+def test_a_damaged_photograph_is_refused_and_the_libraries_say_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], suffix: str, words: str
+) -> None:
+    file = tmp_path / f"a.{suffix}"
+    rng = np.random.default_rng(3)
+    cv2.imwrite(str(file), rng.integers(0, 256, (400, 400), dtype=np.uint8))
+    read_grey(file)
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 100] = b"\xff\xd8" * 50
+    file.write_bytes(data)
+    with pytest.raises(InputError) as refused:
+        read_grey(file)
+    assert f"{file}: cannot be read as an image: the file is damaged {words}" in str(refused.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_what_others_write_to_standard_error_meanwhile_is_kept(capfd: pytest.CaptureFixture[str]) -> None:
+    said: list[str] = []
+    with _of_libraries(said):
+        os.write(2, b"a465: stopped\nlibpng warning: of no weight\n")
+    assert said == ["libpng warning: of no weight"]
+    assert capfd.readouterr().err == "a465: stopped\n"
+
+
+def test_an_image_in_place_of_its_folder_is_told(tmp_path: Path) -> None:
+    folder(tmp_path, 1)
+    with pytest.raises(InputError, match=r"shot_00\.png: is a file; give the folder that it is in"):
+        ImageFolder(tmp_path / "shot_00.png")

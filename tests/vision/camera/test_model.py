@@ -81,6 +81,20 @@ def test_the_printed_pose_is_made_a_rotation() -> None:
     assert np.abs(R.T @ R - np.eye(3)).max() < 1e-14
 
 
+TAPED = "position_mm = [490, -10, 1190]\nlooks_at_mm = [460, 0, 60]\nright_azimuth_deg = 88.5\n"
+
+
+def test_a_pose_by_tape_is_one_by_its_matrix(tmp_path: Path) -> None:
+    lens, pose = LAB.read_text().split("[pose]")
+    file, given = tmp_path / "camera.toml", pose.partition("[calibration]")[2]
+    file.write_text(f"{lens}[pose]\n{TAPED}[calibration]{given}")
+    camera = read_camera(file)
+    assert camera.T_base_camera[:3, 3] == pytest.approx([0.49, -0.01, 1.19])
+    assert camera.project_base([[0.46, 0.0, 0.06]])[0] == pytest.approx(camera.K[:2, 2])
+    write_camera(tmp_path / "matrix.toml", camera)
+    assert np.array_equal(read_camera(tmp_path / "matrix.toml").T_base_camera, camera.T_base_camera)
+
+
 def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
     camera = lab_camera()
     others = [
@@ -97,6 +111,7 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
     ("old", "new", "key"),
     [
         ("[1920, 1200]", "[1920]", "intrinsics.size_px"),
+        ("[1920, 1200]", "[1200, 1920]", r"are they swapped\? \[1920, 1200\]"),
         ("4746.48725, 0.0", "-4746.48725, 0.0", "intrinsics.K_px"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "has no inverse"),
@@ -112,6 +127,7 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         ),
         ("[pose]", "[place]", "pose"),
         ("[calibration]", "[calibraton]", "calibraton.*not a known key"),
+        ("[pose]", f"[pose]\n{TAPED}", "pose.position_mm.*must be left out where T_base_camera is given"),
     ],
 )
 def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, key: str) -> None:
@@ -122,6 +138,36 @@ def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, key: str) -> N
     with pytest.raises(FileInputError, match=key) as caught:
         read_camera(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            "right_azimuth_deg = 88.5\n",
+            "",
+            "pose.right_azimuth_deg: is missing; it belongs to position_mm",
+        ),
+        ("[460, 0, 60]", "[490, -10, 1190]", "pose.looks_at_mm.*gives no direction: .*its own position"),
+        ("[460, 0, 60]", "[490, 500, 1190]", "pose.looks_at_mm.*the image's right side is along"),
+        ("[490, -10, 1190]", "[490, -10, 21190]", "pose.position_mm.*-20000 to 20000"),
+        (
+            "[490, -10, 1190]",
+            "[0.49, -0.01, 1.19]",
+            r"pose.position_mm = \[0.49, .*from the base.*in metres\?",
+        ),
+        ("[460, 0, 60]", "[460, 0, 1191]", "pose.looks_at_mm.*no higher than the lens, 1190 mm.*swapped"),
+        (TAPED, "", "pose.T_base_camera.*add .pose. with position_mm, looks_at_mm and right_azimuth_deg"),
+    ],
+)
+def test_mistakes_of_a_pose_by_tape(tmp_path: Path, old: str, new: str, told: str) -> None:
+    path = tmp_path / "camera.toml"
+    taped = TAPED.replace("88.5", "90") if "500" in new else TAPED
+    text = LAB.read_text().partition("[pose]")[0] + "[pose]\n" + taped
+    assert old in text or old == TAPED
+    path.write_text(text.replace(old, new))
+    with pytest.raises(FileInputError, match=told):
+        read_camera(path)
 
 
 @pytest.mark.parametrize("shape", [(1200, 1600), (1200, 1920, 4), (1920, 1200)])

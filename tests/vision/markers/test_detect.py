@@ -25,7 +25,8 @@ def test_four_markers_are_measured_in_the_time_in_which_opencv_finds_them() -> N
     image = photograph(camera, boards, rng).images[0]
     assert [(m.id, m.method) for m in detect_markers(image, camera)] == [(i, "lines") for i in (1, 2, 3, 4)]
     own = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
-    assert relative_cost(lambda: detect_markers(image, camera), lambda: own.detectMarkers(image)) < 2.0
+    cost = relative_cost(lambda: detect_markers(image, camera), lambda: own.detectMarkers(image), enough=2.0)
+    assert cost < 2.0
 
 
 def test_whole_photograph_is_searched_small_and_measured_large() -> None:

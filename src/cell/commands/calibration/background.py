@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import A465Error, InputError
-from arm.io.storage import keep_apart
+from arm.io.outputs import keep_apart
 from cell.commands.steps import frames_of
 from cell.console import Console
 from cell.files.apply_calibration import apply_calibration, name_in, naming

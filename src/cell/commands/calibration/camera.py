@@ -19,7 +19,7 @@ from cell.commands.calibration.options import ResultOptions, checked_limit, opti
 from cell.console import Console
 from cell.report.camera import lens_page
 from cell.report.lens_text import lens_json, print_lens
-from vision.camera.frame_source import IMAGE_SUFFIXES, Image, read_grey
+from vision.camera.frame_source import IMAGE_SUFFIXES, Image, read_grey, require_folder
 from vision.camera.model import Region, write_camera
 from vision.markers.exposure import darkness
 from vision.targets.target import Target, TargetFinder, read_target
@@ -168,9 +168,9 @@ def camera_step(
             take_views(images, target, source, hand, work, limits, console, region=options.region)
     elif camera is not None or simulated is not None:
         raise InputError("--camera and --simulated need --live; without it, the images in IMAGES are used")
+    lifts = options.lifts([path.name for path in _images(images)])
     photos, size = find_target(images, target, console)
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
-    lifts = options.lifts([p.name for p in photos])
     region = options.region(size)
     calibration = calibrate_camera(
         photos, target, size, held=hold, work=work, limits=limits, lifts=lifts, region=region
@@ -185,6 +185,16 @@ def camera_step(
     return lens_json(calibration)
 
 
+def _images(folder: Path) -> list[Path]:
+    """Return the files of images in a folder, at least one, in the order of their names."""
+    require_folder(folder)
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+    if not files:
+        why = f"{folder}: contains no images; their names must end in {' '.join(IMAGE_SUFFIXES)}"
+        raise InputError(why, path=str(folder))
+    return files
+
+
 def find_target(folder: Path, target: Target, console: Console) -> tuple[list[TargetPhoto], tuple[int, int]]:
     """Detect the target in every image of a folder, in the order of their names.
 
@@ -195,12 +205,7 @@ def find_target(folder: Path, target: Target, console: Console) -> tuple[list[Ta
         InputError: there is no such folder, it has no images, one cannot be read, their sizes differ, none shows the
             target (the message names what they show instead), or it is a part of what they show.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder of images", path=str(folder))
-    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
-    if not files:
-        why = f"{folder}: contains no images; their names must end in {' '.join(IMAGE_SUFFIXES)}"
-        raise InputError(why, path=str(folder))
+    files = _images(folder)
     finder = TargetFinder(target)
     photos: list[TargetPhoto] = []
     first: Image | None = None

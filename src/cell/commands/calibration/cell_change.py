@@ -12,6 +12,7 @@ from arm.se3 import Array, angle_between, apply
 from calib.hand_eye.calibrate import HandEye
 from calib.hand_eye.verdict import WorkPlace
 from cell.config.cell import Cell
+from cell.report.chain import Changed
 
 _ACROSS = np.array([-0.4, 0.0, 0.4])  # of the zone
 _SURE = 2.0  # standard deviations from which a change is told
@@ -28,6 +29,8 @@ class CellChange:
         camera_sigma: their standard deviations, m and rad.
         offsets: changes of the joint offsets, (joints,) rad.
         offset_sigma: their standard deviations, (joints,) rad.
+        shift: of the camera in the base frame, (3,) m, and its standard deviations.
+        before: joint offsets of the cell, (joints,) rad.
         links: largest change of a link's length (m) and of an alpha (rad); of the last link none is used.
     """
 
@@ -37,6 +40,23 @@ class CellChange:
     offsets: Array
     offset_sigma: Array
     links: tuple[float, float]
+    shift: tuple[Array, Array]
+    before: Array
+
+    @property
+    def rows(self) -> tuple[Changed, ...]:
+        """What changed, for a page."""
+        moved, sigma = (1e3 * v for v in self.shift)
+        were, are, spread = (
+            np.degrees(v) for v in (self.before, self.before + self.offsets, self.offset_sigma)
+        )
+        return (
+            *(Changed(f"camera {'xyz'[k]}, mm", 0.0, float(moved[k]), float(sigma[k])) for k in range(3)),
+            *(
+                Changed(f"J{j + 1}, deg", float(were[j]), float(are[j]), float(spread[j]))
+                for j in range(len(were))
+            ),
+        )
 
     def __str__(self) -> str:
         mm, deg = 1e3 * self.camera[0], float(np.degrees(self.camera[1]))
@@ -82,6 +102,7 @@ def change_of(found: HandEye, cell: Cell) -> CellChange:
     sigma = np.sqrt(np.diag(found.covariance))[_CAMERA_AND_OFFSETS : _CAMERA_AND_OFFSETS + len(offsets)]
     name = cell.file.name if before is None else f"{cell.file.name} with {before.id}"
     metres, radians = (float(np.linalg.norm(of)) for of in found.camera_sigma)
+    offsets_were = np.zeros(len(offsets)) if before is None else np.asarray(before.joint_offsets)
     return CellChange(
         name,
         (float(np.linalg.norm(T[:3, 3] - was[:3, 3])), angle_between(T[:3, :3], was[:3, :3])),
@@ -89,6 +110,8 @@ def change_of(found: HandEye, cell: Cell) -> CellChange:
         offsets,
         sigma,
         (float(np.abs(links[:2]).max()), float(np.abs(links[2]).max())),
+        (T[:3, 3] - was[:3, 3], found.camera_sigma[0]),
+        offsets_were,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -194,15 +195,17 @@ def solve_hand_eye(
     found = replace(found, chain=chain)
     more = next_poses(found, pool=pool)
     result = hand_eye_json(found, more) | self_test_json(test)
+    page = partial(chain_page, "Camera and arm", data.name, chain, test=test)
     if cell is None:
         console.say("not compared with a cell: --cell FILE tells how far camera and joints have moved")
     else:
         change = change_of(found, cell)
         console.say(str(change))
         result["changed"] = change.json()
+        page = partial(page, changed=change.rows, against=change.cell)
     print_hand_eye(found, console, more)
     tables = hand_eye_tables(found)
-    options.write_report(lambda: chain_page("Camera and arm", data.name, chain, tables, test), console)
+    options.write_report(lambda: page(found=tables), console)
     output = options.output
     if output is None:
         if found.chain.accepted:
@@ -224,11 +227,10 @@ def _how_to_use(output: Path, recording: ArmRecording, cell_file: Path | None) -
     """Return how to enter the calibration in a cell file, or why no cell accepts it."""
     if cell_file is not None:
         return f"to use it, add to {cell_file}: {naming(name_in(cell_file, output))}"
-    if recording.unit not in UNITS:
-        of = f"of unit {recording.unit!r}" if recording.unit else "of no unit"
+    if not recording.unit:
         return (
-            f"the recording is {of}, so no cell accepts this calibration: add the arm's unit "
-            f"({' or '.join(UNITS)}) to the recording as key unit, and calibrate again"
+            "the recording is of no unit, so no cell accepts this calibration: add the name of the arm's unit "
+            f"({', '.join(UNITS)}, or that in its unit file) to the recording as key unit, and calibrate again"
         )
     if recording.dh.digest != A465.digest:
         return "the recording's dh are not the parameters of the A465, so no cell accepts this calibration"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ExecutionStopped, InputError
-from arm.io.storage import keep_apart
+from arm.io.outputs import keep_apart
 from arm.se3 import Array
 from cell.collect.collector import CollectOptions, Collector, choose_poses, hand_scene
 from cell.collect.record import CHANGED, HandRecord
@@ -75,7 +75,7 @@ def collect_step(
         raise InputError(f"{recording}: the name of a recording must end in .json", file=str(recording))
     world = where.world or task.file.with_suffix(".world.toml")
     read = (files.task, files.target, task.cell.file, task.cell.camera_file, world)
-    keep_apart(recording, *read)
+    keep_apart(recording, *read, kind="recording")
     options = replace(options.checked_all((recording, *read)), cell=task.cell.file, apply=files.apply)
     record = HandRecord(recording, task.cell, hand)
     folder, pool = None, None

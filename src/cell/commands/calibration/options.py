@@ -11,7 +11,8 @@ from typing import Self
 import numpy as np
 
 from arm.errors import InputError
-from arm.io.storage import keep_apart, open_file, write_atomic
+from arm.io.outputs import keep_apart
+from arm.io.storage import open_file, write_atomic
 from cell.console import Console
 from vision.camera.frame_source import IMAGE_SUFFIXES
 
@@ -83,7 +84,7 @@ class ResultOptions:
             report = output.with_suffix(".html")
         outputs = [(o, path) for o, path in ((OUTPUT, output), (REPORT, report)) if path is not None]
         for option, path in outputs:
-            keep_apart(path, *inputs)
+            keep_apart(path, *inputs, kind=None)
             if any(path.resolve() == read.resolve() for read in inputs if read is not None):  # not there yet
                 raise _file_error(option, path, "is also the name of an input; give another file")
             if path.exists() and not path.is_file():

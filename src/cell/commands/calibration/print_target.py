@@ -12,7 +12,8 @@ import numpy as np
 
 from arm.errors import InputError
 from arm.io.node import Node
-from arm.io.storage import keep_apart, write_atomic
+from arm.io.outputs import keep_apart
+from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.files.hand_target import read_hand_target
 from cell.report.html import render

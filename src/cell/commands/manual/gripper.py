@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from cell.session.homed import home_or_check, which_arm
 from cell.task.run import TaskRun
 
 OPEN, CLOSE = "open", "close"
+_LEAST_MM = 1.0  # of a width that is not shut: jaws open at most 0.3 m, so that a width in m is less
 
 
 def target_width(action: str, gripper: Gripper) -> float:
@@ -41,6 +43,10 @@ def target_width(action: str, gripper: Gripper) -> float:
         width = math.nan
     if not low <= width <= high:
         why = f"gripper {action}: must be open, close, or a width from {low:g} to {high:g} mm"
+        raise InputError(why, value=action)
+    if 0.0 < width < _LEAST_MM:
+        rule = f"must be 0, or {_LEAST_MM:g} mm or more"
+        why = f"gripper {action}: {rule}; the number is mm: {1e3 * width:g} for {width:g} m"
         raise InputError(why, value=action)
     return 1e-3 * width
 
@@ -62,6 +68,9 @@ def gripper_step(
         ImpossibleError: the unit was not homed, or the arm may not move.
         ExecutionStopped: the jaws do not open, or a fault.
     """
+    if action.endswith(".toml") or os.path.isfile(action):
+        why = f"gripper {action}: is a file; the action comes first, then the cell: a465 gripper {place} {action}"
+        raise InputError(why, value=action)
     task = read_place(place)
     cell = task.cell
     target = target_width(action, cell.gripper)

@@ -6,7 +6,6 @@ The goal becomes a list of one pose in the run folder, and is planned as `a465 p
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from arm.errors import FileInputError, InputError
+from arm.arguments import option_numbers
+from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.io.storage import write_atomic
 from arm.numerics.products import mul
 from arm.plan_file import Plan
@@ -43,6 +43,7 @@ GOALS = {"q": 6, "turn": 6, "to": 3, "by": 3, "along": 3}  # number of values of
 TOOL = ("to", "by", "along")
 NAME = "the goal"
 POSES = "poses.json"
+FARTHEST_MM, FEW_MM = 5000.0, 2.0  # of a goal; smaller ones are hinted to be mm
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,8 @@ def read_goal(given: Mapping[str, str | None], poses: Path | None, name: str | N
     chosen = [kind for kind, text in given.items() if text is not None] + (
         ["list"] if poses is not None else []
     )
+    if not chosen and name is not None:
+        raise InputError("move: --name names an entry of a list; give --list LIST too", option="--name")
     if len(chosen) != 1:
         options = ", ".join(f"--{kind}" for kind in (*GOALS, "list"))
         found = ", ".join(f"--{kind}" for kind in chosen) or "none"
@@ -92,15 +95,8 @@ def read_goal(given: Mapping[str, str | None], poses: Path | None, name: str | N
     if kind == "list":
         return Goal(kind, poses=poses, name=name)
     text = given[kind] or ""
-    try:
-        values = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        values = ()
-    if len(values) != GOALS[kind] or not all(map(math.isfinite, values)):
-        what = "J1 to J6 in deg" if GOALS[kind] == 6 else "x, y, z in mm"
-        why = f"--{kind}={text}: must be {GOALS[kind]} numbers separated by commas, {what}"
-        raise InputError(why, option=f"--{kind}", value=text)
-    return Goal(kind, values, line)
+    what = "J1 to J6 in deg" if GOALS[kind] == 6 else "x, y, z in mm"
+    return Goal(kind, tuple(option_numbers(f"--{kind}", text, GOALS[kind], what).tolist()), line)
 
 
 def goal_entry(goal: Goal, cell: Cell, q: Array) -> dict[str, Any]:
@@ -110,6 +106,9 @@ def goal_entry(goal: Goal, cell: Cell, q: Array) -> dict[str, Any]:
         q_deg = values if goal.kind == "q" else np.degrees(q) + values
         return {"name": NAME, "q_deg": q_deg.tolist()}
     T = cell.robot().T_base_tool(q).copy()
+    if np.abs(values).max() > FARTHEST_MM:
+        why = f"--{goal.kind}={','.join(f'{v:g}' for v in goal.values)}: must be within {FARTHEST_MM:g} mm"
+        raise InputError(why, option=f"--{goal.kind}", value=list(goal.values))
     if goal.kind == "to":
         T[:3, 3] = 1e-3 * values
     else:
@@ -145,23 +144,35 @@ def move_step(
 
     def plan_and_ask(run: TaskRun) -> None:
         q, around = q_now(run), scene_now(run, look)
-        poses = listed
+        poses, file = listed, run.folder / POSES
         if poses is None:
-            file = run.folder / POSES
             write_atomic(file, json.dumps({"entries": [goal_entry(goal, cell, q)]}) + "\n")
             poses = read_pose_list(file)
         here = replace(place_of_cell(task, None, low), scene=around, q_start=q)
         with explaining_zone(run, look), console.doing("planning"):
-            plans.append(plan_pose_list(here, poses, back=False))
+            try:
+                plans.append(plan_pose_list(here, poses, back=False))
+            except ImpossibleError as error:
+                if listed is not None:
+                    raise
+                raise ImpossibleError(_typed(file, goal, str(error)), **error.data) from error
             if around.robot_open.digest == cell.robot().digest:
                 erring_clearances(cell, plans[0])
         require_seen(run, plans[0], unseen)
 
-    with beside(task, port, console, "move", low, plan_and_ask) as run:
+    with beside(task, port, console, "move", low, plan_and_ask, look=look) as run:
         home_or_check(run.connection.mars, cell, console, True, jaws_too=False)
         run.homed = True
         run.follow_through(plans[0])
         return arrive(run, run.report())
+
+
+def _typed(file: Path, goal: Goal, text: str) -> str:
+    """Return a message about the list of a goal with what the user typed in place of the list."""
+    option = f"--{goal.kind}={','.join(f'{v:g}' for v in goal.values)}"
+    small = goal.kind in TOOL and max(map(abs, goal.values)) < FEW_MM
+    unit = "; the numbers are mm" if small else ""
+    return text.replace(f"{file}: entries[0]", option).replace(f"target {NAME!r}", "the goal") + unit
 
 
 def _entry_of(file: Path, name: str) -> PoseList:

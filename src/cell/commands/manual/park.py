@@ -50,7 +50,7 @@ def park_step(
             plans.append(plan)
             require_seen(run, plan, unseen)
 
-    with beside(task, port, console, "park", low, plan_and_ask) as run:
+    with beside(task, port, console, "park", low, plan_and_ask, look=look) as run:
         if not plans:
             console.step("the arm is at q_start already")
         for plan in plans:

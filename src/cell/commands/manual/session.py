@@ -83,6 +83,7 @@ def beside(
     confirm: Callable[[TaskRun], None],
     homed: bool = True,
     keys: bool = True,
+    look: Path | None = None,
 ) -> Iterator[TaskRun]:
     """Open the cell on a port without a camera, with a run folder named after the verb; see `cell.commands.run.opened`.
 
@@ -93,7 +94,10 @@ def beside(
         confirm: asks the person; until it returns, the unit gets queries only.
         homed: whether the unit must have been homed since it was switched on.
         keys: whether keys pause and abort.
+        look: detected boards, which are read before the port is opened, so that a wrong file is told first.
     """
+    if look is not None:
+        read_observation(look, task.cell.boards)
     port = choose_port(port, task.cell.file, console)
     where = WhichCell(port, speed=speed, homed=homed, blind=True)
     with opened(task, console, where, speed, None, Control(), confirm, name=verb, keys=keys) as run:

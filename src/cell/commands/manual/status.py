@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from arm.controller.unit import load_unit
+from arm.controller.unit import noted_unit
 from arm.errors import InputError
 from arm.io.claim import Claimed, Holder
 from cell.commands.manual.reading import BY_CELL, BY_LOG, Reading, print_reading, read_arm, read_cell_of
@@ -47,7 +47,7 @@ def status_step(port: str | None, cell_file: Path | None, console: Console) -> d
 
 
 def _asked(port: str, cell: Cell | None, console: Console) -> dict[str, Any]:
-    with console.doing("asking"), identified(port, FIRMWARE) as (link, version):
+    with console.doing("asking"), identified(port, FIRMWARE, brief=True) as (link, version):
         began = time.monotonic()
         link.synchronise()
         answer_s = time.monotonic() - began
@@ -66,7 +66,8 @@ def _told_by(holder: Holder, port: str, cell: Cell | None, console: Console) -> 
     unit = cell.unit if cell is not None else None
     if unit is None and latest.unit:
         with suppress(InputError):
-            unit = load_unit(latest.unit["unit"]).calibrated(latest.unit.get("joint_offsets_rad", [0.0] * 6))
+            noted = noted_unit(latest.unit)
+            unit = noted and noted.calibrated(latest.unit.get("joint_offsets_rad", [0.0] * 6))
     by = "" if unit is None else BY_LOG if cell is None else BY_CELL
     state = Reading(latest.status, latest.counts, False, unit, by, latest.jaws, cell).to_json()
     doing = latest.step or None

@@ -47,9 +47,9 @@ def teach_step(
         ImpossibleError: the unit was not homed, or the arm is outside the limits of planning.
         ExecutionStopped: the arm moves, or the unit does not answer.
     """
+    _read(pose_list, name)  # a list that cannot be extended is refused before the port is opened
     cell = cell_of(place)
     port = choose_port(port, place, console)
-    _read(pose_list, name)  # a list that cannot be extended is refused before the port is opened
     with console.doing("asking"), identified(port, FIRMWARE) as (link, _):
         reading = read_arm(link, cell)
     state = reading.to_json()
@@ -79,10 +79,11 @@ def _read(file: Path, name: str | None) -> tuple[dict[str, Any], set[str]]:
         if len(name) > LONGEST_NAME or not name.isprintable() or not name.strip():
             rule = f"must not be empty, and at most {LONGEST_NAME} printable characters"
             raise FileInputError(file, "name", name[:LONGEST_NAME], rule)
+    if file.suffix.lower() in (".csv", ".npy", ".txt", ".toml"):
+        help = "the list comes first, then the cell or task file"
+        raise FileInputError(file, "", None, "is no JSON: teach appends to lists in JSON only", help)
     if not file.exists():
         return {"frame": FRAME, "angles": "deg", "entries": []}, set()
-    if file.suffix.lower() in (".csv", ".npy", ".txt"):
-        raise FileInputError(file, "", None, "is no JSON: teach appends to lists in JSON only")
     content = read_json(file)
     listed = read_pose_list(file, Interpretation(FRAME, "deg"))  # refuses what plan would
     names = {entry.name for entry in listed.entries}

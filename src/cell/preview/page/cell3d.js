@@ -15,6 +15,7 @@ const LOOKED_AT = 60; // samples of the plan, to fit the view
 class Cell3D {
   constructor(content, motion, scene) {
     this.named = new Map();
+    this.ghosts = {};
     this.content = content;
     this.motion = motion;
     this.scene = scene;
@@ -128,6 +129,11 @@ class Cell3D {
     });
   }
 
+  // Whether it is known where the arm is; else it is not drawn.
+  known(yes) {
+    this.frames[0].visible = this.triad.visible = yes;
+  }
+
   theme(dark) {
     for (const { material, look } of this.themed) material.color.set(dark ? look.dark : look.colour);
   }
@@ -149,35 +155,41 @@ class Cell3D {
     });
   }
 
+  // Positions of the base and the joints.
+  joints() {
+    this.frames[0].updateMatrixWorld(true);
+    return this.frames.map((frame) => new THREE.Vector3().setFromMatrixPosition(frame.matrixWorld));
+  }
+
   // Positions of joints and finger tips during the plan, and of the base.
   passed() {
     const points = [];
     for (let i = 0; i <= LOOKED_AT; i++) {
       const q = this.motion.q((i / LOOKED_AT) * this.motion.duration);
       this.bend(this.frames, q);
-      this.frames[0].updateMatrixWorld(true);
-      points.push(...this.frames.map((frame) => new THREE.Vector3().setFromMatrixPosition(frame.matrixWorld)));
+      points.push(...this.joints());
       points.push(new THREE.Vector3().setFromMatrixPosition(this.motion.toolPose(q)));
     }
     return points;
   }
 
-  // A second arm, as a ghost at joint positions q; null hides it.
-  haunt(arm, q) {
-    if (q && !this.ghost) {
-      this.ghost = this.addFrames();
-      const material = standardMaterial(styleColour("executed"), 0.6);
+  // Another arm, as a ghost of one colour of the style at joint positions q; null hides it.
+  haunt(colour, q) {
+    if (q && !this.ghosts[colour]) {
+      const ghost = (this.ghosts[colour] = this.addFrames());
+      const material = standardMaterial(styleColour(colour), 0.6);
       // Drawn behind the arm where both coincide.
       Object.assign(material, { transparent: true, opacity: 0.45, depthWrite: false, polygonOffset: true,
         polygonOffsetFactor: 2, polygonOffsetUnits: 2 });
-      for (const body of arm.bodies.filter(({ joint }) => joint > 0)) {
+      for (const body of this.content.arm.bodies.filter(({ joint }) => joint > 0)) {
         const made = mesh(bodyGeometry(body.shape, 0.02), material, matrix(body.open));
         made.castShadow = made.receiveShadow = false;
-        this.ghost[body.joint].add(made);
+        ghost[body.joint].add(made);
       }
     }
-    if (this.ghost) this.ghost[0].visible = Boolean(q);
-    if (q) this.bend(this.ghost, q);
+    const ghost = this.ghosts[colour];
+    if (ghost) ghost[0].visible = Boolean(q);
+    if (q) this.bend(ghost, q);
   }
 
   // Move everything to time t; the arm to joint positions q if given.

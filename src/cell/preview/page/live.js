@@ -60,7 +60,7 @@ function showTold(lines) {
 }
 
 class LiveView {
-  // page: {seek(t, q), pause(), ghost(q), changed(), leave()}: callbacks of the page.
+  // page: {seek(t, q), pause(), ghost(q), known(yes), changed(), leave()}: callbacks of the page.
   constructor(content, motion, page) {
     Object.assign(this, { motion, page, step: null, sample: null, shown: null });
     this.button = document.getElementById("follow");
@@ -93,8 +93,9 @@ class LiveView {
   }
 
   add(sample) {
-    const q = this.motion.positions(sample.counts);
+    const q = sample.counts && this.motion.positions(sample.counts);
     this.sample = { ...sample, q };
+    this.page.known(Boolean(q));
     if (sample.t === null) return;
     this.place = sample.t;
     this.off = this.motion.addSample(sample.motion, sample.t, q);
@@ -133,7 +134,7 @@ class LiveView {
   draw() {
     this.frame = 0;
     const t = this.place ?? 0;
-    const to = { t, q: this.sample ? this.sample.q : this.motion.q(t) };
+    const to = { t, q: this.sample?.q ?? this.motion.q(t) };
     const share = this.from ? Math.min(1, (performance.now() - this.arrived) / this.span) : 1;
     const mix = (a, b) => a + share * (b - a);
     this.shown = share < 1 ? { t: mix(this.from.t, to.t), q: to.q.map((v, j) => mix(this.from.q[j], v)) } : to;
@@ -145,7 +146,8 @@ class LiveView {
   showFacts() {
     const sample = this.sample;
     const facts = [];
-    if (this.step) facts.push(this.step.name);
+    if (sample?.facts) facts.push(sample.facts);
+    else if (this.step) facts.push(this.step.name);
     if (this.off) {
       const worst = this.off.reduce((best, v, j) => (Math.abs(v) > Math.abs(this.off[best]) ? j : best), 0);
       facts.push(`${Math.abs(this.off[worst]).toFixed(3)}° off the plan (${this.motion.joints.names[worst]})`);

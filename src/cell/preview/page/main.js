@@ -17,6 +17,10 @@
   setTheme(system.matches);
 
   // ---- the picture
+  const watched = Boolean(content.live && content.resting); // where its unit reports the arm; no plan
+  // An arm at rest: nothing is played or plotted.
+  document.body.classList.toggle("resting", Boolean(content.resting));
+  document.body.classList.toggle("watched", watched);
   const looked = content.looked ?? false; // a refusal of what was seen
   const boards = content.boards.length
     ? content.boards.map((board) => [board.T[3], board.T[7], board.T[11]])
@@ -41,6 +45,8 @@
   fillHeading(content, motion);
   fillRefused(content, (t) => seek(t));
   if (content.refused) cell?.mark(content.refused.pair);
+  const [names, labels, ghosts] = stage ? [new Names(content, cell, stage), new Labels(content, stage), new Ghosts(motion, cell)] : [];
+  const seen = cell?.view ? new Seen(content.camera, cell, stage) : null;
   const marks = content.misses ? new Marks(content, cell, stage) : null;
   fillProvenance(content);
   const rows = (marks ? fillMisses : fillSteps)(content, (index) => seek(motion.steps[index].start));
@@ -57,12 +63,21 @@
     const index = live?.current ?? motion.stepAt(state.time);
     slider.value = state.time;
     clock.innerHTML = `${clockText(state.time)} <span>/ ${clockText(motion.duration)}</span>`;
-    const clearance = trace ? trace.at(state.time) : clearanceAt(content, motion, state.time);
+    const clearance = watched ? null : trace ? trace.at(state.time) : clearanceAt(content, motion, state.time);
     cell?.pose(state.time, q);
-    plots.at(state.time, clearance);
+    plots.at(state.time, clearance, watched ? q : undefined);
+    if (watched && q && !fitted) fit();
     if (index !== state.step) enterStep(index);
     showNow(motion.steps[index], clearance);
     stage?.moved();
+  }
+
+  // Bring the arm into the picture where it is first seen.
+  let fitted = false;
+  function fit() {
+    fitted = true;
+    stage?.shown.push(...cell.joints());
+    stage?.view("room");
   }
 
   function enterStep(index) {
@@ -76,6 +91,7 @@
     if (top < list.scrollTop + 30 || top > list.scrollTop + list.clientHeight - 40) list.scrollTop = top - list.clientHeight / 3;
     parts.forEach((part, i) => part.classList.toggle("done", i <= index));
     marks?.show(index);
+    ghosts?.at(index);
   }
 
   function showNow(step, clearance) {
@@ -87,7 +103,7 @@
     if (content.misses?.length > 1) facts.push(marks.miss.why);
     if (step.held) facts.push(`holds ${step.held}`);
     if (step.threaded) facts.push(`stays threaded on ${step.threaded}`);
-    if (clearance) facts.push(`${clearance.sampled ? "" : "≥ "}${millimetres(clearance.mm)} ${clearance.pair.join(" – ")}`);
+    if (clearance && !watched) facts.push(`${clearance.sampled ? "" : "≥ "}${millimetres(clearance.mm)} ${clearance.pair.join(" – ")}`);
     else if (step.kind === "look") facts.push("the camera takes images");
     now.replaceChildren(title, element("span", "muted", facts.join(" · ")));
   }
@@ -159,15 +175,17 @@
       change(on);
       views.append(made);
     };
-    if (marks) trace.show(false);
+    if (marks || content.resting) trace.show(false);
     else switchOn("trace", true, (on) => trace.show(on));
     const known = motion.steps.some((step) => step.kind === "move" && step.clearance !== null);
-    if (!marks) switchOn("clearance", known, (on) => {
+    if (!marks && !content.resting) switchOn("clearance", known, (on) => {
       trace.colour(on ? "clearance" : "role");
       fillLegend(content, trace.mode);
     });
     switchOn("checked", false, (on) => cell.showChecked(on));
-    if (cell.view) switchOn("camera", looked, (on) => (cell.view.visible = on));
+    if (boards.length) switchOn("labels", false, (on) => labels.show(on));
+    if (!marks && !content.resting) switchOn("ghosts", false, (on) => ghosts.show(on));
+    if (seen) switchOn("camera", looked, (on) => (marks ? (cell.view.visible = on) : seen.show(on)));
   }
   const showTheme = () => {
     cell?.theme(root.dataset.theme === "dark");
@@ -202,9 +220,10 @@
       seek: (t, q) => seek(t, true, q),
       pause,
       ghost: (q) => {
-        cell?.haunt(content.arm, q);
+        cell?.haunt("executed", q);
         stage?.moved();
       },
+      known: (yes) => cell?.known(yes),
       changed: () => {
         plots.executedChanged();
         trace?.drawExecuted();
@@ -217,5 +236,5 @@
       })),
     });
   }
-  window.a465 = { content, motion, state, seek, stage, cell, trace, marks, live };
+  window.a465 = { content, motion, state, seek, stage, cell, trace, marks, live, names, labels, ghosts, seen };
 })();

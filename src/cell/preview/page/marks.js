@@ -21,7 +21,7 @@ class Marks {
     for (const cube of cell.cubes) cube.mesh.material.color.set(CUBE_COLOURS[2]); // none of them red
     this.camera = new THREE.PerspectiveCamera(stage.camera.fov, 1, 0.005, 30);
     this.camera.up.set(0, 0, 1);
-    stage.drawn = () => this.draw();
+    stage.over.push(() => this.draw());
   }
 
   show(index) {

@@ -21,7 +21,7 @@ function fillHeading(content, motion) {
   document.getElementById("title").textContent = title;
   const cubes = (content.task.cubes || content.task.transfers || content.cubes).length;
   const moves = content.steps.filter((step) => step.kind === "move");
-  const known = moves.map((step) => step.clearance).filter((c) => c !== null);
+  const known = content.live && content.resting ? [] : moves.map((step) => step.clearance).filter((c) => c !== null);
   const erring = moves.map((step) => step.clearance_with_errors).filter((c) => c !== null);
   document.getElementById("summary").textContent = [
     content.unit === "none" ? `${motion.chain.length} joints, no unit` : content.unit,

@@ -188,7 +188,8 @@ class Plots {
     chart.finish();
   }
 
-  at(t, now) {
+  // The joints at time t, or at q; `now`: the clearance there.
+  at(t, now, q = undefined) {
     this.time = t;
     this.chart.at(t);
     this.clearance.at(t);
@@ -198,7 +199,7 @@ class Plots {
       const worst = off && off.reduce((best, v, j) => (Math.abs(v) > Math.abs(off[best]) ? j : best), 0);
       this.off.textContent = off ? `${this.motion.joints.names[worst]} ${signed(off[worst], 4)}°` : "no sample here";
     }
-    const values = this.motion.q(t, this.order);
+    const values = (this.order === 0 && q) || this.motion.q(t, this.order);
     const digits = this.order === 0 ? 2 : 1;
     this.rows.forEach(({ value, knob }, j) => {
       value.textContent = signed(values[j] * this.shown(j), digits);

@@ -8,6 +8,7 @@ class Stage {
     this.canvas = canvas;
     this.centre = new THREE.Vector3(...centre);
     this.shown = [this.centre];
+    this.over = []; // called after each frame, to draw over it
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setClearColor(0x000000, 0);
     this.renderer.toneMapping = THREE.NoToneMapping;
@@ -131,7 +132,7 @@ class Stage {
     cancelAnimationFrame(this.waiting);
     this.waiting = 0;
     this.renderer.render(this.scene, this.camera);
-    this.drawn?.();
+    for (const over of this.over) over();
     this.frames = (this.frames || 0) + 1;
   }
 }

@@ -9,7 +9,8 @@ from typing import Any
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import A465Error, ImpossibleError
-from arm.io.storage import keep_apart, keep_unread, write_atomic
+from arm.io.outputs import keep_apart
+from arm.io.storage import keep_unread, write_atomic
 from arm.plan_file import Move
 from cell.preview.content import page_content
 from cell.preview.of_place import Shown, place_shown

@@ -21,6 +21,7 @@ export {
   PerspectiveCamera,
   Path,
   PlaneGeometry,
+  Raycaster,
   RGBAFormat,
   Scene,
   Shape,

@@ -20,8 +20,8 @@ from arm.se3 import Array, frozen, inverse, rotation, rotation_vector, transform
 from cell.accuracy.error_model import ErrorModel
 from cell.accuracy.insertion import insertion_probability, percent
 from cell.accuracy.measures import averaged, noisier_by
-from cell.accuracy.placement import Transfer, placement_error
-from cell.accuracy.plan_budgets import gripper_positions, hole_of, plan_budgets, pocket_fit
+from cell.accuracy.placement import Transfer, gripper_positions, hole_of, placement_error
+from cell.accuracy.plan_budgets import plan_budgets, pocket_fit
 from cell.config.cell import Cell
 from cell.files.board_shift import BoardShift, board_shift
 from cell.scene.displaced import BESIDE

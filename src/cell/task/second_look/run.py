@@ -17,9 +17,10 @@ from arm.numerics.products import mul
 from arm.plan_file import GripperStep, LookStep, Plan, Step
 from arm.se3 import frozen, inverse
 from cell.accuracy.clearances import erring_clearances
-from cell.accuracy.plan_budgets import gripper_positions, require_placements
+from cell.accuracy.placement import gripper_positions
+from cell.accuracy.plan_budgets import require_placements
 from cell.cubes.confirm_placed import T_base_of, width_at
-from cell.cubes.held_back import MOST_COUNTS, HeldBack, held_back
+from cell.cubes.held_back import MOST_COUNTS, MOST_GRIPPED_COUNTS, HeldBack, held_back
 from cell.files.cube_widths import width_kept
 from cell.report.cubes import CubeRow, judge_release
 from cell.scene.build import padded_cube, second_look_before
@@ -97,9 +98,9 @@ class SecondLookRun(CheckedRun):
         width = partial(self._width, transfer, observation)
         with width_kept(self.folder, transfer["cube"], width):
             if look is None or plan is None:
-                self._release(steps, transfer, grip, row, observation)
+                self._release(steps, transfer, grip, row, observation, gripped=True)
                 return False
-            self._monitored(steps[:look], transfer["cube"], grip)
+            self._monitored(steps[:look], transfer["cube"], grip, gripped=True)
             held = _InHand(plan, transfer, grip, row, observation)
             found = self._judged(held)
             if found is not None and found.enters:
@@ -237,11 +238,15 @@ class SecondLookRun(CheckedRun):
         grip: float,
         row: CubeRow,
         observation: Observation,
+        gripped: bool = False,
     ) -> None:
-        """Execute the steps up to the release of a cube, and take it for placed until a look judges it."""
+        """Execute the steps up to the release of a cube, and take it for placed until a look judges it.
+
+        `gripped`: they begin where the jaws have closed on it.
+        """
         simulated = self.connection.simulated
         before = 0 if simulated is None else len(simulated.events)
-        done = self._monitored(steps, transfer["cube"], grip)
+        done = self._monitored(steps, transfer["cube"], grip, gripped)
         on_table = transfer["to"].startswith("table/")  # there is no pocket to stay out of
         held = None if on_table else self._held_back(done)
         self.add_release(steps, transfer, row, observation, held)
@@ -259,10 +264,16 @@ class SecondLookRun(CheckedRun):
         sent = next((result.sent for result in reversed(done) if result.sent is not None), None)
         return None if sent is None else held_back(self.task.cell, sent.path.end, sent.end_counts)
 
-    def _monitored(self, steps: Sequence[Step], cube: str, grip: float) -> tuple[StepResult, ...]:
-        """Execute steps and monitor that a cube stays in the jaws, until the last step if that releases it."""
+    def _monitored(
+        self, steps: Sequence[Step], cube: str, grip: float, gripped: bool = False
+    ) -> tuple[StepResult, ...]:
+        """Execute steps and monitor that a cube stays in the jaws, until the last step if that releases it.
+
+        If the steps begin where the jaws have closed on it (`gripped`), a cube that is wedged may push the arm off its
+        start. The unit still holds that as its target, so the motion goes on from there.
+        """
         self.held = GraspMonitor(cube, grip)
-        options = StreamOptions(watch_jaws=True)
+        options = StreamOptions(watch_jaws=True, start_held_counts=MOST_GRIPPED_COUNTS if gripped else 0)
         if isinstance(steps[-1], GripperStep):  # the cube may touch the rim of its pocket
             options = replace(options, held_back_counts=MOST_COUNTS)
         try:

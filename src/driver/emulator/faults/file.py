@@ -27,7 +27,7 @@ def read_faults(path: Path) -> tuple[Fault, ...]:
     Raises:
         InputError: with file, key, value and rule.
     """
-    root = Node.of_toml(path)
+    root = Node.of_toml(path, "faults")
     faults: tuple[Fault, ...] = read_values({"fault": Key("fault", tables(_fault), REQUIRED)}, root)["fault"]
     if len(faults) > _MOST:
         raise root.error_at("fault", f"has {len(faults)} tables, must have at most {_MOST}")

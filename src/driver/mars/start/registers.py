@@ -41,7 +41,7 @@ class Registers:
             ExecutionStopped: a register holds another value than was set; reason ``register``.
         """
         self._link.tell(*lines)
-        values = {found[1]: int(found[2]) for line in lines if (found := _REGISTER.fullmatch(line))}
+        values = registers_in(lines)
         for attempt in range(READ_BACKS):
             wrong = self._wrong(values)
             if not wrong:
@@ -60,12 +60,16 @@ class Registers:
 
     def _wrong(self, values: Mapping[str, int]) -> list[str]:
         """Names of the registers that read another value."""
-        self._ask(values)
+        self.ask(values)
         texts = {name: self.answers.get(name) for name in values}
-        return [name for name, text in texts.items() if text is not None and not _is(text, values[name])]
+        return [name for name, text in texts.items() if text is not None and not reads(text, values[name])]
 
-    def _ask(self, names: Iterable[str]) -> None:
-        """Ask for one register of each new kind, then for the others of the kinds that are answered."""
+    def ask(self, names: Iterable[str]) -> None:
+        """Ask for one register of each new kind, then for the others of the kinds that are answered.
+
+        Raises:
+            NoAnswer, LinkLost: as `Link.ask_all`.
+        """
         left = list(names)
         first = {_kind(name): name for name in reversed(left) if _kind(name) not in self._answered}
         for name, text in self._link.ask_all(list(first.values())).items():
@@ -75,12 +79,18 @@ class Registers:
         self.answers.update(self._link.ask_all(more))
 
 
+def registers_in(lines: Iterable[str]) -> dict[str, int]:
+    """Return the registers that lines set, each with its value."""
+    return {found[1]: int(found[2]) for line in lines if (found := _REGISTER.fullmatch(line))}
+
+
 def _kind(name: str) -> str:
     """Register name without its axis: REGMS for REGMSA."""
     return name[:-1] if name.startswith("REG") else name
 
 
-def _is(text: str, value: int) -> bool:
+def reads(text: str, value: int) -> bool:
+    """Whether the answer for a register is a number of this value."""
     try:
         return float(text) == value
     except ValueError:

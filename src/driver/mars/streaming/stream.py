@@ -38,8 +38,9 @@ def stream(
 
     Raises:
         InputError: a segment cannot be sent (duration 0, order above 3, line too long); nothing moved.
-        ImpossibleError: the path leaves the unit's limits; it starts further from the arm than `Unit.rest_tolerance`;
-            or preloading is requested on a unit that does not echo; nothing moved.
+        ImpossibleError: the path leaves the unit's limits; it starts further from the arm than `Unit.rest_tolerance`
+            with `StreamOptions.start_held_counts` allows; or preloading is requested on a unit that does not echo;
+            nothing moved.
         ExecutionStopped: a fault, a silent or lost link, an interrupt, an abort, an axis that does not follow, an arm
             displaced during a pause, or an end away from the path's; with the state and the number of segments done.
     """
@@ -55,8 +56,10 @@ def stream(
         control.require()
     with control.attached(mars):
         with mars.guarded("stream"):
-            here = mars.require_ready()
-        refuse_elsewhere(mars.unit, here, path.start)
+            here = mars.require_ready(options.start_held_counts)
+        # what holds the arm off its target matters only if the path goes on from that target
+        held = options.start_held_counts if mars.reference == path.start else 0
+        refuse_elsewhere(mars.unit, here, path.start, held)
         if mars.reference != path.start:
             mars.anchor(path.start)
         with mars.guarded("stream"):

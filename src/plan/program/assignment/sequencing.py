@@ -8,7 +8,7 @@ gives a lower bound.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import comb
@@ -22,7 +22,7 @@ from plan.program.assignment.order_bound import LegTimes, order_bound
 
 # Largest number of expansions for which dynamic programming is used.
 _MOST_STATES = 1500
-_TIE = 1e-9
+_TIE, _TIES = 1e-9, 1e9  # s, and 1/s
 # Finite substitute for an infinite time, s, so that orders with fewer impossible legs rank better.
 _BLOCKED = 1e10
 
@@ -141,12 +141,12 @@ def _exactly(choices: Choices, costs: Costs) -> Ordered:
     return min(ends, key=lambda node: round(float(node.time[0]), 9)).traced()
 
 
-def _reached(site: Site, origins: Iterable[_Node], costs: Costs, there: Arrangement) -> _Node:
+def _reached(site: Site, origins: Collection[_Node], costs: Costs, there: Arrangement) -> _Node:
     """Return the node of a site that is reached from other nodes."""
-    times = [(node, node.time[:, None] + costs(node.site, site, there)) for node in origins]
-    before = [(node, grasp) for node, time in times for grasp in range(len(time))]
-    every = np.concatenate([time for _, time in times])
-    best = np.argmin(np.round(every, 9), axis=0)
+    times = [node.time[:, None] + costs(node.site, site, there) for node in origins]
+    every = times[0] if len(times) == 1 else np.concatenate(times)
+    best = np.rint(every * _TIES).argmin(axis=0)
+    before = [(node, grasp) for node, time in zip(origins, times, strict=True) for grasp in range(len(time))]
     return _Node(site, every[best, np.arange(every.shape[1])], tuple(before[b] for b in best.tolist()))
 
 

@@ -42,6 +42,7 @@ class VideoCamera:
         device: OpenCV's VideoCapture while open.
         description: the source, the size of its frames and its settings in one line.
         doubts: what the source does not tell, a sentence each.
+        stand_in: what it is if it cannot show the present cell: a recording; "" of other sources.
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class VideoCamera:
         self.device: Any = None
         self.description = ""
         self.doubts: tuple[str, ...] = ()
+        self.stand_in = "a recording" if self.selector.kind == "file" else ""
         self._size = size or self.selector.size or self.settings.size
         self._tell = tell
         self._worker: Worker | None = None

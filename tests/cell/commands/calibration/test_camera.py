@@ -135,13 +135,14 @@ def test_held_numbers_and_options_reach_the_fit(photographs: Path, tmp_path: Pat
     assert "the limit is 0.0001 mm" in json.loads(told)["reasons"][0]
 
 
+@pytest.mark.slow
 def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path: Path) -> None:
     def wrong(folder: Path, camera: str | None = None, live: bool = False, **options: object) -> str:
         with pytest.raises(InputError) as caught:
             camera_step(folder, LensOptions(**options), live, camera, None, Console(as_json=True))
         return str(caught.value)
 
-    assert "there is no such folder" in wrong(tmp_path / "nowhere")
+    assert "no such folder" in wrong(tmp_path / "nowhere")
     empty = tmp_path / "empty"
     empty.mkdir()
     assert "contains no images" in wrong(empty)
@@ -264,6 +265,13 @@ def test_heights_of_lifted_images_are_read_or_refused():
 def test_a_wrong_lift_is_refused_by_its_value(text: str, why: str) -> None:
     with pytest.raises(InputError, match=why):
         LensOptions(lift=(text,)).lifts(["a.png"])
+
+
+def test_a_wrong_lift_is_told_before_targets_are_looked_for(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((40, 60), np.uint8))
+    assert (
+        "--lift a.png: must be IMAGE=" in a465("calibrate", "camera", tmp_path, "--lift", "a.png", code=2)[1]
+    )
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from cell.commands.calibration.cell_change import change_of, work_place
 from cell.commands.calibration.chain import ChainOptions, hand_eye_step
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
+from cell.report.chain import chain_page
 from recorded.found_chains import MORE, refused
 from typed.command_line import replace_in
 from typed.heard import Heard
@@ -42,6 +44,38 @@ def test_what_moved_is_told_in_mm_and_deg(found: HandEye, same: Cell) -> None:
     assert str(change) == f"camera moved 5.0 mm, 0.30 deg; J2 +0.30 deg (against cell.toml with {before.id})"
     assert change.json()["camera_mm"] == pytest.approx(5.0)
     assert change.json()["joints_deg"] == pytest.approx([0.0, 0.3, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_what_changed_is_drawn_before_and_after(found: HandEye, same: Cell) -> None:
+    assert same.calibration is not None
+    offsets = np.array(found.joint_offsets)
+    offsets[1] -= np.radians(0.3)
+    before = replace(same.calibration, joint_offsets=frozen(offsets))
+    aside = np.array(found.T_base_camera)
+    aside[:3, 3] += (0.003, -0.004, 0.0)
+    rows = change_of(found, replace(same, calibration=before, camera=same.camera.at(frozen(aside)))).rows
+    assert [row.name for row in rows] == [
+        *(f"camera {axis}, mm" for axis in "xyz"),
+        *(f"J{j}, deg" for j in range(1, 7)),
+    ]
+    assert [row.was for row in rows[:3]] == [0.0] * 3
+    assert [row.now for row in rows[:3]] == pytest.approx([-3.0, 4.0, 0.0], abs=1e-9)
+    assert [row.sigma for row in rows[:3]] == pytest.approx(1e3 * found.camera_sigma[0])
+    j2 = np.degrees(found.joint_offsets[1])
+    assert (rows[4].was, rows[4].now) == pytest.approx((j2 - 0.3, j2))
+    assert rows[3].was == pytest.approx(rows[3].now)
+    page = chain_page("Camera and arm", "r.json", found.chain, [], changed=rows, against="cell.toml with it")
+    section = page[page.index("<h2>Before and after</h2>") :]
+    section = section[: section.index("</section>")]
+    assert "Circle: cell.toml with it." in section
+    assert f"{j2 - 0.3:+.3f} to {j2:+.3f}" in section
+    was = [float(v) for v in re.findall(r'<circle cx="([-\d.]+)" r="4"', section)]
+    now = [float(v) for v in re.findall(r'<circle cx="([-\d.]+)" r="3"', section)]
+    assert was[:3] == [0.0] * 3
+    assert now[0] / now[1] == pytest.approx(-0.75, abs=0.01)
+    assert (now[4] - was[4]) / now[4] == pytest.approx(0.3 / j2, rel=0.05)
+    assert max(map(abs, was + now)) < 109.5  # half of what is left between names and figures
+    assert "<h2>Before and after</h2>" not in chain_page("Camera and arm", "r.json", found.chain, [])
 
 
 def test_what_is_within_its_standard_deviation_has_not_moved(found: HandEye, same: Cell) -> None:

@@ -97,7 +97,7 @@ def test_options_of_a_collection_go_with_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("where", "words"),
     [
-        (WhichCell(time_scale=0.0), "time scale = 0: must be from 0.01 to 100"),
+        (WhichCell(time_scale=0.0), "--time-scale 0: must be from 0.01 to 100"),
         (WhichCell(port="/dev/none", time_scale=2.0), "--time-scale 2 is for the simulated cell"),
         (WhichCell(images=Path("shots")), "--images needs --port"),
         (WhichCell(camera="name:a"), "--camera needs --port"),

@@ -104,6 +104,15 @@ def test_a_width_is_in_the_stroke() -> None:
             target_width(wrong, gripper)
 
 
+def test_a_width_in_metres_is_refused(here: Cell) -> None:
+    for wrong in ("0.04", "0.001", "0.999"):
+        with pytest.raises(
+            InputError, match=rf"gripper {wrong}: must be 0, or 1 mm or more; the number is mm"
+        ):
+            target_width(wrong, here.gripper)
+    assert [target_width(right, here.gripper) for right in ("0", "1")] == [0.0, 0.001]
+
+
 def test_a_tool_without_jaws_has_none_to_move(tmp_path: Path) -> None:
     _, told = a465("gripper", "open", tool_cell(tmp_path), "/dev/none-such", "--unseen", code=2)
     assert "the tool of this cell has no jaws" in told

@@ -117,8 +117,15 @@ def test_what_is_not_certified_is_refused_and_nothing_moves(
         x, y, _ = 1e3 * _tool(here, emulator)[:3, 3]
         with pytest.raises(ImpossibleError, match="with --look FILE only the boards that were seen do"):
             _move(Goal("to", (x, y, 100.0)))
-        with pytest.raises(ImpossibleError, match="the goal"):
+        with pytest.raises(
+            ImpossibleError, match=r"^--to=2000,0,300: the goal at .* is out of reach"
+        ) as refused:
             _move(Goal("to", (2000.0, 0.0, 300.0)))
+        assert "poses.json" not in str(refused.value)
+        with pytest.raises(ImpossibleError, match=r"^--to=0\.42,0,0\.3: the goal at .*; the numbers are mm$"):
+            _move(Goal("to", (0.42, 0.0, 0.3)))
+        with pytest.raises(InputError, match=r"^--by=0,0,6000: must be within 5000 mm"):
+            _move(Goal("by", (0.0, 0.0, 6000.0)))
         with pytest.raises(FileInputError, match="J2 must be from"):
             _move(Goal("turn", (0.0, 200.0, 0.0, 0.0, 0.0, 0.0)))
         assert set(names_sent(emulator)) <= QUERIES
@@ -143,6 +150,7 @@ def test_a_goal_as_an_entry_of_a_list(here: Cell) -> None:
         (("--to=0,0,nan",), "must be 3 numbers"),
         (("--turn=0,0,0,0,0,0", "--line"), "--line needs a tool position"),
         (("--list", "poses.json"), "--list LIST and --name NAME go together"),
+        (("--name", "a"), "--name names an entry of a list; give --list LIST too"),
         (("--by=0,0,1", "--name", "a"), "--list LIST and --name NAME go together"),
         (("--by=0,0,1",), "no terminal to confirm that the arm may move: give --unseen"),
     ],

@@ -27,7 +27,7 @@ from cell.program.program_file import read_program
 from cell.program.steps import Step
 from cell.task.plan_matches import replayed, replayed_to_json, scene_of_now
 from typed.command_line import a465, replace_in
-from typed.doc_commands import ROOT
+from typed.doc_pages import ROOT
 from vision.observation import Observation
 
 MADE = runpy.run_path(str(ROOT / "docs/wires.py"))

@@ -1,0 +1,41 @@
+"""Files that a command may replace: neither what it reads, nor files of the project of another kind than it writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from arm.errors import InputError
+from arm.io.kind import KINDS, kind_of, read_any
+from arm.io.storage import read_by_the_command
+
+SUFFIXES = (".toml", ".json", ".jsonl")  # of files that have a kind
+
+
+def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "") -> None:
+    """Refuse to overwrite an input file, or a file of the project of another kind.
+
+    Args:
+        output: file that will be written.
+        inputs: files that are read.
+        kind: name in `arm.io.kind.KINDS` of what is written; "" if it has none, as a page; None: the caller
+            decides what is replaced.
+
+    Raises:
+        InputError: `output` is a folder, the same file as one of `inputs`, even by another name, or a file of another
+            kind.
+    """
+    if output is None or not output.exists():
+        return
+    for path in inputs:
+        if path is not None and path.exists() and output.samefile(path):
+            raise read_by_the_command(output)
+    if kind is None:
+        return
+    if output.is_dir():
+        raise InputError(f"{output}: is a folder; give the name of a file", file=str(output))
+    if output.suffix.lower() not in SUFFIXES:
+        return
+    found = kind_of(read_any(output))
+    if found and found != kind:
+        why = f"{output}: is {KINDS[found].words}, and something else would replace it; give another name"
+        raise InputError(why, file=str(output))

@@ -1,0 +1,1 @@
+"""Places shown on pages while something happens there."""

@@ -1,0 +1,1 @@
+"""What a study asks: its file, the values of its points, and the files of each point."""

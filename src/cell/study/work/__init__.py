@@ -1,0 +1,1 @@
+"""How a study is computed: in parts, by processes, each point by the stages that it passes."""

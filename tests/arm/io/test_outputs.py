@@ -1,0 +1,63 @@
+"""What a command may replace: no input, and of the project's files only those of the kind that it writes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from arm.errors import InputError
+from arm.io.outputs import keep_apart
+from arm.io.storage import data_file
+from typed.command_line import a465
+
+
+def test_an_input_is_not_overwritten_under_any_name(tmp_path: Path) -> None:
+    read, other = tmp_path / "plan.json", tmp_path / "page.html"
+    read.write_text("{}")
+    (tmp_path / "link").symlink_to(read)
+    os.link(read, tmp_path / "hard")
+    for name in ("plan.json", "link", "hard"):
+        with pytest.raises(InputError, match=f"{name}: is read by this command"):
+            keep_apart(tmp_path / name, other, None, read)
+    keep_apart(other, read)
+    keep_apart(None, read)
+    other.touch()
+    keep_apart(other, read, tmp_path / "not there")
+
+
+def test_a_file_of_another_kind_is_not_replaced(tmp_path: Path) -> None:
+    file, words = tmp_path / "a.json", "and something else would replace it; give another name"
+    for text, of in (('{"scenes": []}', "look"), ('{"entries": []}', "list"), ('task = "a"', "task")):
+        file.write_text(text)
+        for kind in ("", "plan"):
+            with pytest.raises(InputError, match=rf"a\.json: is a .*, {words}"):
+                keep_apart(file, kind=kind)
+        keep_apart(file, kind=of)
+        keep_apart(file, kind=None)
+    for text in ("<html>", "{}", "[1]", ""):
+        file.write_text(text)
+        keep_apart(file)
+    with pytest.raises(InputError, match="is a folder; give the name of a file"):
+        keep_apart(tmp_path, kind="plan")
+    keep_apart(tmp_path, kind=None)
+
+
+def test_no_command_replaces_a_cell_file(tmp_path: Path) -> None:
+    scenes = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes"))
+    other = scenes / "uncalibrated/cell.toml"
+    before = other.read_bytes()
+    (tmp_path / "plan.json").write_text('{"format": "a465-plan/3"}')
+    for typed in (
+        ("view", scenes / "cell.toml"),
+        ("preview", tmp_path / "plan.json"),
+        ("plan", scenes / "hoop/b.toml"),
+        ("look", scenes / "task2.toml"),
+        ("report", tmp_path),
+    ):
+        _, told = a465(*typed, "-o", other, code=2, cwd=tmp_path)
+        assert f"{other}: is a cell file, and something else would replace it" in told
+        assert told.count("\n") == 1
+    assert other.read_bytes() == before
