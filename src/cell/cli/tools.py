@@ -289,8 +289,8 @@ def new_cell(
     unit: Annotated[
         str | None,
         Option(
-            help="Arm of the cell: crs93 or crs97, which cannot be detected. Without it a person at the "
-            "terminal is asked, also for port, camera and gripper."
+            help="Arm of the cell, which cannot be detected: crs93, crs97 or a unit file, which is copied. Without "
+            "it a person at the terminal is asked, also for port, camera and gripper."
         ),
     ] = None,
     name: Annotated[str | None, Option(help="Name of the cell; default: that of the folder.")] = None,

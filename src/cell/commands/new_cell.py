@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from arm.controller.unit import UNITS
+from arm.controller.unit import SUFFIX, UNITS, Unit, load_unit
 from arm.errors import InputError
 from arm.io.keys import Keys
 from arm.io.rules import port_fault
@@ -36,6 +36,7 @@ Answer = Callable[[], str | None]
 UNASKED = "give --unit to be asked nothing"
 LONGEST_MM = 1000.0  # of a gripper
 PLACEHOLDER = "placeholder"
+UNIT_FILE = "unit.toml"
 LONGEST_NAME = 60
 
 _FILES: dict[str, tuple[str, str, type[Keys]]] = {
@@ -55,13 +56,13 @@ class Own:
     """What only the owner of a cell knows.
 
     Attributes:
-        unit: name of the arm, one of `UNITS`.
+        unit: the arm; the file of a user's own one is copied into the cell.
         port: of the controller, as the cell file has it; None: not known yet.
         camera: selector of the camera; None: not known yet.
         length_mm: of the gripper, from the flange to the finger tips; None: the shipped one's.
     """
 
-    unit: str
+    unit: Unit
     port: str | None = None
     camera: str | None = None
     length_mm: float | None = None
@@ -74,7 +75,8 @@ def new_cell_step(
 
     Args:
         folder: folder to write.
-        unit: name of the arm, which cannot be detected; None: ask for it, and for what else only the owner knows.
+        unit: name of the arm, which cannot be detected, or its unit file; None: ask for it, and for what else only the
+            owner knows.
         name: name of the cell, for the heads of its files; default: that of the folder.
         console: output.
         answer: returns a line that a person typed, or None if nobody can; without it nothing is asked.
@@ -93,9 +95,9 @@ def new_cell_step(
     texts = cell_files(own, title)
     write_folder(place, texts)
     console.say(
-        f"{folder}: cell {title!r} with arm {own.unit}, {len(texts)} files; their comments say what to measure"
+        f"{folder}: cell {title!r} with arm {own.unit.name}, {len(texts)} files; their comments say what to measure"
     )
-    commands = next_commands(folder, own.unit)
+    commands = next_commands(folder, own.unit.name)
     console.say(
         "\nWithout hardware, docs/first-day.md leads to an executed run of this cell beside an emulated unit. With the "
         "arm: next steps; the first three need no hardware, docs/real-cell.md explains the others:"
@@ -105,7 +107,7 @@ def new_cell_step(
     return {
         "folder": str(folder),
         "name": title,
-        "unit": own.unit,
+        "unit": own.unit.name,
         "files": sorted(texts),
         "next": [{"why": why, "command": line} for why, line in commands],
     }
@@ -120,11 +122,17 @@ def _asked(folder: Path, console: Console, answer: Answer | None) -> Own:
     unit = None
     if answer is not None:
         console.say("Only you know the following; every answer can be changed in cell.toml later.")
-        unit = answered(console, f"arm ({' or '.join(UNITS)}; its label says it): ", _unit, answer, UNASKED)
+        unit = answered(
+            console,
+            f"arm ({' or '.join(UNITS)}, as its label says; or a unit file): ",
+            _unit,
+            answer,
+            UNASKED,
+        )
     if unit is None or answer is None:
         raise InputError(
-            f"--unit is missing: must be {' or '.join(UNITS)}; the controller cannot report it, and with the other "
-            "unit's zeros angles are wrong by up to 11 degrees",
+            f"--unit is missing: must be {' or '.join(UNITS)}, or a unit file; the controller cannot report it, and "
+            "with the other unit's zeros angles are wrong by up to 11 degrees",
             option="--unit",
             choices=list(UNITS),
         )
@@ -148,10 +156,14 @@ def _asked(folder: Path, console: Console, answer: Answer | None) -> Own:
     return Own(unit, port, camera, length)
 
 
-def _unit(name: str) -> str:
-    if name not in UNITS:
-        raise InputError(f"--unit {name}: must be one of {', '.join(UNITS)}", unit=name)
-    return name
+def _unit(text: str) -> Unit:
+    if text.endswith(SUFFIX):
+        return load_unit(Path(text))
+    if text not in UNITS:
+        raise InputError(
+            f"--unit {text}: must be one of {', '.join(UNITS)}, or a unit file (.toml)", unit=text
+        )
+    return load_unit(text)
 
 
 def _port(name: str, folder: Path) -> str:
@@ -182,7 +194,7 @@ def cell_files(own: Own, name: str) -> dict[str, str]:
     """Return the text of every file of a new cell, by its name in the folder."""
     scenes = {file: read_toml(data_file(scene)) for file, (scene, _, _) in _FILES.items()}
     cell = scenes["cell.toml"]
-    cell |= {"unit": own.unit, "camera": "camera.toml"}
+    cell |= {"unit": UNIT_FILE if own.unit.source else own.unit.name, "camera": "camera.toml"}
     if own.port is not None:
         cell["port"] = own.port
     if own.camera is not None:
@@ -193,6 +205,8 @@ def cell_files(own: Own, name: str) -> dict[str, str]:
     texts = {file: commented(values, *_FILES[file][1:], name) for file, values in scenes.items()}
     for board in scenes["cell.toml"]["boards"]["files"]:
         texts[board] = read_text(data_file(f"scenes/{board}"))
+    if own.unit.source:
+        texts[UNIT_FILE] = own.unit.source
     return texts
 
 

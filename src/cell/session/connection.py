@@ -166,8 +166,10 @@ def world_file(task: Task, world: Path | None) -> Path:
     shared = task.cell.file.with_suffix(".world.toml")
     path = world or (beside if beside.exists() or not shared.exists() else shared)
     if not path.exists():  # its reader reports anything else
-        why = f"{path}: no such world file; give --world for the simulated cell, or --port for the real one"
-        if task.file == task.cell.file:
+        why = f"{path}: no such world file"
+        if world is None:
+            why += "; give --world for the simulated cell, or --port for the real one"
+        if world is None and task.file == task.cell.file:
             why += f"; {task.file} is a cell file, and worlds stand beside the task files that name it"
         raise InputError(why, file=str(path))
     return path

@@ -154,7 +154,7 @@ def test_a_file_that_the_program_names_is_not_overwritten(
 ) -> None:
     pen = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "pen"
     before = (pen / read).read_bytes()
-    told = refused(verb, pen / "drawing.toml", "-o", pen / read, code=2, cwd=tmp_path)
+    _, told = a465(verb, pen / "drawing.toml", "-o", pen / read, code=2, cwd=tmp_path)
     assert f"{read}: {words}" in told
     assert (pen / read).read_bytes() == before
 

@@ -90,7 +90,7 @@ def test_at_a_terminal(tmp_path: Path) -> None:
         os.chdir(tmp_path)
         os.execv(sys.executable, [sys.executable, "-m", "a465", "new-cell", "mine"])
     said = b""
-    answers = {b"label says it": b"crs93", b"/dev/mars": b"/dev/mars", b"camera-crs93": b"", b"134.112": b""}
+    answers = {b"label says": b"crs93", b"/dev/mars": b"/dev/mars", b"camera-crs93": b"", b"134.112": b""}
     for asked, line in answers.items():
         over = time.monotonic() + 60.0
         while asked not in said:

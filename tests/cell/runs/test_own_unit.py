@@ -54,6 +54,17 @@ def own(scenes: Path) -> Path:
     return with_own_unit(scenes)
 
 
+def test_a_new_cell_takes_a_copy_of_the_unit_file(tmp_path: Path) -> None:
+    file = write_unit(tmp_path / "hall.toml")
+    said, _ = a465("new-cell", "mine", "--unit", "hall.toml", "--json", cwd=tmp_path)
+    file.unlink()
+    assert json.loads(said)["unit"] == NAME
+    unit = read_cell(tmp_path / "mine/cell.toml").unit
+    assert (unit.name, int(unit.counts(np.zeros(6))[1])) == (NAME, ZERO)
+    assert "hall.toml: " in a465("new-cell", "other", "--unit", "hall.toml", code=2, cwd=tmp_path)[1]
+    assert not (tmp_path / "other").exists()
+
+
 def test_a_cell_has_the_unit_of_its_file(own: Path) -> None:
     cell, shipped = read_cell(own / "cell.toml"), load_unit("crs97")
     assert (cell.unit.name, int(cell.unit.counts(np.zeros(6))[1]), cell.speed_registers[0]) == (

@@ -91,7 +91,7 @@ def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pyte
 
 def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
     assert world_file(task, None).name == "task2.world.toml"
-    with pytest.raises(InputError, match="give --world for the simulated cell"):
+    with pytest.raises(InputError, match="no such world file"):
         world_file(task, tmp_path / "none.toml")
 
 
