@@ -65,6 +65,11 @@ class Console:
         self._started = time.monotonic()
         self.listener: Callable[[str], None] | None = None
 
+    @property
+    def at_terminal(self) -> bool:
+        """Whether progress is shown."""
+        return self._terminal
+
     @contextlib.contextmanager
     def heard(self) -> Iterator[None]:
         """Inside the block, where the arm may move, require that somebody reads the output.

@@ -274,7 +274,7 @@ def path(exists: bool = True) -> Rule[Path]:
         except OSError as error:  # the name is too long, or a folder may not be read
             raise node.error(f"names a file that cannot be read: {error.strerror}") from error
         if exists and not is_there:
-            raise node.error(no_file(found))
+            raise node.error(no_file(found)) from FileNotFoundError(found)
         return found
 
     return Rule("a string", read)

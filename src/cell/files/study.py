@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,17 @@ from typing import Any
 from arm.errors import FileInputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node
-from arm.io.rules import integer, line, no_file, number, path, rule_of, same, tables, text
+from arm.io.rules import integer, is_number, line, no_file, number, path, rule_of, same, tables, text
 from arm.io.storage import canonical_json
 
 STAGES = ("reach", "look", "plan", "run")
 FILES = ("world", "task", "cell", "camera")
 MOST_POINTS, MOST_CHUNKS = 100_000_000, 1_000_000
 # Points of a chunk by its last stage: half a second of work or more.
-CHUNK = {"reach": 1000, "look": 4, "plan": 4, "run": 1}
+CHUNK = {"reach": 50, "look": 4, "plan": 4, "run": 1}
+CHUNK_OF_POSES = 1000  # of reach, if nothing but poses of boards varies
+BOARD_POSE = re.compile(r"boards\[(\d+)\]\.(?:(centre_mm)\[([012])\]|(yaw_deg|tilt_deg|lean_azimuth_deg))")
+"""Key of a number of a board's pose in a world file: board, and list with item or name."""
 
 # of its table besides what varies
 RESULTS = (
@@ -89,8 +93,8 @@ class Varied:
         file: world, task, cell or camera: the file that has it.
         key: such as ``boards[1].centre_mm[0]``.
         name: of its column.
-        low, high: of a range that is sampled; None for a grid.
-        grid: its values; empty for a range.
+        low, high: of a range; None where values are listed.
+        grid: values of a range with steps, or those that are listed; empty for a range that is sampled.
     """
 
     file: str
@@ -130,9 +134,13 @@ class Study:
         return self.samples * math.prod(len(one.grid) for one in self.vary if one.grid)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what the results depend on, but for the files, as JSON types."""
+        """Return what the results of a point depend on, but for the files, as JSON types.
+
+        Without a grid, samples that are added leave the others as they are.
+        """
         vary = [[one.file, one.key, one.low, one.high, list(one.grid)] for one in self.vary]
-        return {"stages": list(self.stages), "vary": vary, "samples": self.samples, "seed": self.seed}
+        samples = self.samples if any(one.grid for one in self.vary) else None
+        return {"stages": list(self.stages), "vary": vary, "samples": samples, "seed": self.seed}
 
 
 def read_study(file: Path, task: Path | None = None, world: Path | None = None) -> Study:
@@ -171,16 +179,10 @@ def read_study(file: Path, task: Path | None = None, world: Path | None = None) 
     if not ranged and keys.points is not None:
         why = "must be left out: every varied value is a grid, and grids say how many points there are"
         raise root.error_at("points", why)
-    study = Study(
-        file,
-        task,
-        world,
-        keys.stages,
-        vary,
-        keys.points or 1,
-        keys.seed,
-        keys.chunk or CHUNK[keys.stages[-1]],
-    )
+    chunk = keys.chunk or CHUNK[keys.stages[-1]]
+    if keys.chunk is None and keys.stages == ("reach",) and all(map(_is_pose, vary)):
+        chunk = CHUNK_OF_POSES
+    study = Study(file, task, world, keys.stages, vary, keys.points or 1, keys.seed, chunk)
     if study.count > MOST_POINTS:
         raise root.error_at("vary", f"must not make more than {MOST_POINTS} points; these make {study.count}")
     if study.count > MOST_CHUNKS * study.chunk:
@@ -195,6 +197,9 @@ def _varied(keys: VaryKeys, node: Node) -> Varied:
         for other in ("from", "to", "steps"):
             if other in node:
                 raise node.error_at(other, "must be left out where values are given")
+        numbers = [one for one in keys.values if is_number(one)]
+        if len(numbers) == len(keys.values) and numbers != sorted(numbers):
+            raise node.error_at("values", "must increase if they are numbers")
         return Varied(keys.file, keys.where, name, None, None, tuple(keys.values))
     if keys.low is None or keys.high is None:
         raise _missing(node, "from" if keys.low is None else "to")
@@ -202,10 +207,20 @@ def _varied(keys: VaryKeys, node: Node) -> Varied:
         raise node.error_at("to", f"must be more than from, which is {keys.low:g}")
     if keys.steps is None:
         return Varied(keys.file, keys.where, name, keys.low, keys.high, ())
-    width = (keys.high - keys.low) / (keys.steps - 1)
+    return Varied(keys.file, keys.where, name, keys.low, keys.high, _grid(keys.low, keys.high, keys.steps))
+
+
+def _grid(low: float, high: float, steps: int) -> tuple[float, ...]:
+    """The values of a range with steps: integers if all are whole, as a seed has to be."""
+    width = (high - low) / (steps - 1)
+    if low.is_integer() and width.is_integer():
+        return tuple(round(low + k * width) for k in range(steps))
     digits = max(9, 6 - math.floor(math.log10(width)))
-    grid = tuple(round(keys.low + k * width, digits) for k in range(keys.steps - 1))
-    return Varied(keys.file, keys.where, name, None, None, (*grid, keys.high))
+    return (*(round(low + k * width, digits) for k in range(steps - 1)), high)
+
+
+def _is_pose(one: Varied) -> bool:
+    return one.file == "world" and BOARD_POSE.fullmatch(one.key) is not None
 
 
 def _missing(node: Node, name: str) -> FileInputError:

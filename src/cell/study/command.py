@@ -29,6 +29,8 @@ from cell.study.work.engine import AnyExecutor, InThisProcess, Lane, OneProcess,
 from cell.study.work.stages import exact_look
 
 TABLE, PAGE = "table.csv", "study.html"
+_MOST_NAMED = 5  # chunks in a line
+_LINE_S = 60.0  # between two lines of progress where there is no terminal
 
 
 def study_step(
@@ -75,12 +77,13 @@ def study_step(
     if work.found:
         console.say(f"{_chunks(work.found)} were there already")
     if work.lost:
-        console.say(f"{work.lost} processes died; their chunks were computed again")
+        console.say(f"{work.lost} processes died; their chunks were computed again, once each")
     aside = {chunk.number for chunk in work.aside}
-    result = _tell(study, file, folder, store, chunks, aside, console, best)
+    result = _tell(study, file, bundle, folder, store, chunks, aside, console, best)
     if aside:
         why = next(iter(work.failed.values()), "their processes died")
-        points = ", ".join(f"{c.first} to {c.first + c.count - 1}" for c in work.aside)
+        points = ", ".join(f"{c.first} to {c.first + c.count - 1}" for c in work.aside[:_MOST_NAMED])
+        points += ", ..." if len(work.aside) > _MOST_NAMED else ""
         raise ExecutionStopped(
             f"{_chunks(len(aside))} were skipped ({why}): points {points}; the same command tries them again",
             reason="aside",
@@ -110,7 +113,7 @@ def point_step(file: Path, number: int, folder: Path | None, console: Console) -
     """
     study = read_study(file)
     folder = Path(f"study-{file.stem}-{number}") if folder is None else folder
-    task_file = write_point(study, number, folder)
+    task_file = write_point(study, bundle_of(study), number, folder)
     for one, value in zip(study.vary, points_of(study, number, 1)[0], strict=True):
         console.say(f"{one.name}: {value}")
     console.say(f"files written to {folder}; the task is {task_file}")
@@ -154,7 +157,7 @@ def _lanes(
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: {error}", option="scheduler") from error
     with client:
-        processes = client.ncores()
+        processes = client.ncores()  # of each worker
         start = f"dask worker {scheduler} --nthreads 1 --nworkers {os.cpu_count() or 1}"
         if not processes:
             why = f"--scheduler {scheduler}: has no worker; start some: {start}"
@@ -164,25 +167,45 @@ def _lanes(
                 f"--scheduler {scheduler}: has a worker with several threads, of which one computes: {start}"
             )
             raise InputError(why, option="scheduler")
-        yield [AnyExecutor(client.get_executor(pure=False), bundle, 2 * len(processes), (KilledWorker,))]
+        executor = client.get_executor(pure=False)
+
+        def connected() -> int:
+            try:
+                return len(client.ncores())
+            except (
+                OSError,
+                TimeoutError,
+            ):  # the scheduler does not answer: no worker can be asked for either
+                return 0
+
+        yield [AnyExecutor(executor, bundle, connected, (KilledWorker,))]
 
 
 class _Progress:
-    """Shows how far a study is, its rate, and the time that is left."""
+    """Shows how far a study is, its rate, and the time that is left; in a file or a pipe a line a minute."""
 
     def __init__(self, study: Study, chunks: int, console: Console) -> None:
         self._study, self._chunks, self._console = study, chunks, console
-        self._began = time.monotonic()
+        self._began = self._told_s = time.monotonic()
 
     def __call__(self, work: Work) -> None:
         done = work.found + work.done
-        took_s = time.monotonic() - self._began
+        now = time.monotonic()
+        took_s = now - self._began
         hint = ""
         if work.done and took_s > 0.0:
             rate = work.done * self._study.chunk / took_s
             left_s = (self._chunks - done - len(work.aside)) * took_s / work.done
             hint = f"{rate:.3g} points/s, {_duration(left_s)} left"
-        self._console.progress("study", done / max(1, self._chunks), hint)
+        if work.aside:
+            hint += f", {_chunks(len(work.aside))} skipped"
+        if self._console.at_terminal:
+            self._console.progress("study", done / max(1, self._chunks), hint)
+        elif now - self._told_s >= _LINE_S:
+            self._told_s = now
+            self._console.step(
+                f"{done} of {_chunks(self._chunks)}, {hint.removeprefix(', ') or 'none computed yet'}"
+            )
 
 
 def _chunks(count: int) -> str:
@@ -204,6 +227,7 @@ def _write_table(path: Path, study: Study, tables: Iterable[str]) -> None:
 def _tell(
     study: Study,
     file: Path,
+    bundle: Bundle,
     folder: Path,
     store: Store,
     chunks: Sequence[Chunk],
@@ -222,8 +246,8 @@ def _tell(
         best, matters = best_of(study, points, values_of), influences(study, points)
         write_atomic(folder / PAGE, study_page(study, points, best, matters, values_of, str(file)))
     passed = int(points.ok.sum())
-    console.say(f"{passed} of {len(points.number)} points passed")
-    reasons = shares(study, points)
+    console.say(f"{passed} of {len(points.ok)} points passed")
+    reasons = shares(points)
     if reasons:
         console.table(("reason", "points", "%"), [(why, n, 100.0 * share) for why, n, share in reasons])
     if matters:
@@ -238,16 +262,13 @@ def _tell(
         console.say(
             f"\nmost robust: point {best.number}; between these values no computed point was refused:"
         )
-        rows = [
-            (one.name, shown(value), *(("", "") if ends is None else map(shown, ends)))
-            for one, value, ends in zip(study.vary, best.values, best.between, strict=True)
-        ]
+        rows = [(one.name, *shown(one, best, k)) for k, one in enumerate(study.vary)]
         console.table(("value", "most robust", "from", "to"), rows)
     if best_folder is not None and best is not None:
-        console.say(f"its task: {write_point(study, best.number, best_folder)}")
+        console.say(f"its task: {write_point(study, bundle, best.number, best_folder)}")
     console.say(f"table: {folder / TABLE}\npage: {folder / PAGE}")
     return {
-        "points": len(points.number),
+        "points": len(points.ok),
         "passed": passed,
         "reasons": {why: n for why, n, _ in reasons},
         "influence": {one.name: [one.share, one.low, one.high] for one in matters},

@@ -27,10 +27,9 @@ _CONFIDENT = 1.96  # standard deviations on each side of an interval of 95 %
 
 @dataclass(frozen=True)
 class Points:
-    """All points of a study as columns.
+    """All points of a study as columns, in the order of their numbers.
 
     Attributes:
-        number: (n,) of each point.
         values: (n, d) of what varies, each scaled so that its range or grid is 0 to 1.
         ok: (n,) whether all stages passed.
         reason: (n,) index into `reasons`; -1 for none.
@@ -38,12 +37,18 @@ class Points:
         numbers: (n,) columns of `NUMBERS`, NaN where unknown.
     """
 
-    number: npt.NDArray[np.int64]
     values: Array
     ok: npt.NDArray[np.bool_]
     reason: npt.NDArray[np.int32]
     reasons: tuple[str, ...]
     numbers: dict[str, Array]
+
+    @property
+    def computed(self) -> npt.NDArray[np.bool_]:
+        """Of which points a stage said anything, (n,); the chunks of the others were set aside."""
+        aside = self.reasons.index(ASIDE) if ASIDE in self.reasons else len(self.reasons)
+        found: npt.NDArray[np.bool_] = self.reason != aside
+        return found
 
 
 @dataclass(frozen=True)
@@ -84,10 +89,9 @@ def read_points(study: Study, chunks: Iterable[tuple[Chunk, str | None]]) -> Poi
     """Read the tables of all chunks, one after the other; None: it was set aside, so nobody knows its points."""
     at = {name: len(study.vary) + 1 + k for k, name in enumerate(RESULTS)}
     named = {"": -1}
-    number, ok, reason = ([np.zeros(0, kind)] for kind in (np.int64, np.bool_, np.int32))
+    ok, reason = ([np.zeros(0, kind)] for kind in (np.bool_, np.int32))
     values, numbers = [np.zeros((0, len(study.vary)))], [np.zeros((len(NUMBERS), 0))]
     for chunk, table in chunks:
-        number.append(np.arange(chunk.first, chunk.first + chunk.count))
         values.append(scaled_points(study, chunk.first, chunk.count))
         if table is None:
             ok.append(np.zeros(chunk.count, dtype=bool))
@@ -104,7 +108,6 @@ def read_points(study: Study, chunks: Iterable[tuple[Chunk, str | None]]) -> Poi
     order = sorted(named.keys() - {""}, key=lambda why: (-count[named[why]], why))
     place = np.array([order.index(why) for why in list(named)[1:]] + [-1], dtype=np.int32)
     return Points(
-        np.concatenate(number),
         np.concatenate(values),
         np.concatenate(ok),
         place[whole],
@@ -117,7 +120,8 @@ def best_of(study: Study, points: Points, values_of: Any) -> Best | None:
     """Return the passed point that is furthest from what was refused; None if none passed.
 
     The distance is the largest change of any value, as a share of its range or grid (Chebyshev); so is that to the end
-    of a range. Ties are broken by the larger margin of the joints, then by the lower number.
+    of a range. A range with steps ends one step beyond its last value. Ties are broken by the larger margin of the
+    joints, then by the lower number.
 
     Args:
         study, points: with all points.
@@ -129,16 +133,17 @@ def best_of(study: Study, points: Points, values_of: Any) -> Best | None:
     if not len(good):
         return None
     inside = points.values[good]
-    ranged = np.array([not one.grid for one in study.vary])
     room = np.full(len(good), np.inf)
-    if ranged.any():  # beyond the end of a range nothing is known
-        room = np.minimum(inside, 1.0 - inside)[:, ranged].min(axis=1)
+    for k, one in enumerate(study.vary):
+        if one.low is not None:  # beyond the end of a range nothing is known
+            step = 1.0 / (len(one.grid) - 1) if one.grid else 0.0
+            room = np.minimum(room, np.minimum(inside[:, k], 1.0 - inside[:, k]) + step)
     bad = points.values[~points.ok]
     if len(bad):
         room = np.minimum(room, cKDTree(bad).query(inside, p=np.inf)[0])
     margin = np.nan_to_num(points.numbers["margin_deg"][good], nan=0.0)
-    k = int(np.lexsort((points.number[good], -margin, -room))[0])
-    number, free = int(points.number[good[k]]), float(room[k])
+    k = int(np.lexsort((good, -margin, -np.round(room, 9)))[0])
+    number, free = int(good[k]), float(room[k])
     return Best(
         number,
         values_of(number),
@@ -149,13 +154,13 @@ def best_of(study: Study, points: Points, values_of: Any) -> Best | None:
 
 def _between(one: Varied, scaled: float, room: float) -> tuple[float, float] | None:
     """Between which values one may change; of a grid, the last ones before the distance of a refused point."""
-    if one.low is not None and one.high is not None:
+    if not one.grid and one.low is not None and one.high is not None:
         width, at = one.high - one.low, one.low + scaled * (one.high - one.low)
         return max(one.low, at - room * width), min(one.high, at + room * width)
     if not all(is_number(value) for value in one.grid):
         return None
     last = len(one.grid) - 1
-    steps = last if room > 1.0 else math.ceil(room * last - 1e-9) - 1
+    steps = last if math.isinf(room) else math.ceil(room * last - 1e-9) - 1
     middle = round(scaled * last)
     there = one.grid[max(0, middle - steps) : min(last, middle + steps) + 1]
     return float(min(there)), float(max(there))
@@ -170,11 +175,11 @@ def influences(study: Study, points: Points) -> list[Influence]:
     it (Saltelli and others, Global Sensitivity Analysis, 2008, section 1.2); the intervals are the standard deviation
     of the bootstrap, which covers where its percentiles do not.
     """
-    n = len(points.number)
-    if n < 2 or points.ok.all() or not points.ok.any():
+    there = np.flatnonzero(points.computed)
+    if _all_alike(points):
         return []
     rng = np.random.default_rng(study.seed)
-    some = np.arange(n) if n <= _MOST else rng.choice(n, _MOST, replace=False)
+    some = there if len(there) <= _MOST else rng.choice(there, _MOST, replace=False)
     passed = points.ok[some].astype(float)
     draws = [rng.integers(0, len(some), len(some)) for _ in range(_DRAWS)]
     found = []
@@ -195,7 +200,7 @@ def influences(study: Study, points: Points) -> list[Influence]:
 
 def unsaid(study: Study, points: Points, matters: Sequence[Influence]) -> str:
     """Say why there are no indices, or of which values there are none; "" if of all."""
-    if points.ok.all() or not points.ok.any():
+    if _all_alike(points):
         return "All points passed, or none did: there is no variance to explain."
     known = {one.name for one in matters}
     left = [one.name for one in study.vary if one.name not in known]
@@ -203,9 +208,24 @@ def unsaid(study: Study, points: Points, matters: Sequence[Influence]) -> str:
     return f"Too few points for an index of {', '.join(left)}: it needs {least}." if left else ""
 
 
-def shown(value: Any) -> str:
-    """Return a value for people."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def _all_alike(points: Points) -> bool:
+    return len(set(points.ok[points.computed].tolist())) < 2
+
+
+def shown(one: Varied, best: Best, k: int) -> tuple[str, str, str]:
+    """Return a best point's value, by its number in the study, and between which values it may change, for people.
+
+    The ends are rounded inwards, with four digits of the width of the range.
+    """
+    value, ends = best.values[k], best.between[k]
+    if ends is None:
+        return str(value), "", ""
+    first, *_, last = one.grid or (one.low, one.high)
+    whole = all(isinstance(number, int) for number in one.grid) and bool(one.grid)
+    digits = 0 if whole else max(0, 3 - math.floor(math.log10(last - first)))
+    unit = 10.0**-digits
+    least, most = math.ceil(ends[0] / unit - 1e-6) * unit, math.floor(ends[1] / unit + 1e-6) * unit
+    return f"{value:.{digits}f}", f"{least:.{digits}f}", f"{most:.{digits}f}"
 
 
 def _index(at: npt.NDArray[np.int64], passed: Array, bins: int) -> float:
@@ -220,12 +240,10 @@ def _index(at: npt.NDArray[np.int64], passed: Array, bins: int) -> float:
     return (between - (int(there.sum()) - 1) * within) / whole
 
 
-def shares(study: Study, points: Points) -> list[tuple[str, int, float]]:
+def shares(points: Points) -> list[tuple[str, int, float]]:
     """Return the reasons of refusals with the number of points and their share, the most frequent first."""
     counts = np.bincount(points.reason[points.reason >= 0], minlength=len(points.reasons))
-    return [
-        (why, int(n), float(n / len(points.number))) for why, n in zip(points.reasons, counts, strict=True)
-    ]
+    return [(why, int(n), float(n / len(points.ok))) for why, n in zip(points.reasons, counts, strict=True)]
 
 
 def columns(study: Study) -> Sequence[str]:

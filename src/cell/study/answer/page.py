@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable
 from itertools import combinations
 from typing import Any
@@ -36,12 +37,13 @@ def study_page(
         values_of: returns the values of a point by its number.
         named: path of the study file as the user gave it, for commands.
     """
-    passed = int(points.ok.sum())
-    figures = [(str(len(points.number)), "points"), (str(passed), f"passed: {', '.join(study.stages)}")]
-    figures.append((f"{100.0 * passed / max(1, len(points.number)):.1f} %", "of all"))
+    passed, computed, count = int(points.ok.sum()), int(points.computed.sum()), len(points.ok)
+    figures = [(str(count), "points"), (str(passed), f"passed: {', '.join(study.stages)}")]
+    of_all = "of all" if computed == count else f"of the {computed} that were computed"
+    figures.append((f"{100.0 * passed / max(1, computed):.1f} %", of_all))
     reasons = Table(
         ("reason", "points", "share"),
-        [(why, str(count), f"{100.0 * share:.1f} %") for why, count, share in shares(study, points)],
+        [(why, str(count), f"{100.0 * share:.1f} %") for why, count, share in shares(points)],
     )
     influence = Table(
         ("value", "index", "95 % interval"),
@@ -55,7 +57,7 @@ def study_page(
         influence=influence,
         unsaid=unsaid(study, points, matters),
         best=None if best is None else _best_table(study, best),
-        best_command=None if best is None else f"a465 study {named} --point {best.number}",
+        best_command=None if best is None else f"a465 study {shlex.quote(named)} --point {best.number}",
         data=json.dumps(_maps(study, points, values_of, named), separators=(",", ":")).replace(
             "<", "\\u003c"
         ),
@@ -63,10 +65,7 @@ def study_page(
 
 
 def _best_table(study: Study, best: Best) -> Table:
-    rows = []
-    for one, value, ends in zip(study.vary, best.values, best.between, strict=True):
-        least, most = ("", "") if ends is None else map(shown, ends)
-        rows.append((one.name, shown(value), least, most))
+    rows = [(one.name, *shown(one, best, k)) for k, one in enumerate(study.vary)]
     return Table(("value", "most robust", "from", "to"), rows)
 
 
@@ -74,12 +73,12 @@ def _maps(
     study: Study, points: Points, values_of: Callable[[int], tuple[Any, ...]], named: str
 ) -> dict[str, Any]:
     """Return what the page draws: a map for each two values, and points to click."""
-    most = int(np.clip(np.sqrt(len(points.number) / _IN_CELL), _FEWEST, _CELLS))
+    most = int(np.clip(np.sqrt(len(points.ok) / _IN_CELL), _FEWEST, _CELLS))
     axes = [_axis(one, most) for one in study.vary]
     at = [_cell_of(points.values[:, k], axis) for k, axis in enumerate(axes)]
     pairs = list(combinations(range(len(axes)), 2))[:_MOST_MAPS] or [(0, 0)]
     rng = np.random.default_rng(study.seed)
-    n = len(points.number)
+    n = len(points.ok)
     some = np.sort(rng.choice(n, _SHOWN, replace=False)) if n > _SHOWN else np.arange(n)
     return {
         "axes": axes,
@@ -89,7 +88,7 @@ def _maps(
             for i, j in pairs
         ],
         "points": [_point(points, int(k), values_of) for k in some],
-        "study": named,
+        "study": shlex.quote(named),
     }
 
 
@@ -136,10 +135,9 @@ def _map(
 
 
 def _point(points: Points, k: int, values_of: Callable[[int], tuple[Any, ...]]) -> list[Any]:
-    number = int(points.number[k])
     return [
-        number,
+        k,
         [round(float(v), 4) for v in points.values[k]],
-        list(values_of(number)),
+        list(values_of(k)),
         int(min(points.reason[k], _REASONS)),
     ]

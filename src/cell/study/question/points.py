@@ -33,9 +33,9 @@ def scaled_points(study: Study, first: int, count: int) -> Array:
     grids, samples = _places(study, first, count)
     scaled = np.zeros((count, len(study.vary)))
     for k, one in enumerate(study.vary):
-        if one.low is None or one.high is None:
-            scaled[:, k] = grids[:, k] / max(1, len(one.grid) - 1)
-        else:
+        if one.grid:
+            scaled[:, k] = grids[:, k] / (len(one.grid) - 1)
+        elif one.low is not None and one.high is not None:
             scaled[:, k] = (samples[:, k] - one.low) / (one.high - one.low)
     return scaled
 

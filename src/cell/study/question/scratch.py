@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
@@ -36,7 +36,11 @@ from cell.study.question.points import points_of
 _LARGEST = max(MOST_BYTES, key=lambda kind: MOST_BYTES[kind])
 PACKAGES = ("arm", "plan", "vision", "render", "driver", "calib", "cell")
 _LEAST_MM = 10.0  # of a value in the file by which the unit of a study's values is judged
-LIBRARIES = ("numpy", "scipy", "pin", "coal", "qpsolvers", "toppra", "ruckig", "opencv-python-headless")
+LIBRARIES = (
+    *("numpy", "scipy", "pin", "coal", "qpsolvers", "daqp", "osqp", "piqp"),
+    *("toppra", "ruckig", "opencv-python-headless"),
+)
+"""Which compute; the others of the program only read, print and talk."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,22 @@ def _read_whole(study: Study) -> tuple[Task, World]:
 
 
 def _require_used(study: Study, task: Task, world: World) -> None:
-    """Refuse a camera that varies and is not looked through."""
-    if not any(one.file == "camera" for one in study.vary):
+    """Refuse a cell or camera file that varies and is not used, at some points or at all."""
+    varying = {(one.file, one.key): one.name for one in study.vary}
+    inside = {one.file for one in study.vary}
+    naming = {
+        "cell": [("task", "cell")],
+        "camera": [("task", "cell"), ("cell", "camera"), ("cell", "calibration")],
+    }
+    for file, places in naming.items():
+        for place in places:
+            if file in inside and place in varying:
+                why = (
+                    f"{study.file.name}: vary: {varying[place]} says which {file} file is used, so a key of one cannot "
+                    "vary too; ask two studies"
+                )
+                raise InputError(why, file=str(study.file), key="vary")
+    if "camera" not in inside:
         return
     if task.cell.calibration is not None:
         why = (
@@ -236,20 +254,29 @@ class Scratch:
 
     def __init__(self, bundle: Bundle, folder: Path) -> None:
         self._folder = folder
-        self.study = bundle.write(folder)
-        self.task, self.world = _read(self.study.task, self.study.world)
-        cell, camera = folder / bundle.cell, folder / bundle.camera
+        try:
+            self.study = bundle.write(folder)
+        except OSError as error:
+            why = f"{folder}: cannot be written: {error.strerror}"
+            raise InputError(why, file=str(folder)) from error
+        with files_read() as read:
+            self.task, self.world = _read_whole(self.study)
+        self._require_copies(read)
         self._read_again = {one.file for one in self.study.vary}
-        self._require_copy("cell", self.task.cell.file, cell)
-        if "camera" in self._read_again:
-            self._require_copy("camera", self.task.cell.camera_file, camera)
+        cell, camera = folder / bundle.cell, folder / bundle.camera
         files = _varied_files(self.study.task, self.study.world, cell, camera)
         self._templates = _Templates(self.study, files)
 
-    def _require_copy(self, key: str, named: Path, copy: Path) -> None:
-        if not named.samefile(copy):
-            why = f"{key} = {named}: must be relative to the file that names it, as a study changes a copy"
-            raise InputError(why, **{key: str(named)})
+    def _require_copies(self, read: Iterable[Path]) -> None:
+        """Refuse a file that is named by an absolute path: a study reads the copies that it changes and sends."""
+        own = (self._folder.resolve(), data_file("urdf").resolve())
+        for path in read:
+            if not any(folder in path.resolve().parents for folder in own):
+                why = (
+                    f"{path}: a study reads copies of its files, on other machines too: the file that names it must "
+                    "name it by a relative path"
+                )
+                raise InputError(why, file=str(path))
 
     def set(self, values: Sequence[Any]) -> None:
         """Write the values of a point into the files, and read them.
@@ -260,7 +287,9 @@ class Scratch:
         try:
             self._templates.write(values)
             if self._read_again != {"world"}:
-                self.task, self.world = _read(self.study.task, self.study.world)
+                with files_read() as read:
+                    self.task, self.world = _read(self.study.task, self.study.world)
+                self._require_copies(read)
             else:
                 self.world = read_world(self.study.world, self.task.cell.boards[0].marker_size)
         except OSError as error:
@@ -277,8 +306,14 @@ class Scratch:
         return text.replace(f"{self._folder}{os.sep}", "")
 
 
-def write_point(study: Study, number: int, folder: Path) -> Path:
+def write_point(study: Study, bundle: Bundle, number: int, folder: Path) -> Path:
     """Write the files of one point below a new folder, all or none; return the path of its task file.
+
+    Args:
+        study: the study.
+        bundle: its files, as they were when its points were computed.
+        number: of the point.
+        folder: to write.
 
     Raises:
         InputError: there is no such point, the folder is there or cannot be written, or a value is wrong.
@@ -287,7 +322,6 @@ def write_point(study: Study, number: int, folder: Path) -> Path:
         raise InputError(f"point = {number}: must be 0 to {study.count - 1}", point=number)
     if folder.exists():
         raise InputError(f"{folder}: is there already; give a new folder", file=str(folder))
-    bundle = bundle_of(study)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryFolder(folder) as made:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections import Counter, deque
@@ -14,25 +15,29 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Protocol
 
-from arm.errors import A465Error, ExecutionStopped
+from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.study.question.scratch import Bundle
 from cell.study.work.chunks import Chunk, Store
 from cell.study.work.worker import BUSY, begin, compute
 
 _POLL_S = 0.5
 _MOST_DEATHS = 10  # in a row, without a chunk that was finished
+_MOST_FAULTS = 10  # of the program, in a row
 _BUSY_S = 0.2  # between two looks at what somebody else is at
+_ASK_S = 5.0  # between two questions for the workers of a cluster
+_ALONE_S = 120.0  # a cluster may be without a worker
 
 
 class Lane(Protocol):
     """Takes chunks, and computes some of them at a time."""
 
-    most: int
-    """Chunks that it holds at a time."""
-    parallel: bool
-    """Whether it computes all of them at a time."""
     tries: int
     """Processes that a chunk may cost before it is set aside."""
+
+    @property
+    def most(self) -> int:
+        """Chunks that it holds at a time."""
+        ...
 
     def submit(self, chunk: Chunk) -> Future[str]:
         """Begin with a chunk, or put it behind those that it holds."""
@@ -50,7 +55,7 @@ class Lane(Protocol):
 class OneProcess:
     """A lane with one process of this machine. A process that is lost takes no chunk of another lane with it."""
 
-    most, parallel, tries = 1, False, 2  # after Ctrl-C, none waits for its turn
+    most, tries = 1, 2  # after Ctrl-C, none waits for its turn
 
     def __init__(self, bundle: Bundle, folder: Path) -> None:
         self._bundle, self._folder = bundle, folder
@@ -84,16 +89,37 @@ class AnyExecutor:
 
     Args:
         executor: takes functions.
-        most: chunks that it holds at a time.
+        workers: returns how many processes it has now.
         lost: errors that mean that a process was lost.
     """
 
     def __init__(
-        self, executor: Executor, bundle: Bundle, most: int, lost: tuple[type[BaseException], ...] = ()
+        self,
+        executor: Executor,
+        bundle: Bundle,
+        workers: Callable[[], int],
+        lost: tuple[type[BaseException], ...] = (),
     ) -> None:
-        # a cluster has tried before it gives up, and blames all that a lost process held
-        self.parallel, self.tries = True, 2
-        self.most, self._executor, self._bundle, self._lost = most, executor, bundle, lost
+        self.tries = 2  # a cluster has tried before it gives up, and blames all that a lost process held
+        self._executor, self._bundle, self._workers, self._lost = executor, bundle, workers, lost
+        self._count, self._asked_s, self._seen_s = 0, -math.inf, time.monotonic()
+
+    @property
+    def most(self) -> int:
+        """Two chunks for each process, so that none waits for the next.
+
+        Raises:
+            ExecutionStopped: there has been no process for two minutes.
+        """
+        now = time.monotonic()
+        if now - self._asked_s >= _ASK_S:
+            self._count, self._asked_s = self._workers(), now
+        if self._count:
+            self._seen_s = now
+        elif now - self._seen_s > _ALONE_S:
+            why = f"the cluster has had no worker for {_ALONE_S:g} s; start some, and give the same command again"
+            raise ExecutionStopped(why, reason="workers")
+        return 2 * self._count
 
     def submit(self, chunk: Chunk) -> Future[str]:
         """Hand a chunk to the executor."""
@@ -111,7 +137,7 @@ class AnyExecutor:
 class InThisProcess:
     """A lane that computes each chunk at once, in this process."""
 
-    most, parallel, tries = 1, False, 1
+    most, tries = 1, 1
 
     def __init__(self, bundle: Bundle, folder: Path) -> None:
         self._bundle, self._folder = bundle, folder
@@ -142,6 +168,7 @@ class Work:
         deaths: number of processes that a chunk cost, by its number.
         failed: why chunks were set aside whose computation failed, by their number.
         in_a_row: number of processes that were lost since a chunk was finished.
+        faults_in_a_row: number of faults of the program since then.
     """
 
     found: int = 0
@@ -151,6 +178,7 @@ class Work:
     deaths: Counter[int] = field(default_factory=Counter)
     failed: dict[int, str] = field(default_factory=dict)
     in_a_row: int = 0
+    faults_in_a_row: int = 0
 
 
 def compute_all(
@@ -166,7 +194,7 @@ def compute_all(
 
     Raises:
         A465Error: a chunk refuses as a whole, such as on a machine with another version of the program.
-        ExecutionStopped: processes die one after the other, or the cluster is gone.
+        ExecutionStopped: processes die or fail one after the other, or the cluster is gone.
     """
     left = deque(chunk for chunk in chunks if not store.has(chunk))
     work = Work(found=len(chunks) - len(left))
@@ -183,7 +211,11 @@ def compute_all(
                 while left and len(mine) < lane.most:
                     chunk = left.popleft()
                     mine[lane.submit(chunk)] = chunk
-            wait([future for mine in held.values() for future in mine], _POLL_S, FIRST_COMPLETED)
+            waiting = [future for mine in held.values() for future in mine]
+            if waiting:
+                wait(waiting, _POLL_S, FIRST_COMPLETED)
+            else:
+                time.sleep(_POLL_S)  # until a cluster has a worker
             for lane in taking:
                 _collect(lane, held[id(lane)], store, left, work)
             told(work)
@@ -192,6 +224,10 @@ def compute_all(
                     f"{work.in_a_row} processes died one after the other, and no chunk was finished meanwhile"
                 )
                 raise ExecutionStopped(why, reason="died")
+            if work.faults_in_a_row >= _MOST_FAULTS:
+                last = list(work.failed.values())[-1]
+                why = f"the program failed in {work.faults_in_a_row} chunks one after the other: {last}"
+                raise ExecutionStopped(why, reason="fault")
     return work
 
 
@@ -199,17 +235,12 @@ def _collect(
     lane: Lane, mine: dict[Future[str], Chunk], store: Store, left: deque[Chunk], work: Work
 ) -> None:
     """Take what a lane has finished, in the order in which it began."""
-    if any(future.done() and _lost(lane, future) for future in mine) and not lane.parallel:
-        wait(mine)  # all that a process held ends with it, and it was at the first of them
-    died = False
     for future, chunk in [(future, chunk) for future, chunk in mine.items() if future.done()]:
         del mine[future]
         if _lost(lane, future):
-            if lane.parallel or not died:
-                work.lost += 1
-                work.in_a_row += 1
-                work.deaths[chunk.number] += 1
-            died = True
+            work.lost += 1
+            work.in_a_row += 1
+            work.deaths[chunk.number] += 1
             if work.deaths[chunk.number] >= lane.tries:
                 work.aside.append(chunk)
             else:
@@ -218,10 +249,14 @@ def _collect(
         if future.cancelled():
             raise ExecutionStopped("the cluster cancelled a chunk: its scheduler is gone", reason="cluster")
         error = future.exception()
+        if isinstance(error, ImportError):  # before any code of a465 could compare versions
+            why = f"a worker cannot import a465: {error}; install the same version there"
+            raise InputError(why, reason="import") from error
         if isinstance(error, Exception) and not isinstance(error, A465Error):
             # a fault of the program at one point must not end the study; the program tells it
             work.failed[chunk.number] = f"{type(error).__name__}: {error}"
             work.aside.append(chunk)
+            work.faults_in_a_row += 1
         elif error is not None:
             raise error
         else:
@@ -242,4 +277,4 @@ def _take(result: str, chunk: Chunk, store: Store, left: deque[Chunk], work: Wor
     if result:
         store.write(chunk, result)
     work.done += 1
-    work.in_a_row = 0
+    work.in_a_row = work.faults_in_a_row = 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any, NamedTuple
@@ -13,7 +12,7 @@ from arm.io.rules import is_number
 from arm.io.toml_reader import read_toml
 from arm.poses import BoardPose
 from arm.se3 import Array
-from cell.files.study import Study
+from cell.files.study import BOARD_POSE, Study
 from cell.files.task import Task
 from cell.files.world import World, board_placement
 from cell.scene.options import options_of
@@ -25,7 +24,6 @@ from plan.program.setting import planned_limits
 from vision.observation import Observation, ObservedBoard
 
 _AT_A_TIME = 128  # lines whose arrays fit into the processor's cache
-_KEY = re.compile(r"boards\[(\d+)\]\.(?:(centre_mm)\[([012])\]|(yaw_deg|tilt_deg|lean_azimuth_deg))")
 _LARGEST = {"centre_mm": 2000.0, "yaw_deg": 360.0, "tilt_deg": 60.0, "lean_azimuth_deg": 360.0}
 
 
@@ -164,7 +162,7 @@ class QuickReach:
 
 
 def _split(key: str) -> tuple[int, str, int | None]:
-    found = _KEY.fullmatch(key)
+    found = BOARD_POSE.fullmatch(key)
     if found is None:
         raise ValueError(key)
     return int(found[1]), found[2] or found[4], None if found[3] is None else int(found[3])
@@ -172,7 +170,7 @@ def _split(key: str) -> tuple[int, str, int | None]:
 
 def _within(key: str, values: Sequence[Any]) -> bool:
     """Whether a key is of a board's pose, and its values are ones that a world file may have."""
-    found = _KEY.fullmatch(key)
+    found = BOARD_POSE.fullmatch(key)
     if found is None or not all(is_number(value) for value in values):
         return False
     name = found[2] or found[4]

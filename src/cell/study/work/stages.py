@@ -43,6 +43,16 @@ from vision.boards.checks import Spread
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import Occupancy
 
+_OF_DATA = {
+    "below_mm": "below the table",
+    "insertion": "error budget",
+    "places": "too few free holes",
+    "moved_mm": "camera moved",
+    "height": "board {board} not as high and flat as the task says",
+    "board": "view: board {board}",
+    "hole": "view: a hole is unsure",
+}
+"""What an error with such data says; the first that it has."""
 _HOLE = re.compile(r"\b(\d+-\d+)/\d+")
 
 
@@ -55,7 +65,11 @@ class Evaluator:
 
     def __init__(self, bundle: Bundle) -> None:
         # the next study removes the folder of one that was killed
-        folder = TemporaryFolder(Path(gettempdir()) / "study")
+        try:
+            folder = TemporaryFolder(Path(gettempdir()) / "study")
+        except OSError as error:
+            why = f"{gettempdir()}: a folder cannot be made there: {error.strerror}"
+            raise InputError(why, file=gettempdir()) from error
         finalize(self, folder.__exit__)
         self._scratch = Scratch(bundle, folder.path)
         self._folder = folder.path
@@ -217,19 +231,17 @@ def reason_of(error: A465Error) -> str:
         way = next((way for way in failure.ways if way.pair or way.joint), None)
         if way is None:
             return failure.kind
-        return f"{failure.kind}: {_bodies(way.pair)}" if way.pair else f"{failure.kind}: joint {way.joint}"
+        if way.pair:
+            return f"{failure.kind}: {_bodies(way.pair)}"
+        return f"joint {way.joint} {'too fast' if way.excess_deg is None else 'beyond its limit'}"
     if "pair" in data:
-        return f"clearance: {_bodies(data['pair'])}"
-    if "below_mm" in data:
-        return "below the table"
-    if "insertion" in data:
-        return "error budget"
-    if "places" in data:
-        return "too few free holes"
-    if "board" in data:
-        return f"view: board {data['board']}"
-    if "hole" in data:
-        return "view: a hole is unsure"
+        with_errors = " with the arm's errors" if "required_mm" in data else ""
+        return f"clearance{with_errors}: {_bodies(data['pair'])}"
+    for name, why in _OF_DATA.items():
+        if name in data:
+            return why.format(**data)
+    if "cubes" in data and (missed := [cube for cube in data["cubes"] if not cube["placed"]]):
+        return f"cube {missed[0]['faults'][0] if missed[0]['faults'] else 'not seated'}"
     kind = {ExecutionStopped: "stopped", InputError: "wrong value"}.get(type(error), "refused")
     return f"{kind}: {data['reason']}" if isinstance(data.get("reason"), str) else kind
 

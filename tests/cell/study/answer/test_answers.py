@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cell.files.study import Study, read_study
-from cell.study.answer.answers import Points, best_of, influences, read_points, shares
+from cell.study.answer.answers import Best, Points, best_of, influences, read_points, shares, shown, unsaid
 from cell.study.question.points import points_of
 from cell.study.work.chunks import Chunk
 from studies.written import YAW, X, write_study
@@ -66,16 +66,73 @@ def test_a_grid_changes_in_whole_steps(scenes: Path) -> None:
     points = _points(study, _table(study, lambda x, seed: x < 450.0))
     best = best_of(study, points, lambda n: points_of(study, n, 1)[0])
     assert best is not None
-    assert best.values == (420.0, 0)
-    assert best.room == 0.5
-    assert best.between == ((420.0, 440.0), (0.0, 1.0))  # 460 was refused
+    assert best.values == (420, 0)  # one step from the end of what was asked, as 440 is from what was refused
+    assert best.room == 0.25
+    assert best.between == ((420.0, 420.0), (0.0, 0.0))
 
 
 def test_where_nothing_was_refused_the_whole_grid_is_free(scenes: Path) -> None:
     study = read_study(write_study(scenes, [{**X, "steps": 5}, {"key": "seed", "values": ["a", "b"]}]))
     best = best_of(study, _points(study, _table(study, lambda *_: True)), lambda n: points_of(study, n, 1)[0])
     assert best is not None
+    assert best.values == (460, "a")
     assert best.between == ((420.0, 500.0), None)
+
+
+STEPS = {key: value for key, value in X.items() if key not in ("from", "to")}
+
+
+@pytest.mark.parametrize(
+    ("one", "room"),
+    [({**X, "steps": 5}, 0.75), ({**X, "steps": 2}, 1.0), ({**STEPS, "values": [1, 5, 9]}, 1.0)],
+)
+def test_a_range_with_steps_ends_one_step_beyond_its_last(
+    scenes: Path, one: dict[str, Any], room: float
+) -> None:
+    """Nobody asked what is there. Listed values have no beyond."""
+    study = read_study(write_study(scenes, [one]))
+    best = best_of(study, _points(study, _table(study, lambda *_: True)), lambda n: points_of(study, n, 1)[0])
+    assert best is not None
+    assert best.room == pytest.approx(room)
+
+
+def test_what_was_not_computed_is_neither_passed_nor_refused(scenes: Path) -> None:
+    """A chunk that was set aside says nothing of what matters."""
+    study = read_study(write_study(scenes, [X, YAW], points=2048, seed=3, chunk=1024))
+    rows = _table(study, lambda x, yaw: x < 447.0).splitlines(keepends=True)
+    half, rest = Chunk(0, 0, 1024, ""), Chunk(1, 1024, 1024, "")
+    points = read_points(study, [(half, "".join(rows[:1024])), (rest, None)])
+    assert int(points.computed.sum()) == 1024
+    found = {one.name: one for one in influences(study, points)}
+    assert found["x"].share > 0.9
+    all_pass = read_points(study, [(half, _table_of(rows[:1024])), (rest, None)])
+    assert influences(study, all_pass) == []
+    assert unsaid(study, all_pass, []).startswith("All points passed")
+
+
+def _table_of(rows: list[str]) -> str:
+    return "".join(row.replace(",0,left", ",1,").replace(",0,right", ",1,") for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("one", "ends", "told"),
+    [
+        (X, (420.0004, 499.9996), ("450.00", "420.01", "499.99")),
+        ({**X, "steps": 5}, (420.0, 500.0), ("450", "420", "500")),
+        (
+            {**X, "from": 1e-7, "to": 9e-7},
+            (2e-7, 3.00000049e-7),
+            ("450.0000000000", "0.0000002000", "0.0000003000"),
+        ),
+        ({"key": "seed", "values": ["a", "b"]}, None, ("450.0", "", "")),
+    ],
+)
+def test_ends_are_rounded_inwards(
+    scenes: Path, one: dict[str, Any], ends: tuple[float, float] | None, told: tuple[str, str, str]
+) -> None:
+    more = {} if "steps" in one or "values" in one else {"points": 2}
+    varied = read_study(write_study(scenes, [one], **more)).vary[0]
+    assert shown(varied, Best(0, (450.0,), 0.1, (ends,)), 0) == told
 
 
 def test_what_was_not_computed_bounds_what_is_known(scenes: Path) -> None:
@@ -85,11 +142,11 @@ def test_what_was_not_computed_bounds_what_is_known(scenes: Path) -> None:
     points = read_points(
         study, [(chunks[0], "".join(rows[:3])), (chunks[1], "".join(rows[3:6])), (chunks[2], None)]
     )
-    assert shares(study, points) == [("not computed", 3, 1 / 3)]
+    assert shares(points) == [("not computed", 3, 1 / 3)]
     best = best_of(study, points, lambda n: points_of(study, n, 1)[0])
     assert best is not None
-    assert best.values == (420.0,)
-    assert best.between == ((420.0, 470.0),)
+    assert best.values == (440,)
+    assert best.between == ((420.0, 460.0),)
 
 
 def test_the_mean_of_points_of_a_narrow_range_is_inside_it(scenes: Path) -> None:
@@ -103,9 +160,9 @@ def test_the_mean_of_points_of_a_narrow_range_is_inside_it(scenes: Path) -> None
 def test_shares_are_counted_the_most_frequent_first(scenes: Path) -> None:
     study = _study(scenes, 256)
     points = _points(study, _table(study, lambda x, yaw: x > 480.0))
-    assert shares(study, points)[0][:2] == ("left", 128)
-    assert shares(study, points)[1][0] == "right"
-    assert sum(n for _, n, _ in shares(study, points)) + points.ok.sum() == 256
+    assert shares(points)[0][:2] == ("left", 128)
+    assert shares(points)[1][0] == "right"
+    assert sum(n for _, n, _ in shares(points)) + points.ok.sum() == 256
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -157,7 +214,7 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say(scenes: Path, answer:
         values = rng.random((n, 2))
         ok = rng.random(n) < chance(*values.T)
         reason = np.where(ok, -1, 0).astype(np.int32)
-        found = influences(study, Points(np.arange(n), values, ok, reason, ("no",), {}))
+        found = influences(study, Points(values, ok, reason, ("no",), {}))
         at = {"x": truth[0], "yaw": truth[1]}
         inside += sum(one.low - 1e-9 <= at[one.name] <= one.high + 1e-9 for one in found)
     assert (

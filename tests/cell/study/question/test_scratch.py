@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +16,7 @@ from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.scene.fingerprint import plan_fingerprint
 from cell.study.question.points import points_of
-from cell.study.question.scratch import Scratch, bundle_of, code_digest, code_files, write_point
+from cell.study.question.scratch import LIBRARIES, Scratch, bundle_of, code_digest, code_files, write_point
 from studies.written import YAW, X, write_study
 from typed.command_line import replace_in
 
@@ -47,17 +50,18 @@ def test_values_are_set_in_copies(scenes: Path, tmp_path: Path, absolute: bool) 
 
 def test_the_files_of_a_point_are_those_of_the_study(scenes: Path, tmp_path: Path) -> None:
     study = read_study(write_study(scenes, [TOOL, X], points=4))
-    task_file = write_point(study, 6, tmp_path / "there")
+    bundle = bundle_of(study)
+    task_file = write_point(study, bundle, 6, tmp_path / "there")
     scratch_folder = tmp_path / "scratch"
     scratch_folder.mkdir()
-    scratch = Scratch(bundle_of(study), scratch_folder)
+    scratch = Scratch(bundle, scratch_folder)
     scratch.set(points_of(study, 6, 1)[0])
     assert plan_fingerprint(read_task(task_file)) == plan_fingerprint(scratch.task)
     with pytest.raises(InputError, match="is there already"):
-        write_point(study, 6, tmp_path / "there")
+        write_point(study, bundle, 6, tmp_path / "there")
     for number in (-1, 8):
         with pytest.raises(InputError, match="must be 0 to 7"):
-            write_point(study, number, tmp_path / "more")
+            write_point(study, bundle, number, tmp_path / "more")
     assert not (tmp_path / "more").exists()
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
@@ -113,6 +117,9 @@ def test_files_that_values_name_go_along(scenes: Path, tmp_path: Path) -> None:
 
 
 def test_a_value_that_names_no_file_is_told_at_once(scenes: Path) -> None:
+    cameras = {"file": "cell", "key": "camera", "values": ["cameras/lab.toml", "cameras/lap.toml"]}
+    with pytest.raises(InputError, match=r"camera .*names a file that does not exist: .*lap\.toml"):
+        bundle_of(read_study(write_study(scenes, [cameras])))
     vary = {"file": "cell", "key": "background", "values": ["calibration.background.npz", "none.npz"]}
     with pytest.raises(InputError, match=r"none\.npz: cannot be read: No such file"):
         bundle_of(read_study(write_study(scenes / "realistic", [vary], stages=["look"])))
@@ -125,15 +132,42 @@ def test_the_background_of_the_camera_goes_along_with_a_look(scenes: Path) -> No
         assert any(name.endswith("background.npz") for name in bundle_of(study).files) == there
 
 
-@pytest.mark.parametrize("varies", [True, False])
-def test_a_camera_elsewhere_cannot_vary(scenes: Path, tmp_path: Path, varies: bool) -> None:
-    replace_in(scenes / "cell.toml", '"cameras/lab.toml"', f'"{scenes / "cameras/lab.toml"}"')
-    study = read_study(write_study(scenes, [HEIGHT if varies else X], points=4))
-    if varies:
-        with pytest.raises(InputError, match=r"camera = .*must be relative to the file that names it"):
-            bundle_of(study)
-    else:
-        bundle_of(study)
+@pytest.mark.parametrize("named", ["cameras/lab.toml", "boards/positions_plate_01-02.csv"])
+def test_a_file_that_is_named_by_an_absolute_path_is_refused(scenes: Path, named: str) -> None:
+    """A study would read it as it is then, and another machine its own."""
+    replace_in(scenes / "cell.toml", f'"{named}"', f'"{scenes / named}"')
+    with pytest.raises(InputError, match=rf"{named}: a study reads copies .* name it by a relative path"):
+        bundle_of(read_study(write_study(scenes, [X], points=4)))
+
+
+def test_a_file_that_a_value_names_by_an_absolute_path_is_no_value(scenes: Path, tmp_path: Path) -> None:
+    vary = {"file": "cell", "key": "camera", "values": ["cameras/lab.toml", str(scenes / "cameras/lab.toml")]}
+    (tmp_path / "copy").mkdir()
+    scratch = Scratch(bundle_of(read_study(write_study(scenes, [vary]))), tmp_path / "copy")
+    scratch.set(["cameras/lab.toml"])
+    with pytest.raises(InputError, match="name it by a relative path"):
+        scratch.set([str(scenes / "cameras/lab.toml")])
+
+
+@pytest.mark.parametrize(
+    ("names", "inside"),
+    [
+        ({"file": "task", "key": "cell", "values": ["cell.toml", "other.toml"]}, "cell"),
+        ({"file": "cell", "key": "camera", "values": ["cameras/lab.toml", "cameras/other.toml"]}, "camera"),
+    ],
+)
+def test_which_file_is_used_and_a_key_of_it_do_not_vary_together(
+    scenes: Path, names: dict[str, Any], inside: str
+) -> None:
+    """Only the file that the task names has the values of a point: with another the table would say what was not so."""
+    shutil.copy(scenes / "cell.toml", scenes / "other.toml")
+    shutil.copy(scenes / "cameras/lab.toml", scenes / "cameras/other.toml")
+    key = {
+        "cell": TOOL,
+        "camera": {k: v for k, v in HEIGHT.items() if k not in ("from", "to")} | {"values": [1.1, 1.3]},
+    }
+    with pytest.raises(InputError, match=f"says which {inside} file is used"):
+        bundle_of(read_study(write_study(scenes, [names, key[inside]])))
 
 
 def test_a_value_that_no_file_may_have_is_told_by_the_point(scenes: Path, tmp_path: Path) -> None:
@@ -184,6 +218,13 @@ def test_the_digest_is_of_all_packages_and_of_the_units() -> None:
     assert modules <= set(code_files())
     assert source / "cell" / "study" / "work" / "stages.py" in code_files()
     assert any(path.name == "crs97.toml" for path in code_files())
+
+
+def test_every_library_of_the_program_computes_or_only_reads_prints_and_talks() -> None:
+    project = tomllib.loads((Path(__file__).resolve().parents[4] / "pyproject.toml").read_text())["project"]
+    needed = {re.split(r"[ <>=]", one)[0] for one in project["dependencies"]}
+    assert needed - set(LIBRARIES) == {"jinja2", "packaging", "pyserial", "rich", "svg.path", "typer"}
+    assert set(LIBRARIES) <= needed
 
 
 def test_the_digest_changes_with_a_file_and_with_a_library(

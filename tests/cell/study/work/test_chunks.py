@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from cell.files.study import read_study
+from cell.study.question.points import points_of
 from cell.study.question.scratch import bundle_of
 from cell.study.work.chunks import Store, chunks_of
-from studies.written import write_study
+from studies.written import YAW, X, write_study
 
 
 def test_chunks_cover_all_points_once(scenes: Path) -> None:
@@ -16,6 +17,17 @@ def test_chunks_cover_all_points_once(scenes: Path) -> None:
     chunks = chunks_of(study, bundle_of(study))
     assert [n for c in chunks for n in range(c.first, c.first + c.count)] == list(range(23))
     assert len({c.name for c in chunks}) == len(chunks) == 5
+
+
+def test_a_study_that_grows_keeps_what_it_has_unless_a_grid_varies(scenes: Path) -> None:
+    """With a grid, the points have other numbers, and so other values."""
+    noise = {"key": "noise_grey", "values": [1.0, 2.0]}
+    for vary, kept in (([X, YAW], 4), ([X, noise], 0)):
+        small, large = (read_study(write_study(scenes, vary, points=points, chunk=5)) for points in (23, 64))
+        names = [{chunk.name for chunk in chunks_of(study, bundle_of(study))} for study in (small, large)]
+        assert len(names[0] & names[1]) == kept
+        if kept:
+            assert points_of(large, 0, 20) == points_of(small, 0, 20)
 
 
 def test_names_change_with_what_is_asked_with_files_and_with_the_program(scenes: Path) -> None:

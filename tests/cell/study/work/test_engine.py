@@ -38,30 +38,19 @@ def _files(folder: Path) -> dict[str, bytes]:
 class Scripted:
     """A lane whose chunks end as a script says: done, or that the process was lost."""
 
-    most, parallel, tries = 2, False, 2
+    most, tries = 1, 2
 
     def __init__(self, store: Store, lost: set[int]) -> None:
-        self._store, self._lost, self.begun = store, lost, list[int]()
-        self._waiting = list[tuple[Chunk, Future[str]]]()
+        self._store, self._lost = store, lost
 
     def submit(self, chunk: Chunk) -> Future[str]:
-        self.begun.append(chunk.number)
         future: Future[str] = Future()
-        self._waiting.append((chunk, future))
-        if len(self._waiting) == self.most or chunk.number == 9:
-            self._work()
-        return future
-
-    def _work(self) -> None:
-        while self._waiting:
-            chunk, future = self._waiting.pop(0)
-            if chunk.number in self._lost:
-                for other in (future, *(f for _, f in self._waiting)):
-                    other.set_exception(BrokenProcessPool())
-                self._waiting.clear()
-                return
+        if chunk.number in self._lost:
+            future.set_exception(BrokenProcessPool())
+        else:
             self._store.write(chunk, f"{chunk.number}\n")
             future.set_result("")
+        return future
 
     def died(self, error: BaseException) -> bool:
         return isinstance(error, BrokenProcessPool)
@@ -107,17 +96,58 @@ class Answering(ThreadPoolExecutor):
 
 def test_a_fault_at_one_point_sets_its_chunk_aside_and_is_told(scenes: Path, tmp_path: Path) -> None:
     bundle, chunks = _asked(scenes)
-    lanes = [AnyExecutor(Answering({4: ZeroDivisionError("division")}), bundle, 2)]
+    lanes = [AnyExecutor(Answering({4: ZeroDivisionError("division")}), bundle, lambda: 1)]
     work = compute_all(chunks, Store(tmp_path), lanes, lambda _: None)
     assert [chunk.number for chunk in work.aside] == [4]
     assert work.failed == {4: "ZeroDivisionError: division"}
     assert work.done == 9
 
 
+@pytest.mark.parametrize(
+    ("error", "raised", "words"),
+    [
+        (
+            ZeroDivisionError("division"),
+            ExecutionStopped,
+            "failed in 10 chunks one after the other: ZeroDivision",
+        ),
+        (
+            ModuleNotFoundError("No module named 'cell'"),
+            InputError,
+            "a worker cannot import a465: No module named",
+        ),
+    ],
+)
+def test_a_program_that_fails_everywhere_ends_the_study(
+    scenes: Path, tmp_path: Path, error: Exception, raised: type[Exception], words: str
+) -> None:
+    bundle, chunks = _asked(scenes, points=48)
+    lanes = [AnyExecutor(Answering(dict.fromkeys(range(12), error)), bundle, lambda: 1)]
+    with pytest.raises(raised, match=words):
+        compute_all(chunks, Store(tmp_path), lanes, lambda _: None)
+
+
+def test_a_cluster_without_workers_is_waited_for_but_not_forever(
+    scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bundle, chunks = _asked(scenes)
+    monkeypatch.setattr("cell.study.work.engine._ASK_S", 0.0)
+    some = iter([0, 0, 0, 1])
+    lane = AnyExecutor(Answering({}), bundle, lambda: next(some, 1))
+    assert compute_all(chunks, Store(tmp_path / "some"), [lane], lambda _: None).done == 10
+    monkeypatch.setattr("cell.study.work.engine._ALONE_S", 1.0)
+    with pytest.raises(ExecutionStopped, match="the cluster has had no worker for 1 s"):
+        compute_all(
+            chunks, Store(tmp_path / "none"), [AnyExecutor(Answering({}), bundle, lambda: 0)], lambda _: None
+        )
+
+
 def test_a_cluster_that_is_gone_ends_the_study(scenes: Path, tmp_path: Path) -> None:
     bundle, chunks = _asked(scenes)
     with pytest.raises(ExecutionStopped, match="scheduler is gone"):
-        compute_all(chunks, Store(tmp_path), [AnyExecutor(Answering({2: None}), bundle, 2)], lambda _: None)
+        compute_all(
+            chunks, Store(tmp_path), [AnyExecutor(Answering({2: None}), bundle, lambda: 1)], lambda _: None
+        )
 
 
 def test_what_is_there_is_not_computed_again(scenes: Path, tmp_path: Path) -> None:
@@ -137,7 +167,7 @@ def test_an_error_of_a_chunk_ends_the_study(scenes: Path, tmp_path: Path) -> Non
 
     executor: Executor = Answering({0: InputError("another version")})
     with pytest.raises(InputError, match="another version"):
-        compute_all(chunks, Store(tmp_path), [AnyExecutor(executor, bundle, 2)], lambda _: None)
+        compute_all(chunks, Store(tmp_path), [AnyExecutor(executor, bundle, lambda: 1)], lambda _: None)
 
 
 @pytest.mark.slow
@@ -155,7 +185,7 @@ def test_serial_processes_and_dask_give_the_same_bytes(scenes: Path, tmp_path: P
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as two,
         Client(two) as client,
     ):
-        lane = AnyExecutor(client.get_executor(pure=False), bundle, 4)
+        lane = AnyExecutor(client.get_executor(pure=False), bundle, lambda: 2)
         compute_all(chunks, Store(cluster), [lane], lambda _: None)
     with cluster_by_commands(tmp_path) as address:
         a465("study", scenes / "study.toml", "-o", commands, "--scheduler", address)
@@ -203,5 +233,5 @@ def test_progress_is_told_while_nothing_ends(scenes: Path, tmp_path: Path) -> No
             return super().submit(lambda: time.sleep(0.8) or "0\n")
 
     told: list[Work] = []
-    compute_all(chunks, Store(tmp_path), [AnyExecutor(Slow(1), bundle, 2)], told.append)
+    compute_all(chunks, Store(tmp_path), [AnyExecutor(Slow(1), bundle, lambda: 1)], told.append)
     assert len(told) >= 3

@@ -70,6 +70,18 @@ def test_a_wrong_value_is_told_for_its_point(scenes: Path) -> None:
         (ImpossibleError("x", holes=[{"joint": "J3", "excess_deg": 1.0}]), "joint J3 beyond its limit"),
         (ImpossibleError("x", holes=[{"racing": "J5"}]), "joint J5 too fast"),
         (ImpossibleError("x", pair=["plate 03-04", "cube 01-02/3"]), "clearance: cube 01-02 and plate 03-04"),
+        (ImpossibleError("x", pair=["a", "b"], required_mm=2.0), "clearance with the arm's errors: a and b"),
+        (ImpossibleError("x", moved_mm=3.0, scale=0.0), "camera moved"),
+        (
+            ImpossibleError("x", board="01-02", height=0.1),
+            "board 01-02 not as high and flat as the task says",
+        ),
+        (ImpossibleError("x", board="01-02", why="hidden"), "view: board 01-02"),
+        (
+            ExecutionStopped("x", cubes=[{"placed": True}, {"placed": False, "faults": ["not gripped"]}]),
+            "cube not gripped",
+        ),
+        (ExecutionStopped("x", cubes=[{"placed": False, "faults": []}]), "cube not seated"),
         (ImpossibleError("x", below_mm={}), "below the table"),
         (ImpossibleError("x"), "refused"),
         (InputError("x"), "wrong value"),
