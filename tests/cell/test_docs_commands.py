@@ -106,7 +106,7 @@ def follow(reader: Reader, part: Block | Command, names: dict[str, object], wher
             (reader.folder / part.file).write_text(part.text)
         elif part.language == "text":
             # pages show what a person beside a real arm reads
-            missing = unlike(part.text, EMULATED.sub("the real arm", reader.said))
+            missing = unlike(part.text, EMULATED.sub("the real arm on /dev/mars", reader.said))
             assert not missing, f"nobody said {missing} in {reader.said[-3000:]}"
         else:
             code = reader.with_an_emulated_port(part.text)

@@ -14,7 +14,7 @@ import pytest
 
 from arm.controller.segments import CountPath
 from arm.controller.unit import Unit, load_unit
-from arm.errors import ExecutionStopped, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import GripperStep, Move
 from arms.count_paths import OBJECT_ADC, Jaws, distance_deg, sweep
 from driver.emulator import Emulator, EmulatorOptions, Fault, When
@@ -168,6 +168,24 @@ def test_an_interrupt_in_a_stream_is_a_stop_in_a_tenth_of_a_second(unit: Unit, c
         # and it can go on from there, anchored, not by replaying what is left
         back = sweep(unit, mars.counts(), seconds=1.0, fraction=0.2)
         assert stream(mars, back).end_counts == back.end
+
+
+def test_a_homing_that_is_interrupted_leaves_an_arm_that_must_be_homed(
+    unit: Unit, clock: SteppedClock
+) -> None:
+    """Its counters look like positions: no other command may take them for such."""
+    options = EmulatorOptions(homing_speed=0.2)
+    with Emulator(unit, clock, options=options) as emulator, Mars(emulator.open_line(), unit, clock) as mars:
+        mars.identify()
+        clock.call_after(8.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+        with pytest.raises(
+            ExecutionStopped, match="homing interrupted; the arm has stopped, its position is lost"
+        ):
+            mars.initialise()
+        with pytest.raises(ImpossibleError, match="as after power-up or an interrupted homing"):
+            mars.initialise(home=False)
+        mars.initialise()
+        mars.initialise(home=False)
 
 
 def test_a_plan_runs_and_the_object_is_felt(mars: Mars, emulator: Emulator, unit: Unit) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from cell.program.program_file import ProgramTask, task_of_file
 from cell.report.run_folder import LOG, REPORT, run_folder
 from cell.session.connection import WhichCell, open_cell, require_openable
 from cell.session.homed import may_be_real
-from cell.session.keyboard import HELP, hint, keyboard
+from cell.session.keyboard import HELP, aborting_keys, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
@@ -31,6 +31,7 @@ from cell.task.programs.run import ProgramRun
 from cell.task.resume import resume
 from cell.task.run import TaskRun
 from driver.execution.control import Control
+from driver.line.protocol import AXIS_ERROR
 from driver.line.signals import caught, interruptible
 from driver.mars.mars import Mars
 from driver.mars.refusals import refuse_unhomed
@@ -38,6 +39,10 @@ from plan.budget import SearchBudget
 from plan.trajectory.virtual_unit import NO_UNIT
 
 SIMULATED = WhichCell()
+IN_ERROR = (
+    "AN AXIS IS IN ERROR: something stopped it. Find out what, and make sure that nothing touches the arm: if you go "
+    "on, the error is cleared"
+)
 Confirm = Callable[[TaskRun], None]
 ConfirmPlan = Callable[[TaskRun, Plan], None]
 _STATED = ("failure", "advice", "plan_sha256", "index")  # data of an error that the report states
@@ -228,7 +233,7 @@ def opened(
     confirm: Confirm | None = None,
     watcher: RunObserver | None = None,
     name: str | None = None,
-    keys: bool = True,
+    keys: str | None = HELP,
 ) -> Iterator[TaskRun]:
     """Open a cell and yield a run in it. A report is written to the run folder however the run ends.
 
@@ -239,7 +244,7 @@ def opened(
         control: control of the execution.
         confirm: called before anything moves, to ask the operator; raises on refusal.
         name: of a new run folder; None: that of the task.
-        keys: whether keys act on the control.
+        keys: which keys act: those of `keyboard` on the control, or those of `aborting_keys`; None: none.
     """
     with (
         console.heard(),
@@ -257,11 +262,14 @@ def opened(
             if run.homed_before:  # queried again before anything moves
                 refuse_unhomed(task.cell.unit, run.connection.mars.counters())
             if confirm is not None:
+                if connection.mars.status().word & AXIS_ERROR:
+                    console.say(IN_ERROR)
                 confirm(run)
                 permitted = True
-            with keyboard(control) if keys else nullcontext(False) as heard:
-                if heard:
-                    console.say(HELP)
+            with _keys(keys, control) as heard:
+                if heard and keys is not None:
+                    console.say(keys)
+                if heard and keys == HELP:
                     run.hint = lambda running: hint(control, running)
                 yield run
         except KeyboardInterrupt:
@@ -272,6 +280,12 @@ def opened(
             if end is error:
                 raise
             raise end from error
+
+
+def _keys(keys: str | None, control: Control) -> AbstractContextManager[bool]:
+    if keys is None:
+        return nullcontext(False)
+    return keyboard(control) if keys == HELP else aborting_keys()
 
 
 def _interrupted(mars: Mars, permitted: bool) -> ExecutionStopped:

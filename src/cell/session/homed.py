@@ -30,7 +30,7 @@ def may_be_real(port: str) -> bool:
 def which_arm(port: str) -> str:
     """Name the arm on a port, for a person who lets it move."""
     if may_be_real(port):
-        return "the real arm"
+        return f"the real arm on {port}"
     return f"the arm on {port} (an emulated one, unless that line leads to a real arm)"
 
 

@@ -21,6 +21,7 @@ from driver.execution.control import Control
 
 STEP = 0.1
 HELP = "keys: space pause, continue; + - speed of the next motion, or in a pause; q abort"
+ABORT_HELP = "keys: space, Esc, q abort"
 
 
 def on_key(key: str, control: Control, abort: Callable[[], None]) -> None:
@@ -61,6 +62,18 @@ def interrupt_main() -> None:
 
 
 @contextmanager
+def aborting_keys() -> Iterator[bool]:
+    """Let keys abort what can neither pause nor go slower: homing, jaws. Yield whether there is a keyboard."""
+
+    def deliver(data: bytes) -> None:
+        if data == b"\x1b" or (not data.startswith(b"\x1b") and set(data) & set(b" qQ\x1b")):
+            interrupt_main()
+
+    with reading_keys(deliver) as keys:
+        yield keys
+
+
+@contextmanager
 def keyboard(control: Control) -> Iterator[bool]:
     """Let keys act on the control of an execution; yield whether there is a keyboard. Ctrl-C remains a signal."""
 
@@ -74,10 +87,11 @@ def keyboard(control: Control) -> Iterator[bool]:
 
 
 @contextmanager
-def reading_keys(deliver: Callable[[bytes], None]) -> Iterator[bool]:
+def reading_keys(deliver: Callable[[bytes], None], fresh: bool = False) -> Iterator[bool]:
     """Pass what the terminal delivers, key by key and without echo, to a function; yield whether there is a terminal.
 
     Args:
+        fresh: forget what was typed before.
         deliver: called in a thread of its own, at the end of the terminal with no bytes.
     """
     descriptor = foreground_terminal()
@@ -91,6 +105,8 @@ def reading_keys(deliver: Callable[[bytes], None]) -> Iterator[bool]:
     )
     try:
         tty.setcbreak(descriptor, termios.TCSANOW)
+        if fresh:
+            termios.tcflush(descriptor, termios.TCIFLUSH)
         reader.start()
         yield True
     finally:

@@ -75,8 +75,9 @@ class Approval:
         return code.isascii() and plain == self.plan.code.replace("-", "")
 
     def _where(self) -> str:
-        page = self.plan_file.with_name("preview.html")
-        return f"open {page}" if page.exists() else f"a465 preview {self.plan_file} writes the preview"
+        page = self.plan_file.with_name(f"{self.plan_file.stem.replace('plan', 'preview', 1)}.html")
+        shown = page.is_file() and self.plan.code in page.read_text(errors="replace")
+        return f"open {page}" if shown else f"a465 preview {self.plan_file} writes the preview"
 
     def __call__(self, run: TaskRun, plan: Plan) -> None:
         """Report what will move, and return only if the code was given.

@@ -92,10 +92,14 @@ class Guarded(ABC):
         return
 
     @contextmanager
-    def guarded(self, what: str) -> Iterator[None]:
+    def guarded(self, what: str, lost: str = "") -> Iterator[None]:
         """Stop the arm before any error inside is passed on, with the arm's state in its ``data``.
 
         An interrupt (SIGINT) becomes `ExecutionStopped` with ``reason="interrupted"``. Nested uses stop once.
+
+        Args:
+            what: is done inside, for messages.
+            lost: why the counters say nothing of where the arm is, if it is stopped inside.
         """
         if self._guarded:
             yield
@@ -104,10 +108,11 @@ class Guarded(ABC):
         try:
             yield
         except ExecutionStopped as error:
-            raise self.stop().error(f"{what}: {error}", self.unit, **error.data) from error
+            state = self.stop().noted(lost)
+            raise state.error(f"{what}: {error}", self.unit, **error.data) from error
         except KeyboardInterrupt:
             caught()
-            state = self.stop()
+            state = self.stop().noted(lost)
             hear_again()
             raise state.error(f"{what} interrupted", self.unit, reason="interrupted") from None
         except BaseException:

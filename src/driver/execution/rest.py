@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -69,6 +69,10 @@ class RestState:
             degrees = ", ".join(f"{d:.2f}" for d in np.degrees(unit.positions(self.counts)))
             parts.append(f"at [{degrees}] deg")
         return ", ".join(parts)
+
+    def noted(self, note: str) -> RestState:
+        """Return this state with a note, if it is one of rest that has none."""
+        return replace(self, note=note) if note and self.at_rest and not self.note else self
 
     def error(self, text: str, unit: Unit, /, **data: Any) -> ExecutionStopped:
         """Return the error of an execution that ended in this state: `text`, then the state in words."""

@@ -1,10 +1,11 @@
-"""Interrupts while an arm may move: SIGINT, SIGTERM, SIGHUP and SIGQUIT become one KeyboardInterrupt.
+"""Interrupts while an arm may move: SIGINT, SIGTERM, SIGHUP, SIGQUIT and SIGTSTP become one KeyboardInterrupt.
 
 By default a program in the background ignores SIGINT, and the other signals (a kill, a closed terminal) end it without
-stopping the arm. Neither may happen while the arm moves. Signals also come in pairs: kernel and shell both send SIGHUP
-when a terminal closes, a service gets SIGTERM and then SIGHUP, and people press Ctrl-C twice. The first signal counts;
-others shortly after it are ignored, so that they do not interrupt the stop. Once a program that ends by a signal has
-caught it (`caught`), all others are ignored until it exits.
+stopping the arm; Ctrl-Z (SIGTSTP) halts it, and the arm goes on without it. None of this may happen while the arm
+moves. Signals also come in pairs: kernel and shell both send SIGHUP when a terminal closes, a service gets SIGTERM and
+then SIGHUP, and people press Ctrl-C twice. The first signal counts; others shortly after it are ignored, so that they
+do not interrupt the stop. Once a program that ends by a signal has caught it (`caught`), all others are ignored until
+it exits.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+_INTERRUPTS = (*SIGNALS, signal.SIGTSTP)
 
 # Wall time after a signal in which others are ignored. Limited because Python drops an interrupt raised where it cannot
 # be caught (a finaliser, a callback); Ctrl-C must then work again.
@@ -36,7 +38,7 @@ _signalled = False
 
 @contextmanager
 def interruptible(ends: bool = False) -> Iterator[None]:
-    """Inside, a signal of `SIGNALS` raises KeyboardInterrupt in the main thread; others are ignored for `QUIET_S`.
+    """Inside, a signal raises KeyboardInterrupt in the main thread; others are ignored for `QUIET_S`.
 
     Does nothing in other threads, or when nested.
 
@@ -50,7 +52,7 @@ def interruptible(ends: bool = False) -> Iterator[None]:
         return
     _armed, _ends, _heard_at = True, ends, time.monotonic() - QUIET_S
     _signalled, _deaf_until = False, 0.0
-    before = {number: signal.signal(number, _raise) for number in SIGNALS}
+    before = {number: signal.signal(number, _raise) for number in _INTERRUPTS}
     try:
         yield
     finally:

@@ -25,17 +25,20 @@ def refuse_unhomed(unit: Unit, counts: Sequence[int]) -> None:
     """Refuse positions that a homed arm cannot have.
 
     Raises:
-        ImpossibleError: all close to 0, as after power-up, or outside the limits.
+        ImpossibleError: half of them close to 0, as after power-up, or one outside the limits.
     """
     if is_unhomed(unit, counts):
-        why = f"positions are {list(counts)}, as after power-up: the unit must be homed"
+        why = f"positions are {list(counts)}, as after power-up or an interrupted homing: the unit must be homed"
         raise ImpossibleError(why, counts=list(counts))
     refuse_outside(unit, counts, "the arm is at")
 
 
 def is_unhomed(unit: Unit, counts: Sequence[int]) -> bool:
-    """Whether the counters are close to 0, as after power-up."""
-    return max(abs(c) for c in counts) <= unit.rest_tolerance
+    """Whether half of the counters are close to 0, as after power-up, or while one group after the other is homed.
+
+    Where an axis is homed, its counter is 0 too; a homed arm leaves the marks with all axes.
+    """
+    return 2 * sum(abs(c) <= unit.rest_tolerance for c in counts) >= len(counts)
 
 
 def refuse_displaced(unit: Unit, here: tuple[int, ...], expected: tuple[int, ...], held: int = 0) -> None:

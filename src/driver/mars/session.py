@@ -134,7 +134,7 @@ class Session(Guarded):
             self.acceleration_registers = self.unit.acceleration_registers
             self.note("read_back", **self.registers.answers)
         if home:
-            with self.guarded("homing"):
+            with self.guarded("homing", lost="its position is lost: home it again"):
                 home_all(self.link, self.unit, self.settled_counts)
         else:
             refuse_unhomed(self.unit, self.counts())

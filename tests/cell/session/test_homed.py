@@ -134,7 +134,12 @@ def test_a_unit_that_was_not_homed_is_refused_before_anything_is_looked_at(
 ) -> None:
     lasting = LastingCell(tmp_path, monkeypatch, "task2")
     where, folder = WhichCell(lasting.url, homed=True), tmp_path / "run"
-    with lasting.emulator, pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+    with (
+        lasting.emulator,
+        pytest.raises(
+            ImpossibleError, match="as after power-up or an interrupted homing: the unit must be homed"
+        ),
+    ):
         run_task(lasting.file, Console(), where, folder)
     assert not list(folder.glob("look-*.png"))
     assert not any(line.startswith(("HH", "REG", "COORD", "SPDT")) for _, line in lasting.emulator.lines)
@@ -160,6 +165,7 @@ def test_nothing_is_sent_to_the_jaws_of_an_arm_without_them(
 
 
 def test_an_arm_on_a_line_of_this_machine_is_not_called_real() -> None:
-    assert which_arm("/dev/mars") == which_arm("socket://unit.lab:4650") == "the real arm"
+    for port in ("/dev/mars", "socket://unit.lab:4650"):
+        assert which_arm(port) == f"the real arm on {port}"
     for port in ("/dev/pts/7", "socket://127.0.0.1:4650"):
         assert which_arm(port) == f"the arm on {port} (an emulated one, unless that line leads to a real arm)"

@@ -14,6 +14,7 @@ import sys
 import termios
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from cell.commands.run import execute_plan
 from cell.console import Console, progress_bar
 from cell.files.task import read_task
 from cell.session.connection import WhichCell
-from cell.session.keyboard import hint, on_key
+from cell.session.keyboard import aborting_keys, hint, on_key
 from cell.task.plan_matches import require_start_at
 from driver.execution.control import Control
 
@@ -98,6 +99,36 @@ def test_plus_never_goes_above_the_speed_that_was_asked_for() -> None:
         on_key(key, control, _nothing)
         assert control.override <= 0.45
     assert control.override == 0.45
+
+
+@pytest.mark.parametrize(
+    ("pressed", "aborts"),
+    [
+        (b" ", True),
+        (b"q", True),
+        (b"xQ", True),
+        (b"\x1b", True),
+        (b"\x1b[A", False),
+        (b"x+-", False),
+        (b"", False),
+    ],
+)
+def test_what_cannot_pause_is_aborted_by_the_keys_that_people_press(
+    monkeypatch: pytest.MonkeyPatch, pressed: bytes, aborts: bool
+) -> None:
+    """Arrow keys are several characters, of which the first is Esc."""
+    aborted: list[int] = []
+
+    @contextmanager
+    def typed(deliver: Callable[[bytes], None]) -> Iterator[bool]:
+        deliver(pressed)
+        yield True
+
+    monkeypatch.setattr("cell.session.keyboard.reading_keys", typed)
+    monkeypatch.setattr("cell.session.keyboard.interrupt_main", lambda: aborted.append(1))
+    with aborting_keys() as keys:
+        assert keys
+    assert bool(aborted) is aborts
 
 
 # -- the program in a terminal

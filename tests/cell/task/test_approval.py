@@ -139,10 +139,24 @@ def test_of_what_goes_on_nothing_is_said_to_be_homed(
 ) -> None:
     Approval(plan_file, plan.code, Console(), resumes=True)(run, plan)
     told = capsys.readouterr().out
-    assert "this moves the real arm: the rest of" in told
+    assert "this moves the real arm on memory line: the rest of" in told
     assert "the arm will not be homed" in told
     assert "homes the arm" not in told
     assert "the plan's start" not in told
+
+
+def test_the_page_that_is_named_is_that_of_the_plan(plan_file: Path, plan: Plan, tmp_path: Path) -> None:
+    """A run that replanned has several; with the code of another it would be refused."""
+    again = tmp_path / "plan-1.json"
+    again.write_bytes(plan_file.read_bytes())
+    (tmp_path / "preview.html").write_text("ABCD-EFGH")
+    for page, told in (
+        ("ABCD-EFGH", f"a465 preview {again} writes"),
+        (plan.code, f"open {tmp_path}/preview-1.html"),
+    ):
+        (tmp_path / "preview-1.html").write_text(page)
+        with pytest.raises(InputError, match=re.escape(told)):
+            Approval(again, "wrong", Console())
 
 
 def test_the_rest_of_a_plan_goes_on_unseen(
@@ -229,7 +243,10 @@ def test_plans_that_nobody_has_seen_move_a_real_arm_by_its_name_alone(
 
     Consent(False, Console(), answer)(run)
     told = asked[0]
-    assert f"this moves the real arm, {run.task.cell.unit.name}, by plans made as the command runs" in told
+    assert (
+        f"this moves the real arm on memory line, {run.task.cell.unit.name}, by plans made as the command runs"
+        in told
+    )
     assert "speed: 10 %" in told
     assert "NOT CALIBRATED: the camera's pose is that of lab.toml (the shipped placeholder)" in told
     assert "lens: PLACEHOLDER, as shipped" in told

@@ -97,6 +97,12 @@ def _kill_myself(wait_s: float = 1.0) -> None:
     time.sleep(wait_s)
 
 
+def test_ctrl_z_is_an_interrupt_where_an_arm_may_move_and_halts_elsewhere() -> None:
+    with interruptible(), pytest.raises(KeyboardInterrupt, match="SIGTSTP"):
+        signal.raise_signal(signal.SIGTSTP)
+    assert signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL
+
+
 def test_only_the_first_signal_is_heard_and_the_handlers_are_put_back() -> None:
     before = {number: signal.getsignal(number) for number in SIGNALS}
     heard = []

@@ -39,5 +39,17 @@ def test_counts_that_no_homed_arm_has_are_refused(unit: Unit, axis: int) -> None
         with pytest.raises(ImpossibleError, match=f"the arm is at .* on axis {unit.axes[axis]}: must be"):
             refuse_unhomed(unit, unit.counts(q))
     for counts in ((0,) * 6, (25, -25, 0, 0, 0, 0)):
-        with pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+        with pytest.raises(
+            ImpossibleError, match="as after power-up or an interrupted homing: the unit must be"
+        ):
             refuse_unhomed(unit, counts)
+
+
+def test_an_arm_of_which_only_some_axes_are_homed_is_refused(unit: Unit) -> None:
+    """While a group homes, its counters run, those of homed axes and of axes that have not begun are near 0."""
+    groups = [tuple(unit.axes.index(axis) for axis in group) for group in unit.homing]
+    for group in groups[:2]:
+        counts = [9000 if axis in group else (axis - 3) for axis in range(6)]
+        with pytest.raises(ImpossibleError, match="the unit must be homed"):
+            refuse_unhomed(unit, counts)
+    refuse_unhomed(unit, [0 if axis in (3, 4) else count for axis, count in enumerate(SOFT_HOME)])

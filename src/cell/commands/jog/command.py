@@ -214,7 +214,7 @@ def jog_step(
         )
         require_consent(False, "", console, f"type {cell.unit.name} to let it move:", cell.unit.name)
 
-    with beside(task, port, console, "jog", manual_speed(cell, None), ask, keys=False, look=look) as run:
+    with beside(task, port, console, "jog", manual_speed(cell, None), ask, keys=None, look=look) as run:
         mars = run.connection.mars
         home_or_check(mars, cell, console, True, jaws_too=False)
         run.homed = True
@@ -228,7 +228,7 @@ def jog_step(
             mars.link.wake()
 
         with (
-            reading_keys(deliver) as heard,
+            reading_keys(deliver, fresh=True) as heard,
             mars.guarded("jog"),
         ):  # STOP is sent before the terminal is restored
             if not heard:

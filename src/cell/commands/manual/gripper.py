@@ -21,6 +21,7 @@ from cell.commands.manual.session import (
 from cell.console import Console
 from cell.files.task import read_place
 from cell.session.homed import home_or_check, which_arm
+from cell.session.keyboard import ABORT_HELP
 from cell.task.run import TaskRun
 
 OPEN, CLOSE = "open", "close"
@@ -87,14 +88,15 @@ def gripper_step(
         name = cell.unit.name
         require_consent(unseen, UNSEEN, console, f"type {name} to let them move:", name)
 
-    with beside(task, port, console, "gripper", manual_speed(cell, None), ask) as run:
+    with beside(task, port, console, "gripper", manual_speed(cell, None), ask, keys=ABORT_HELP) as run:
         mars = run.connection.mars
         home_or_check(mars, cell, console, True, jaws_too=False)
         run.homed = True
+        before = jaws_width(run) or 0.0
         ended = mars.gripper(cell.gripper.fraction_closed(target))
         width = cell.gripper.width(ended.fraction_closed)
         words = f"the jaws are {1e3 * width + 0.0:.1f} mm apart"
-        if ended.stalled and action == OPEN:
+        if ended.stalled and target > before:
             raise ExecutionStopped(f"{words} and do not open: something blocks them")
         console.step(f"{words}: something is between them" if ended.stalled else words)
         return {

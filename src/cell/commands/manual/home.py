@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from arm.errors import ExecutionStopped, ImpossibleError
 from cell.commands.manual.session import (
     FREE,
     arrive,
@@ -17,6 +18,7 @@ from cell.config.calibration_state import calibration_lines
 from cell.console import Console
 from cell.files.task import read_place
 from cell.session.homed import may_be_real, which_arm
+from cell.session.keyboard import ABORT_HELP
 from cell.session.ports import choose_port
 from cell.task.approval import ABOUT_HOMING
 from cell.task.run import TaskRun
@@ -41,8 +43,9 @@ def home_step(
 
     Raises:
         InputError: a file, value or port is wrong, or nobody confirmed that the cell is clear; nothing moved.
-        ImpossibleError: the arm may not move, or no certified motion leads to q_start: it is at its marks then.
-        ExecutionStopped: motion stopped; the state is in the error's data.
+        ImpossibleError: the arm may not move.
+        ExecutionStopped: motion stopped, or no certified motion leads from the marks to q_start; the state is in the
+            error's data.
     """
     task = read_place(place)
     port = choose_port(port, place, console)
@@ -58,7 +61,11 @@ def home_step(
             console.say(line)
         require_consent(said, FREE, console, QUESTION, "free")
 
-    with beside(task, port, console, "home", low, ask, homed=False) as run:
+    with beside(task, port, console, "home", low, ask, False, ABORT_HELP) as run:
         run.initialise_arm()
-        run.go_to_start(None)
+        try:
+            run.go_to_start(None)
+        except ImpossibleError as error:  # axes have moved, so this is no refusal
+            why = f"homed, and the arm stands at its marks: no certified motion to q_start: {error}"
+            raise ExecutionStopped(why, **error.data) from error
         return arrive(run, run.report())

@@ -97,6 +97,10 @@ def print_reading(state: dict[str, Any], console: Console) -> None:
         say(
             f"arm power {power}, motion stop {pressed}, {errors}, {'MOVING' if state['moving'] else 'at rest'}"
         )
+        if state["arm_power"]:
+            say(
+                "whether the motors hold the arm is not reported: a465 release and 20 min of rest switch them off"
+            )
     if state["unit"] is not None:
         doubt = "" if state["unit_by"] == BY_CELL else "; --cell CELL states it"
         say(f"unit: {state['unit']}, by the {state['unit_by']}{doubt}")

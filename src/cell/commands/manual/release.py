@@ -22,7 +22,8 @@ from driver.mars.identity import identified
 WORD = "release"
 WARNING = (
     "RELEASE switches the motors off. The brakes engage, and THE ARM MAY DROP a little, with what the jaws hold: do "
-    "not do this above something that it could hit. Positions are kept; the next motion switches the motors on again"
+    "not do this above something that it could hit. The jaws lose their current too, and may let go. Positions are "
+    "kept; the next motion switches the motors on again"
 )
 
 
@@ -57,10 +58,15 @@ def release_step(port: str | None, supported: bool, console: Console) -> dict[st
             )
         console.say(WARNING)
         require_consent(supported, SUPPORTED, console, f"type {WORD} to switch the motors off:", WORD)
+        now = read_arm(link).to_json()  # minutes may have passed
+        if now["moving"]:
+            raise ExecutionStopped(
+                f"the arm moves now, so it is not released: a465 stop {port} stops it", **now
+            )
         link.send(encode("RELEASE"))
         link.synchronise()
         after = read_arm(link)
-    console.step(f"released; {_sunk(before, after)}")
+    console.step(f"RELEASE was sent; {_sunk(before, after)}")
     return {"released": True, "before": state, "folder": str(folder), **after.to_json()}
 
 

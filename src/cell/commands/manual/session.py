@@ -24,6 +24,7 @@ from cell.scene.build import build_scene, unseen_scene
 from cell.session.connection import WhichCell
 from cell.session.dialogue import at_terminal, require_word, typed
 from cell.session.grasp_monitor import grip_fault
+from cell.session.keyboard import HELP
 from cell.session.ports import choose_port
 from cell.session.speed import planning_speed
 from cell.task.approval import Approval
@@ -82,7 +83,7 @@ def beside(
     speed: float,
     confirm: Callable[[TaskRun], None],
     homed: bool = True,
-    keys: bool = True,
+    keys: str | None = HELP,
     look: Path | None = None,
 ) -> Iterator[TaskRun]:
     """Open the cell on a port without a camera, with a run folder named after the verb; see `cell.commands.run.opened`.
@@ -93,7 +94,7 @@ def beside(
         speed: see `manual_speed`.
         confirm: asks the person; until it returns, the unit gets queries only.
         homed: whether the unit must have been homed since it was switched on.
-        keys: whether keys pause and abort.
+        keys: what they do, see `cell.commands.run.opened`.
         look: detected boards, which are read before the port is opened, so that a wrong file is told first.
     """
     if look is not None:

@@ -60,7 +60,7 @@ def stop_step(port: str | None, console: Console) -> dict[str, Any]:
         note = rest.note or "its counters change"
         why = f"{port}: STOP was sent, but THE ARM MAY STILL BE MOVING ({note}): {BUTTON}"
         raise ExecutionStopped(why, state=rest.to_json(), **state)
-    console.say(f"{port}: STOP was sent; the arm is at rest, under power unless the next line says otherwise")
+    console.say(f"{port}: STOP was sent; the arm is at rest")
     print_reading(state, console)
     return {
         "port": port,
@@ -86,8 +86,8 @@ def _interrupt_holder(port: str, console: Console) -> Holder | None:
     try:
         if handle is None or port_holder(port) != holder:  # it has ended meanwhile
             return None
-        console.say(f"{port}: interrupting {holder.describe()}")
-        if holder.command.split()[1:2] != [VERB]:  # another stop does the same already
+        console.say(f"{port}: waiting for {holder.describe()} to let go; {BUTTON}")
+        if not holder.brief and holder.command.split()[1:2] != [VERB]:  # another stop does the same already
             _signal(handle, holder)
         over = time.monotonic() + ENDS_S
         while port_holder(port) == holder:

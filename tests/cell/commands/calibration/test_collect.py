@@ -125,7 +125,12 @@ def test_a_unit_that_was_not_homed_is_refused_before_poses_are_chosen(
     lasting = LastingCell(tmp_path, monkeypatch, "task2")
     files = CollectFiles(tmp_path / "recorded.json", lasting.file, HAND, folder=tmp_path / "run")
     where = WhichCell(lasting.url, homed=True)
-    with lasting.emulator, pytest.raises(ImpossibleError, match="as after power-up: the unit must be homed"):
+    with (
+        lasting.emulator,
+        pytest.raises(
+            ImpossibleError, match="as after power-up or an interrupted homing: the unit must be homed"
+        ),
+    ):
         collect_step(files, CollectOptions(8), ChainOptions(), where, Heard())
 
 

@@ -23,7 +23,7 @@ from typed.heard import Heard
 from .conftest import CELL
 
 AT = (10.0, -20.0, -60.0, 5.0, -60.0, 0.0)
-QUERIES = {"ECHO", "STAMP", "VER?", *(f"AP{axis}?" for axis in "ABCDEFG")}
+QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEFG")}
 MOTION = ("COORDMV", "COORDSPLINET", "HH", "GA", "GB", "GC", "GD", "GE", "GF")
 
 
@@ -79,9 +79,16 @@ def test_jaws_that_do_not_open_stop_and_jaws_on_something_are_told(
     here: Cell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Mars, "gripper", lambda *_: GripperResult(500, 0.5, stalled=True))
-    with stepped_cell(here, monkeypatch, AT):
+    with stepped_cell(here, monkeypatch, AT) as emulator:
+        emulator.machine.jaws.slip(here.unit.gripper.closed_adc)
         with pytest.raises(ExecutionStopped, match="0 mm apart and do not open: something blocks them"):
             gripper_step("open", CELL, "/dev/mars", True, Heard())
+        emulator.machine.jaws.slip(here.unit.gripper.closed_adc)
+        with pytest.raises(ExecutionStopped, match=r"30\.0 mm apart and do not open"):
+            gripper_step(
+                "45", CELL, "/dev/mars", True, Heard()
+            )  # less than open, and still further than they were
+        emulator.machine.jaws.slip(here.unit.gripper.open_adc)
         console = Heard()
         assert gripper_step("close", CELL, "/dev/mars", True, console)["stalled"] is True
         assert "30.0 mm apart: something is between them" in console.all

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import ImpossibleError, InputError
+from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import read_plan
 from cell.commands.manual.home import home_step
 from cell.config.cell import Cell
@@ -21,7 +21,7 @@ from typed.heard import Heard
 
 from .conftest import CELL
 
-QUERIES = {"ECHO", "STAMP", "VER?", *(f"AP{axis}?" for axis in "ABCDEF")}
+QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEF")}
 
 
 def _sent_before_the_first_motion(names: list[str]) -> set[str]:
@@ -60,6 +60,38 @@ def test_without_the_word_the_unit_gets_queries_only(
         with pytest.raises(InputError, match="'free' was not typed; nothing moved"):
             home_step(CELL, "/dev/mars", None, False, Heard())
         assert set(names_sent(emulator)) <= QUERIES
+
+
+def test_an_arm_that_was_homed_and_cannot_go_on_has_moved(
+    here: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exit code 3 says that nothing moved."""
+
+    def none(*_: object) -> None:
+        raise ImpossibleError("link 3 comes within 2 mm of a wall", pair=["link 3", "wall"])
+
+    monkeypatch.setattr("cell.task.run.TaskRun.go_to_start", none)
+    options = EmulatorOptions(power_up_deg=near_marks(here.unit))
+    with stepped_cell(here, monkeypatch, options=options) as emulator:
+        with pytest.raises(
+            ExecutionStopped, match=r"homed, and the arm stands at its marks: .* of a wall"
+        ) as told:
+            home_step(CELL, "/dev/mars", 1.0, True, Heard())
+        assert any(name.startswith("HH") for name in names_sent(emulator))
+    assert told.value.data["pair"] == ["link 3", "wall"]
+
+
+def test_an_axis_error_is_told_before_the_question_whose_answer_clears_it(
+    here: Cell, monkeypatch: pytest.MonkeyPatch, answers: Callable[..., None]
+) -> None:
+    console = Heard()
+    answers(lambda: "no")
+    with stepped_cell(here, monkeypatch) as emulator:
+        emulator.fail_axis("C")
+        with pytest.raises(InputError, match="'free' was not typed"):
+            home_step(CELL, "/dev/mars", None, False, console)
+    assert "AN AXIS IS IN ERROR" in console.all
+    assert console.all.index("AN AXIS IS IN ERROR") < console.all.index("type free")
 
 
 def test_nobody_to_ask_is_refused_before_a_port_is_opened(tmp_path: Path) -> None:

@@ -66,6 +66,23 @@ def test_a_moving_arm_is_not_released(here: Cell, tmp_path: Path) -> None:
     assert names_to(tmp_path / "unit.jsonl") <= QUERIES
 
 
+def test_an_arm_that_moves_while_the_person_reads_is_not_released(
+    here: Cell, tmp_path: Path, answers: Callable[..., None]
+) -> None:
+    with on_pty(here.unit, tmp_path / "unit.jsonl", homed_deg=AT) as (emulator, port):
+
+        def answer() -> str:
+            emulator.machine.run_axis("A", 5.0)
+            return "release"
+
+        answers(answer)
+        with pytest.raises(
+            ExecutionStopped, match=f"moves now, so it is not released: a465 stop {port} stops it"
+        ):
+            release_step(port, False, Heard())
+    assert names_to(tmp_path / "unit.jsonl") <= QUERIES
+
+
 def test_nobody_to_ask_is_refused_before_a_port_is_opened(tmp_path: Path) -> None:
     _, told = a465("release", "/dev/none-such", code=2)
     assert "no terminal to confirm that the arm may drop: give --supported" in told
