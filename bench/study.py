@@ -5,7 +5,8 @@ python bench/study.py --reach 20000 --grow 1000000 --grow-plans 10000 --tasks 10
 - `--reach`: placements of one board in the shipped cell, by reach. The same study is computed by one process, by two,
   and by Dask clusters of one and of two workers on this machine. Efficiency is the time of one over twice that of two.
   Start-up, which a long study has once, is taken out: each first computes a chunk or two. CPU is that of the scheduler
-  and the program, of each chunk, as a share of a chunk's time.
+  and the program, of each chunk, as a share of a chunk's time; what a cluster needs that does nothing is left out, and
+  told below.
 - `--grow`: the same study by a process per processor, whole, with its start, table and page, of a hundredth of the
   placements, a tenth, and all.
 - `--grow-plans`: the same of plans of Task 2, of boards near those of the shipped cell, where nearly all have a plan.
@@ -66,6 +67,7 @@ NEAR = {
 }
 COMMAND = [sys.executable, "-m", "a465", "study"]
 CHUNK = 1000  # points of a chunk of reach
+_IDLE_S = 15.0
 
 
 def main() -> None:
@@ -122,7 +124,7 @@ def _tell_reach(scenes: Path, points: int) -> None:
     print("| computed by | placements | s | ms of each | efficiency | CPU of the others, % | same bytes |")
     print("|---|---|---|---|---|---|---|")
     alone: dict[str, bytes] = {}
-    one_s = 0.0
+    one_s = idle = 0.0
     for name, workers, dask in (
         ("one process", 1, False),
         ("two processes", 2, False),
@@ -132,6 +134,8 @@ def _tell_reach(scenes: Path, points: int) -> None:
         first = CHUNK * max(workers, 2)
         with _cluster(workers) if dask else contextlib.nullcontext("") as address:
             how = ["--scheduler", address] if dask else ["--workers", str(workers)]
+            if dask:
+                idle = _idle_share()
             begun = _computed(reach_study(scenes, first), scenes / f"first-{name}", how)
             whole = _computed(reach_study(scenes, points), scenes / f"all-{name}", how)
         took_s, counted = whole.took_s - begun.took_s, points - first
@@ -139,10 +143,11 @@ def _tell_reach(scenes: Path, points: int) -> None:
         alone = alone or files
         one_s = took_s if workers == 1 else one_s
         efficiency = f"{100.0 * one_s / (2.0 * took_s):.0f} %" if workers == 2 else ""
-        others = 100.0 * (whole.others_s - begun.others_s) / (took_s * workers)
+        others_s = whole.others_s - begun.others_s - (idle * took_s if dask else 0.0)
+        others = 100.0 * others_s / (took_s * workers)
         row = f"| {name} | {points} | {took_s:.1f} | {1e3 * took_s / counted:.2f} | {efficiency} "
         print(f"{row}| {others:.1f} | {files == alone} |", flush=True)
-    print()
+    print(f"\nA scheduler that does nothing takes {100.0 * idle:.1f} % of a core.\n")
 
 
 def _tell_growth(what: str, files: Sequence[Path]) -> None:
@@ -199,6 +204,14 @@ def _computed(file: Path, folder: Path, how: Sequence[str], early: int = 0) -> _
         raise RuntimeError(f"a465 study ended with {program.returncode}")
     others_s = own_s + _cluster_s() - cpu_s
     return _Ran(time.monotonic() - begun, others_s, worker_mb, program_mb, early_mb)
+
+
+def _idle_share() -> float:
+    """Share of a core that a cluster takes which does nothing."""
+    time.sleep(3.0)
+    begun_s, cpu_s = time.monotonic(), _cluster_s()
+    time.sleep(_IDLE_S)
+    return (_cluster_s() - cpu_s) / (time.monotonic() - begun_s)
 
 
 def _cluster_s() -> float:
