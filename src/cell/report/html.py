@@ -10,6 +10,12 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+
+def _typeset(value: Any) -> Any:
+    """Write a tolerance as on paper; the terminal has ASCII. What is marked safe, as scripts' data, stays."""
+    return value.replace("+-", "\N{PLUS-MINUS SIGN}") if type(value) is str else value
+
+
 _TEMPLATES = Environment(
     loader=FileSystemLoader(Path(__file__).resolve().parents[1]),
     autoescape=True,
@@ -17,6 +23,7 @@ _TEMPLATES = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
     keep_trailing_newline=True,
+    finalize=_typeset,
 )
 _NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]\d+)?([ +].*)?|-?|held")
 """Matches the cells of a column of numbers, with what follows (a unit, a tolerance); empty ones included."""

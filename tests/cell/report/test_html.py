@@ -31,6 +31,12 @@ def test_a_name_that_is_not_given_is_an_error() -> None:
         render("preview/page/waiting.html.j2", style="", scripts=[])
 
 
+def test_tolerances_are_written_as_on_paper_and_data_of_scripts_stay() -> None:
+    table = Table(("x",), [("+1.2+-0.1",)])
+    assert "<td>+1.2±0.1</td>" in shown("{{ parts.table(table) }}", table=table)
+    assert shown("{{ a }} {{ a | safe }}", a="1 +- 2") == "1 ± 2 1 +- 2"
+
+
 def test_columns_of_numbers_are_on_the_right() -> None:
     rows = [("01-02/1", "1", "-"), ("2", "-3.5", "held"), ("4.png", "1e-05", "+1.2+-0.1"), ("5a", "", "1 px")]
     table = Table(("", "n", "x"), rows, out=[1])
