@@ -1,4 +1,4 @@
-"""The list of commands in ``a465 --help``, by what a person wants to do."""
+"""How commands are made: their list in ``a465 --help`` by what a person wants to do, and options given once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from functools import cache
 from typing import Any
 
 from typer import Typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
+
+from arm.errors import InputError
 
 COMPLETING = "_A465_COMPLETE"  # set by a shell that asks for completions
 GROUPS = {
@@ -35,8 +37,35 @@ class GroupedCommands(TyperGroup):
                 formatter.write_dl(rows)
 
 
+class OnceEach(TyperCommand):
+    """A command that refuses an option whose value is given twice: of two values one would be passed over unseen.
+
+    Options that collect their values, and flags, may be repeated. Help is printed all the same.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command line.
+
+        Raises:
+            InputError: an option that has one value is given twice.
+        """
+        typed = list(args)
+        rest = super().parse_args(ctx, args)
+        if ctx.resilient_parsing:
+            return rest
+        order: list[Any] = [*self.make_parser(ctx).parse_args(args=typed)[2]]
+        given: set[str] = set()
+        for one in order:
+            if one.param_type_name != "option" or one.multiple or one.is_flag or one.count:
+                continue
+            if one.opts[-1] in given:
+                raise InputError(f"{one.opts[-1]}: is given twice", option=one.opts[-1])
+            given.add(one.opts[-1])
+        return rest
+
+
 def built_for(app: Typer, arguments: list[str]) -> Typer:
-    """The same commands, those that `arguments` do not name without their parameters.
+    """The same commands, those that `arguments` do not name without their parameters, the named one as `OnceEach`.
 
     Typer makes the parameters of all commands before it looks for the one that is asked: half of the time until the
     help appears. Names and what the list of commands says of each stay. A shell that completes words asks about others
@@ -58,9 +87,9 @@ def _only(app: Typer, verb: str | None) -> Typer:
 def _without_parameters(info: Any, verb: str | None) -> Any:
     app = getattr(info, "typer_instance", None)
     name = app.info.name if app else info.name or info.callback.__name__
-    if name == verb:
-        return info
     light = copy(info)
+    if name == verb:
+        return _once_each(light)
     light.name = name
     if app:
         light.typer_instance = copy(app)
@@ -68,6 +97,17 @@ def _without_parameters(info: Any, verb: str | None) -> Any:
     else:
         light.callback = _nothing
     return light
+
+
+def _once_each(info: Any) -> Any:
+    """The same command, or group of commands, whose options are given once."""
+    app = getattr(info, "typer_instance", None)
+    if app:
+        info.typer_instance = copy(app)
+        info.typer_instance.registered_commands = [_once_each(copy(one)) for one in app.registered_commands]
+    else:
+        info.cls = OnceEach
+    return info
 
 
 def _nothing() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 import typer.main
@@ -60,3 +61,42 @@ def test_only_the_command_that_is_asked_gets_its_parameters(verb: str) -> None:
 def test_a_shell_that_completes_words_has_all_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(COMPLETING, "complete_bash")
     assert built_for(app, []) is app
+
+
+@pytest.mark.parametrize(
+    ("typed", "option"),
+    [
+        ("run task.toml --speed 0.05 --speed 1", "--speed"),
+        ("run task.toml --speed=0.5 --world w.toml --speed=0.5", "--speed"),
+        ("new-cell mine --unit crs93 --unit crs97", "--unit"),
+        ("plan cell.toml -o a.json --output b.json", "--output"),
+        ("runs --prune 30 there --prune 1", "--prune"),
+        ("check plan.json --q 0,0,0,0,0,0 --q=1,1,1,1,1,1 --json", "--q"),
+        ("home cell.toml --speed 0.1 --speed 0.2", "--speed"),
+        ("calibrate hand-eye r.json --cell a.toml --cell b.toml", "--cell"),
+        ("calibrate camera views --work-mm 800 900 --work-mm 700 1200", "--work-mm"),
+    ],
+)
+def test_an_option_with_a_value_is_given_once(tmp_path: Path, typed: str, option: str) -> None:
+    said, told = a465(*typed.split(), code=2, cwd=tmp_path)
+    assert told == f"a465: wrong input: {option}: is given twice\n"
+    assert not list(tmp_path.iterdir())
+    assert ("--json" in typed) == ('"kind": "InputError"' in said)
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "check none.json --json --json",
+        "calibrate camera none --fix-zero k3 --fix-zero p1",
+        "calibrate camera none --lift a=1 --lift b=2",
+        "plan none.toml --advice --no-advice",
+        "plan none.toml -- --speed",
+    ],
+)
+def test_lists_and_flags_are_given_as_often_as_one_likes(tmp_path: Path, typed: str) -> None:
+    assert "given twice" not in a465(*typed.split(), code=2, cwd=tmp_path)[1]
+
+
+def test_help_is_printed_whatever_is_given_twice() -> None:
+    assert "Usage: " in a465("run", "--speed", 1, "--speed", 0.5, "--help")[0]
