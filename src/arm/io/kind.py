@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -65,7 +66,9 @@ KINDS = {  # the first of whose sets of marks one is there
     "board": _kind("a board file", "markers[] centre_mm[]", "a cell file names it in boards.files"),
     "world": _kind("a world file", "boards[]", "give it with --world"),
     "tool": _kind("a tool file", "bodies[] origin_mm[]", "a cell file names it as tool.bodies"),
+    "samples": Kind("a table of samples", (), "a465 export writes it"),  # told by its first line
 }
+_POSE_SIZES = (6, 12, 16)  # numbers in a row of a list of poses
 
 
 def kind_of(value: object) -> str:
@@ -117,6 +120,33 @@ def read_any(path: Path) -> Any:
         with suppress(FileInputError):
             return read(path)
     return None
+
+
+def kind_of_file(path: Path) -> str:
+    """Return the name in `KINDS` of what a file of any format is; "" if nothing shows it."""
+    return kind_of(read_any(path)) or _kind_of_table(path)
+
+
+def _kind_of_table(path: Path) -> str:
+    """Return the kind of a CSV file: samples as of ``a465 export``, a board file or a list of poses."""
+    with suppress(FileInputError), open_file(path, "log") as stream:
+        lines = [stream.readline(LONGEST_LINE).decode("utf-8-sig", "replace") for _ in range(7)]
+        rows = [re.findall(r"[^,;\s]+", line.partition("#")[0]) for line in lines]
+        if rows[0][:1] == ["time_s"]:
+            return "samples"
+        numbers = [len(row) for row in rows if row and all(map(_is_number, row))]
+        if numbers == [2] * 5 == [len(row) for row in rows[:5]]:
+            return "board"
+        if numbers and all(count in _POSE_SIZES for count in numbers):
+            return "list"
+    return ""
+
+
+def _is_number(word: str) -> bool:
+    with suppress(ValueError):
+        float(word)
+        return True
+    return False
 
 
 def _first_line(path: Path) -> Any:

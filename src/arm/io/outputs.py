@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from arm.errors import InputError
-from arm.io.kind import KINDS, kind_of, read_any
+from arm.io.kind import KINDS, kind_of_file
 from arm.io.storage import read_by_the_command
 
-SUFFIXES = (".toml", ".json", ".jsonl")  # of files that have a kind
+SUFFIXES = (".toml", ".json", ".jsonl", ".csv")  # of files that have a kind
 
 
 def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "") -> None:
@@ -35,7 +35,7 @@ def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "")
         raise InputError(f"{output}: is a folder; give the name of a file", file=str(output))
     if output.suffix.lower() not in SUFFIXES:
         return
-    found = kind_of(read_any(output))
+    found = kind_of_file(output)
     if found and found != kind:
         why = f"{output}: is {KINDS[found].words}, and something else would replace it; give another name"
         raise InputError(why, file=str(output))

@@ -12,7 +12,7 @@ from arm.io.outputs import keep_apart
 from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.report import kept
-from cell.report.run_folder import RUNS
+from cell.report.run_folder import RUNS, require_no_page_of_run
 from cell.report.runs import HEADER, read_runs, runs_page, runs_to_json
 from cell.session.dialogue import at_terminal, require_word, typed
 
@@ -28,9 +28,10 @@ def report_step(folders: Sequence[Path], output: Path | None, console: Console) 
         console: for output.
 
     Raises:
-        InputError: a folder has no report, or a file cannot be read or written.
+        InputError: a folder has no report, a file cannot be read or written, or the page is one of a run.
     """
     keep_apart(output)
+    require_no_page_of_run(output)
     runs = read_runs(folders or [RUNS])
     console.table(HEADER, [run.row() for run in runs])
     found = runs_to_json(runs)

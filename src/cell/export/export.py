@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 PERIOD_S = 0.02  # between samples of a plan
 URDF = "urdf"
 SUFFIXES = {"csv": ".csv", "trajectory": ".trajectory.json", "mcap": ".mcap"}
+_KINDS = {"csv": "samples", "trajectory": "trajectory", "mcap": ""}  # of `arm.io.kind`
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def _plan_step(file: Path, asked: ExportOptions, console: Console) -> dict[str, 
         why = "--period does not go with --format trajectory, which has the ends of segments"
         raise InputError(why, option="period")
     path = asked.output or file.with_suffix(SUFFIXES[form])
-    keep_apart(path, file, asked.cell, kind="trajectory")
+    keep_apart(path, file, asked.cell, kind=_KINDS[form])
     keep_unread(path)
     period = PERIOD_S if asked.period is None else asked.period
     if form == "csv":
@@ -205,7 +206,7 @@ def _log_step(log: Path, asked: ExportOptions, console: Console) -> dict[str, An
     session = read_log(log)
     unit = unit_of(session, asked.unit)
     path = asked.output or log.with_suffix(SUFFIXES[form])
-    keep_apart(path, log, kind="trajectory")
+    keep_apart(path, log, kind=_KINDS[form])
     if form == "csv":
         samples = executed(session, unit)
         content: bytes | str = csv_text(samples)

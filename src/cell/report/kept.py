@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
-from cell.report.run_folder import LOG, REPORT
+from cell.report.run_folder import REPORT, is_run
 
 DAY = 86400.0  # s
 HEADER = ("run", "written", "of", "ended", "MB")
@@ -67,7 +67,7 @@ def kept_runs(folder: Path) -> list[KeptRun]:
     except OSError as error:
         why = f"{folder}: {error.strerror}; give the folder that contains runs, such as runs"
         raise InputError(why, folder=str(folder)) from error
-    runs = [_kept(one) for one in inside if (one / LOG).is_file() or (one / REPORT).is_file()]
+    runs = [_kept(one) for one in inside if is_run(one)]
     return sorted(runs, key=lambda run: (run.written, run.folder))
 
 

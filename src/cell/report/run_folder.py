@@ -12,7 +12,28 @@ from arm.errors import InputError
 from arm.io.temporary import remove_abandoned
 
 LOG, REPORT = "wire.jsonl", "report.json"
+PAGES = ("report.html", "preview*.html")  # that a run writes
 RUNS = Path("runs")
+
+
+def is_run(folder: Path) -> bool:
+    """Whether a folder has the log or the report of a run."""
+    return (folder / LOG).is_file() or (folder / REPORT).is_file()
+
+
+def require_no_page_of_run(page: Path | None) -> None:
+    """Require that a page to write would not replace one that a run wrote.
+
+    Raises:
+        InputError: it would.
+    """
+    if page is None or not page.exists() or not is_run(page.parent):
+        return
+    if any(page.match(name) for name in PAGES):
+        why = (
+            f"{page}: belongs to the run {page.parent}, and another page would replace it; give another name"
+        )
+        raise InputError(why, file=str(page))
 
 
 def require_new_folder(asked: Path | None) -> None:

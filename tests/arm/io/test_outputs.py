@@ -61,3 +61,38 @@ def test_no_command_replaces_a_cell_file(tmp_path: Path) -> None:
         assert f"{other}: is a cell file, and something else would replace it" in told
         assert told.count("\n") == 1
     assert other.read_bytes() == before
+
+
+POSE = ",".join(["0"] * 12)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "words"),
+    [
+        ("1,2\r\n0,80\r\n80,60\r\n100,140\r\n140,0", "board", "a board file"),
+        ("-50,-40,-80,0,-60,0\n", "list", "a list of poses"),
+        (f"# taught by hand\nx,y\n{POSE}\n{POSE}\n", "list", "a list of poses"),
+        ("time_s,J1_rad,step\n0.0,1.0,a\n", "samples", "a table of samples"),
+    ],
+)
+def test_a_csv_file_of_another_kind_is_not_replaced(tmp_path: Path, text: str, kind: str, words: str) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text(text)
+    for other in {"", "samples", "board", "list"} - {kind}:
+        with pytest.raises(InputError, match=rf"a\.csv: is {words}, and something else would replace it"):
+            keep_apart(file, kind=other)
+    keep_apart(file, kind=kind)
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "1,2\n0,80\n", "1\n2\n3\n4\n5\n", "\x00\xff"])
+def test_a_csv_file_that_shows_no_kind_is_replaced(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    keep_apart(tmp_path / "a.csv")
+
+
+def test_every_shipped_board_file_is_recognised() -> None:
+    files = sorted(data_file("scenes").glob("boards/*.csv"))
+    assert files
+    for file in files:
+        with pytest.raises(InputError, match="is a board file"):
+            keep_apart(file, kind="samples")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -254,6 +255,19 @@ def test_counts_of_another_arm_are_refused_until_its_cell_is_given(
     write_plan(other, replace(plan, scene={**plan.scene, "robot_open": "0" * 64}))
     with pytest.raises(InputError, match="does not match this arm"):
         export(other, form="urdf", output=tmp_path / "never")
+
+
+def test_only_a_table_of_samples_is_replaced_by_one(plan_file: Path, tmp_path: Path) -> None:
+    board, samples = tmp_path / "board.csv", tmp_path / "samples.csv"
+    shutil.copy(data_file("scenes/boards/positions_plate_01-02.csv"), board)
+    before = board.read_bytes()
+    with pytest.raises(InputError, match=r"board\.csv: is a board file, and something else would replace it"):
+        export(plan_file, form="csv", output=board)
+    assert board.read_bytes() == before
+    for period in (0.5, 0.2):
+        export(plan_file, form="csv", output=samples, period=period)
+    with pytest.raises(InputError, match=r"samples\.csv: is a table of samples"):
+        export(plan_file, form="trajectory", output=samples)
 
 
 def test_what_does_not_go_with_a_plan_is_refused(plan_file: Path, tmp_path: Path) -> None:

@@ -67,6 +67,20 @@ def test_the_command_prints_the_table_and_writes_the_page(day: Path, tmp_path: P
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["report.html", "preview.html", "preview-cube-2.html"])
+def test_a_page_of_a_run_is_not_replaced(day: Path, name: str) -> None:
+    page = day / "a" / name
+    a465("report", day, "-o", page)  # none is there
+    page.write_text("of the run")
+    _, told = a465("report", day, "-o", page, code=2)
+    rule = f"belongs to the run {page.parent}, and another page would replace it; give another name"
+    assert told == f"a465: wrong input: {page}: {rule}\n"
+    assert page.read_text() == "of the run"
+    for other in (day / "a/day.html", day / name):
+        for _ in range(2):
+            a465("report", day, "-o", other)
+
+
 def test_the_page_fits(day: Path, tmp_path: Path) -> None:
     require_fit(runs_page(read_runs([day])), tmp_path, "runs")
 
