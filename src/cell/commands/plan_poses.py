@@ -85,6 +85,12 @@ def plan_poses_step(
         place = place_of_cell(task, seen, planning_speed(task.cell, speed))
         explain = partial(explain_list_failure, task, seen) if advice else None
     poses = read_pose_list(poses_file, reading)
+    if reading.frame is not None and all(entry.T is None for entry in poses.entries):
+        why = (
+            f"--frame {reading.frame}: is of poses, and {poses_file} has joint angles only; x y z roll pitch yaw is "
+            "not read: give a pose as 12 or 16 numbers a row"
+        )
+        raise InputError(why, option="--frame", file=str(poses_file))
     with within(budget):
         plan = plan_pose_list(place, poses, back, explain)
     erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan, seen)

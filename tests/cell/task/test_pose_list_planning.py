@@ -275,3 +275,21 @@ def test_what_is_for_lists_needs_one(asked: tuple[Path | str, ...], words: str, 
     _, told = a465("plan", *asked, "-o", tmp_path / "p.json", code=2)
     assert words in told
     assert not (tmp_path / "p.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("poses.csv", "x,y,z,roll,pitch,yaw\n0.42,0.0,0.30,3.1,0,0\n"),
+        ("poses.json", '[{"q_deg": [0, -10, -90, 0, -70, 0]}, {"jaws": "open"}]'),
+    ],
+)
+def test_a_frame_without_any_pose_is_refused(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    asked = "--angles", "rad", "-o", tmp_path / "plan.json"
+    _, told = a465("plan", CELL, tmp_path / name, "--frame", "tool", *asked, code=2)
+    rule = "has joint angles only; x y z roll pitch yaw is not read: give a pose as 12 or 16 numbers a row"
+    assert told.splitlines() == [
+        f"a465: wrong input: --frame tool: is of poses, and {tmp_path / name} {rule}"
+    ]
+    assert not (tmp_path / "plan.json").exists()
