@@ -20,6 +20,7 @@ from cell.config.cell import Cell
 from cell.console import Console
 from cell.export.scene import surroundings_of_file
 from cell.files.observation import read_observation
+from cell.files.task import Task
 from cell.foreign.judge import (
     CLEAR,
     REFUTED,
@@ -41,11 +42,18 @@ from plan.collision.world import World
 from plan.trajectory.virtual_unit import is_virtual
 
 MOST_CLEARANCE = 1.0  # m
+_NO_LOOK = (
+    "boards and cubes are not among the bodies, only the table and the walls; add them with --look FILE"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """What a trajectory is judged in; scenes and programs have no `sendable` place, scenes and arm files no `cell`."""
+    """What a trajectory is judged in; scenes and programs have no `sendable` place, scenes and arm files no `cell`.
+
+    Attributes:
+        remarks: what a verdict in it does not say, a line each.
+    """
 
     world: World
     robot: Robot
@@ -53,6 +61,7 @@ class _Place:
     asked: Asked
     sendable: ListPlace | None
     cell: Cell | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def certify_step(
@@ -111,6 +120,8 @@ def certify_step(
     if page is not None:
         _write_page(page, trajectory_file, trajectory, place, check, refusal)
         console.say(f"open {page} in a browser")
+    for remark in place.remarks:
+        console.say(remark)
     if refusal is not None:
         raise refusal
     if check.pair[0]:
@@ -166,6 +177,9 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
     sendable = None if isinstance(place, ProgramTask) else listed
     least = required if clearance is None else clearance
     cell = None if isinstance(place, ArmFile) else place.cell
+    remarks = []
+    if isinstance(place, Task) and not isinstance(place, ProgramTask) and look is None:
+        remarks.append(_NO_LOOK)
     return _Place(
         world,
         found.robot,
@@ -173,6 +187,7 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
         Asked(least, asked, not is_virtual(listed.unit)),
         sendable,
         cell,
+        tuple(remarks),
     )
 
 

@@ -122,6 +122,25 @@ def test_a_trajectory_in_a_scene_of_another_clearance(tmp_path: Path) -> None:
             _certified(tmp_path, trajectory([START, START + 0.05], [0.0, 2.0]), place=scene, **option)
 
 
+@pytest.mark.parametrize(
+    ("place", "blind"),
+    [("task2.toml", 1), ("cell.toml", 1), ("pen/drawing.toml", 0), ("fixtures/mesh.toml", 0)],
+)
+def test_without_a_look_it_is_told_that_boards_and_cubes_are_left_out(
+    tmp_path: Path, place: str, blind: int
+) -> None:
+    file = written(tmp_path, trajectory([START, START + 0.05], [0.0, 4.0]))
+    said, _ = a465("certify", file, data_file(f"scenes/{place}"), "--clearance-mm", 1)
+    told = (
+        "boards and cubes are not among the bodies, only the table and the walls; add them with --look FILE\n"
+    )
+    assert said.count(told) == said.count("--look") == blind
+    if place == "cell.toml":
+        (tmp_path / "look.json").write_text('{"scenes": [{"boards": []}]}')
+        said, _ = a465("certify", file, CELL, "--look", tmp_path / "look.json", "--clearance-mm", 1)
+        assert "are not among the bodies" not in said
+
+
 def test_a_page_shows_a_clear_trajectory_or_where_and_why_it_is_refused(tmp_path: Path) -> None:
     of, page = trajectory([START, OVER], [0.0, 20.0]), tmp_path / "page.html"
     found = _certified(tmp_path, of, page=page)
