@@ -42,6 +42,7 @@ from plan.collision.world import World
 from plan.trajectory.virtual_unit import is_virtual
 
 MOST_CLEARANCE = 1.0  # m
+LEAST_CLEARANCE_MM = 0.1  # that anyone asks for; less is a length in m
 _NO_LOOK = (
     "boards and cubes are not among the bodies, only the table and the walls; add them with --look FILE"
 )
@@ -98,6 +99,9 @@ def certify_step(
     if clearance is not None and not 0.0 <= clearance <= MOST_CLEARANCE:
         rule = f"must be from 0 to {1e3 * MOST_CLEARANCE:g} mm"
         raise InputError(f"--clearance-mm = {shown(1e3 * clearance)}: {rule}", option="--clearance-mm")
+    if clearance is not None and 0.0 < 1e3 * clearance < LEAST_CLEARANCE_MM:
+        rule = f"is in mm: must be 0, or from {LEAST_CLEARANCE_MM:g} to {1e3 * MOST_CLEARANCE:g}"
+        raise InputError(f"--clearance-mm {shown(1e3 * clearance)}: {rule}", option="--clearance-mm")
     place = _place(place_file, look, clearance, speed)
     if (output is not None or page is not None) and place.sendable is None:
         option = "--page" if output is None else "--output"
@@ -180,6 +184,10 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
     remarks = []
     if isinstance(place, Task) and not isinstance(place, ProgramTask) and look is None:
         remarks.append(_NO_LOOK)
+    if least < required - 1e-9:  # the same mm may differ in the last digit in m
+        remarks.append(
+            f"the clearance of {1e3 * least:g} mm is less than the {1e3 * required:g} mm of {_clearance_key(place)}"
+        )
     return _Place(
         world,
         found.robot,
@@ -189,6 +197,13 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
         cell,
         tuple(remarks),
     )
+
+
+def _clearance_key(place: Task | ArmFile) -> str:
+    """Return the key that states the clearance of a file, and the file."""
+    if isinstance(place, ArmFile) or (isinstance(place, ProgramTask) and place.clearance is not None):
+        return f"clearance_mm in {place.file}"
+    return f"motion.clearance_mm in {place.cell.file}"
 
 
 def _print(

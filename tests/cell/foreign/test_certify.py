@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +140,28 @@ def test_without_a_look_it_is_told_that_boards_and_cubes_are_left_out(
         (tmp_path / "look.json").write_text('{"scenes": [{"boards": []}]}')
         said, _ = a465("certify", file, CELL, "--look", tmp_path / "look.json", "--clearance-mm", 1)
         assert "are not among the bodies" not in said
+
+
+def test_a_clearance_below_that_of_the_file_is_told(tmp_path: Path) -> None:
+    file = written(tmp_path, trajectory([START, START + 0.05], [0.0, 4.0]))
+    for asked, told in ((0, 1), (0.1, 1), (9.99, 1), (10, 0), (12, 0)):
+        said, _ = a465("certify", file, CELL, "--clearance-mm", asked)
+        line = f"the clearance of {asked:g} mm is less than the 10 mm of motion.clearance_mm in {CELL}\n"
+        assert said.count(line) == said.count("is less than") == told
+    assert "is less than" not in a465("certify", file, CELL)[0]
+    program = tmp_path / "scenes/pen/drawing.toml"
+    shutil.copytree(data_file("scenes"), tmp_path / "scenes")
+    said, _ = a465("certify", file, program, "--clearance-mm", 0.5)
+    assert f"the clearance of 0.5 mm is less than the 5 mm of clearance_mm in {program}\n" in said
+
+
+@pytest.mark.parametrize("asked", ["0.01", "1e-5", "0.0999"])
+def test_a_clearance_in_metres_is_refused(tmp_path: Path, asked: str) -> None:
+    file = written(tmp_path, trajectory([START, START + 0.05], [0.0, 4.0]))
+    _, told = a465("certify", file, CELL, "--clearance-mm", asked, code=2)
+    assert told.startswith(
+        f"a465: wrong input: --clearance-mm {float(asked):g}: is in mm: must be 0, or from 0.1"
+    )
 
 
 def test_a_page_shows_a_clear_trajectory_or_where_and_why_it_is_refused(tmp_path: Path) -> None:
