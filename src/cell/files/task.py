@@ -179,6 +179,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     root.require_kind("task")
     is_clear_board = root.get("task", KIND) == KINDS[0]
     keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
+    require_aim(keys.aim, keys.clearance_worth, root)
     cell = read_cell(keys.cell, on_uncalibrated)
     if not cell.has_jaws:
         rule = "names a cell whose tool has no jaws (its tool.bodies): tasks move cubes"
@@ -205,6 +206,17 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         inputs=inputs,
         digest=sha256(sha256(canonical_json(inputs)) + cell.digest),
     )
+
+
+def require_aim(aim: str, worth: float | None, root: Node) -> None:
+    """Refuse ``clearance_worth_s_per_mm`` of a task or program whose aim does not use it.
+
+    Raises:
+        FileInputError: the aim is another than clearance.
+    """
+    if worth is not None and aim != "clearance":
+        rule = f'needs aim = "clearance", and aim is "{aim}"'
+        raise root.error_at("clearance_worth_s_per_mm", rule)
 
 
 def place_or_arm(path: Path) -> Task | ArmFile:

@@ -25,7 +25,7 @@ from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.inputs import config_inputs
-from cell.files.task import NOTHING, Task, board_of, place_or_arm, read_place, task_or_cell
+from cell.files.task import NOTHING, Task, board_of, place_or_arm, read_place, require_aim, task_or_cell
 from cell.program.parts.handled import Part, parts_of
 from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
 from cell.program.points import WORK, read_wire
@@ -235,7 +235,8 @@ def read_program(path: Path, on_uncalibrated: Callable[[InputError], None] | Non
 
 
 def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
-    """Check what depends on the cell: limits, clearance, jaws, and names of bodies."""
+    """Check what depends on the cell: limits, clearance, jaws, and names of bodies; and the aim."""
+    require_aim(keys.aim, keys.clearance_worth, root)
     if keys.end is not None and (rule := cell.unit.beyond_limits(keys.end)):
         raise root.error_at("end_deg", rule)
     if keys.clearance is not None and keys.clearance < cell.least_clearance:

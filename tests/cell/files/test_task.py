@@ -46,3 +46,14 @@ def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
     options = options_of(read_task(task), 0.25)
     assert (options.look, options.order, options.assignment) == (2, "given", "given")
     assert (options.velocity_fraction, options.acceleration_fraction) == (0.8, 0.4)
+
+
+def test_a_worth_of_clearance_needs_the_aim_that_uses_it(scenes: Path) -> None:
+    task = scenes / "task2.toml"
+    replace_in(task, "seed = 0", "seed = 0\nclearance_worth_s_per_mm = 0.5")
+    rule = r'clearance_worth_s_per_mm = 0.5: needs aim = "clearance", and aim is "time"$'
+    for read in (read_task, read_place):
+        with pytest.raises(InputError, match=rf"task2\.toml: {rule}"):
+            read(task)
+    replace_in(task, "seed = 0", 'seed = 0\naim = "clearance"')
+    assert read_task(task).clearance_worth == pytest.approx(500.0)

@@ -127,6 +127,7 @@ def test_every_body_of_a_file_has_a_name_that_no_look_gives(tmp_path: Path) -> N
         ('name = "block"', 'name = "a\\nb"', r"bodies\[1\].name = .*must be a string of one line"),
         ('file = "wire.toml"', 'file = "FILE"', r"bodies\[0\].file = .*cannot be read: File name too"),
         ('axis = "along"', "axis = [0, 0, 1]\nwindow_mm = 9", r"steps\[1\].window_mm = 9: needs axis along or against"),
+        ("clearance_mm = 6", "clearance_worth_s_per_mm = 1", r'worth_s_per_mm = 1: needs aim = "clearance", and'),
         ("clearance_mm = 6", "clearance = 6", r"clearance.*is not a known key .did you mean clearance_mm"),
     ],
 )  # fmt: skip
