@@ -13,6 +13,7 @@ from typing import Any
 from arm.errors import FileInputError
 from arm.io.toml_edit import Place, place_of
 
+NOT_THERE = "is not in the file"
 _STEP = re.compile(r"([A-Za-z0-9_-]+)|\[(\d+)\]|\.")
 
 
@@ -79,6 +80,24 @@ class Template:
         return "".join([*parts, self._text[at:]])
 
 
+def has_key(file: Path, text: str, key: str) -> bool:
+    """Whether the content of a file has a value at a key.
+
+    Raises:
+        FileInputError: it is no key.
+    """
+    inside: Any = tomllib.loads(text)
+    for step in _steps(file, key):
+        if not (
+            step in inside
+            if isinstance(inside, dict)
+            else isinstance(inside, list) and step in range(len(inside))
+        ):
+            return False
+        inside = inside[step]
+    return True
+
+
 def _steps(file: Path, key: str) -> tuple[str | int, ...]:
     steps: list[str | int] = []
     at = 0
@@ -110,7 +129,7 @@ def _require_item(file: Path, key: str, value: Any, inside: tuple[int, ...]) -> 
     for step in inside:
         if not isinstance(value, list) or step >= len(value):
             help = "write the whole list into the file first; its items are counted from 0"
-            raise FileInputError(file, key, None, "is not in the file", help)
+            raise FileInputError(file, key, None, NOT_THERE, help)
         value = value[step]
 
 
@@ -127,7 +146,7 @@ def _not_there(
         if guess
         else f"it has {_names(table)}; write the whole list into it first"
     )
-    return FileInputError(file, key, None, "is not in the file", help)
+    return FileInputError(file, key, None, NOT_THERE, help)
 
 
 def _stated(file: Path, content: Mapping[str, Any], key: str, name: tuple[str | int, ...]) -> Any:
@@ -137,10 +156,10 @@ def _stated(file: Path, content: Mapping[str, Any], key: str, name: tuple[str | 
         known = isinstance(table, list) and isinstance(step, int) and step < len(table)
         if not known and not (isinstance(table, dict) and step in table):
             help = f"it has {_names(table)}; write the table into the file first"
-            raise FileInputError(file, key, None, "is not in the file", help)
+            raise FileInputError(file, key, None, NOT_THERE, help)
         table = table[step]
     if not isinstance(table, dict):
-        raise FileInputError(file, key, None, "is not in the file", f"it has {_names(table)}")
+        raise FileInputError(file, key, None, NOT_THERE, f"it has {_names(table)}")
     value = table.get(str(name[-1]))
     if isinstance(value, dict) or (isinstance(value, list) and any(isinstance(v, dict) for v in value)):
         raise FileInputError(file, key, None, "is a table; only single values and lists vary")

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import arm
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.io.rules import is_number
 from arm.io.storage import (
     MOST_BYTES,
@@ -30,7 +30,7 @@ from cell.files.study import Study, Varied, read_study
 from cell.files.task import KINDS, Task, read_task
 from cell.files.world import World, read_world
 from cell.session.camera_watch import camera_watch
-from cell.study.question.edit import Template
+from cell.study.question.edit import NOT_THERE, Template, has_key
 from cell.study.question.points import points_of
 
 _LARGEST = max(MOST_BYTES, key=lambda kind: MOST_BYTES[kind])
@@ -108,7 +108,7 @@ def bundle_of(study: Study) -> Bundle:
     contents = {name: read_bytes(path, _LARGEST) for path, name in names.items()}
     bundle = Bundle(contents, study_name, task_name, world_name, cell_name, camera_name, code_digest())
     with TemporaryDirectory(prefix="a465-study-") as folder:
-        _require_values(Scratch(bundle, Path(folder)))
+        _require_values(Scratch(bundle, Path(folder)), _varied_files(*ends))
     return bundle
 
 
@@ -148,8 +148,13 @@ def _require_used(study: Study, task: Task, world: World) -> None:
         raise InputError(why, file=str(study.world), key="camera")
 
 
-def _require_values(scratch: Scratch) -> None:
-    """Refuse a study if neither its first nor its last point has values that the files may have."""
+def _require_values(scratch: Scratch, files: Mapping[str, Path]) -> None:
+    """Refuse a study if neither its first nor its last point has values that the files may have.
+
+    Args:
+        scratch: the study in copies.
+        files: those that were copied, as of `_varied_files`.
+    """
     study = scratch.study
     for number in (0, study.count - 1):
         try:
@@ -158,15 +163,24 @@ def _require_values(scratch: Scratch) -> None:
             wrong = error
         else:
             return
+    help = next((f" ({words})" for one in study.vary if (words := _elsewhere(one.file, one.key, files))), "")
     raise InputError(
         f"{study.file.name}: neither the first nor the last point has values that the files may have; the last: "
-        f"{wrong}",
+        f"{wrong}{help}",
         **wrong.data,
     ) from wrong
 
 
 def _varied_files(task: Path, world: Path, cell: Path, camera: Path) -> dict[str, Path]:
     return {"task": task, "world": world, "cell": cell, "camera": camera}
+
+
+def _elsewhere(kind: str, key: str, files: Mapping[str, Path]) -> str:
+    """Say which other file has a key that the file of a kind has not; "" if none has it."""
+    having = [one for one, file in files.items() if has_key(file, read_text(file, "TOML"), key)]
+    if kind in having or not having:
+        return ""
+    return f'{files[having[0]].name} has {key}: write file = "{having[0]}" into that [[vary]]'
 
 
 def _read(task_file: Path, world_file: Path) -> tuple[Task, World]:
@@ -204,7 +218,7 @@ class _Templates:
         for kind, file in files.items():
             at = [k for k, one in enumerate(study.vary) if one.file == kind]
             if at:
-                template = Template(file, read_text(file, "text"), [study.vary[k].key for k in at])
+                template = _template(kind, files, [study.vary[k].key for k in at])
                 for number, k in enumerate(at):
                     _require_unit(study, study.vary[k], template.stated(number), file)
                 self._made.append((file, template, at))
@@ -221,6 +235,17 @@ class _Templates:
     def write(self, values: Sequence[Any]) -> None:
         for file, template, at in self._made:
             file.write_bytes(template.text([values[k] for k in at]).encode())
+
+
+def _template(kind: str, files: Mapping[str, Path], keys: Sequence[str]) -> Template:
+    """Return the template of the file of a kind; say which other file has a key that it has not."""
+    try:
+        return Template(files[kind], read_text(files[kind], "text"), keys)
+    except FileInputError as error:
+        key = error.data["key"]
+        if error.data["rule"] == NOT_THERE and (help := _elsewhere(kind, key, files)):
+            raise FileInputError(files[kind], key, None, NOT_THERE, help) from error
+        raise
 
 
 def _require_unit(study: Study, one: Varied, stated: Any, file: Path) -> None:

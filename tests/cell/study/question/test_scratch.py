@@ -189,6 +189,34 @@ def test_a_study_of_which_no_point_can_be_read_is_refused(scenes: Path, key: str
 
 
 @pytest.mark.parametrize(
+    ("vary", "told"),
+    [
+        (
+            {"key": "tool.length_mm", "values": [134.0, 140.0]},
+            r'cell\.toml has tool\.length_mm: write file = "cell"',
+        ),
+        (
+            {"key": "unit", "values": ["crs93", "crs97"]},
+            r'cell\.toml has unit: write file = "cell" into that',
+        ),
+        ({"key": "order", "values": ["free", "given"]}, r'task2\.toml has order: write file = "task"'),
+        (
+            {"key": "pose.T_base_camera[2][3]", "values": [1.1, 1.2]},
+            r'lab\.toml has pose\..*: write file = "camera"',
+        ),
+        (
+            {"file": "cell", "key": "boards[1].yaw_deg", "values": [1, 2]},
+            r'task2\.world\.toml has .* file = "world"',
+        ),
+        ({"key": "tools.length_mm", "values": [134.0, 140.0]}, "write the table into the file first"),
+    ],
+)
+def test_a_key_of_another_file_is_told_with_that_file(scenes: Path, vary: dict[str, Any], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        bundle_of(read_study(write_study(scenes, [X, vary], points=2)))
+
+
+@pytest.mark.parametrize(
     ("values", "metres"),
     [
         ({"from": 0.43, "to": 0.49}, True),
