@@ -60,8 +60,12 @@ def kept_runs(folder: Path) -> list[KeptRun]:
     A folder counts if it has the log or the report of a run; links do not.
 
     Raises:
-        InputError: the folder does not exist, or cannot be read.
+        InputError: the folder does not exist, cannot be read, or is a run itself.
     """
+    if is_run(folder):
+        above = folder.absolute().parent if folder.name in ("", "..") else folder.parent
+        why = f"{folder}: is a run itself; give the folder that contains runs: {above}"
+        raise InputError(why, folder=str(folder))
     try:
         inside = [one for one in folder.iterdir() if one.is_dir() and not one.is_symlink()]
     except OSError as error:

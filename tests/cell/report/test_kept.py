@@ -73,6 +73,21 @@ def test_only_runs_that_are_old_enough_are_removed(folder: Path) -> None:
     assert "nothing is removed" in said
 
 
+@pytest.mark.parametrize("more", [[], ["--prune", 30, "--yes"]])
+def test_a_run_is_no_folder_of_runs(folder: Path, more: list[object]) -> None:
+    run = folder / "runs" / "task2-1"
+    (run / "looks").mkdir()
+    (run / "looks" / "report.json").write_text("{}")
+    before = sorted(folder.rglob("*"))
+    _, told = a465("runs", "runs/task2-1", *more, code=2, cwd=folder)
+    assert (
+        told == "a465: wrong input: runs/task2-1: is a run itself; give the folder that contains runs: runs\n"
+    )
+    _, told = a465("runs", ".", *more, code=2, cwd=run)
+    assert told.endswith(f".: is a run itself; give the folder that contains runs: {run.parent}\n")
+    assert sorted(folder.rglob("*")) == before
+
+
 def test_one_new_file_keeps_a_run(folder: Path) -> None:
     (folder / "runs" / "task2-1" / "shots" / "2.png").write_bytes(b"")
     a465("runs", "--prune", 30, "--yes", cwd=folder)
