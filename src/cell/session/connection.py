@@ -263,13 +263,16 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     """The simulated cell of a task and its world file, as the plant of an emulated unit.
 
     Raises:
-        InputError: there is no world file, or it is wrong; `contact`, and MuJoCo is not installed.
+        InputError: there is no world file, it is wrong, or two of its boards stand in one place; `contact`, and MuJoCo
+            is not installed.
     """
     from cell.files.world import read_world
     from cell.sim.cell import SimulatedCell
+    from cell.sim.made import require_apart
 
     cell = task.cell
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    require_apart(truth)
     if not contact:
         work, wires = _true_work(task, truth) if isinstance(task, ProgramTask) else ((), ())
         return SimulatedCell(cell, truth, work, wires)

@@ -6,15 +6,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
+from arm.numerics.products import norm
 from arm.robot.gripper import Gripper
 from arm.robot.tool import FixedTool
-from arm.se3 import frozen, rotation, transform
+from arm.se3 import apply, frozen, rotation, transform
 from cell.config.cell import Cell
 from cell.files.world import TrueBoard, World
 from render.surface import Print, Texture
 
 _BOARDS, _CUBES, _TARGET, _TABLE = 1, 2, 3, 4  # what a sequence of random numbers is for
+
+
+def require_apart(world: World) -> None:
+    """Refuse boards that cannot both be there: centres of plates nearer than half of the smaller one's shorter side.
+
+    Raises:
+        FileInputError: names both boards and the distance.
+    """
+    centres = [apply(one.T_base_board, (*one.board.plate.centre, 0.0)) for one in world.boards]
+    for second, one in enumerate(world.boards):
+        for first, other in enumerate(world.boards[:second]):
+            distance = norm(centres[second] - centres[first])
+            least = min(min(true.board.plate.size[:2]) for true in (one, other)) / 2.0
+            if distance < least:
+                rule = (
+                    f"boards {other.board.name} (boards[{first}]) and {one.board.name} stand in one place: their "
+                    f"centres are {1e3 * distance:.0f} mm apart, must be at least {1e3 * least:.0f}"
+                )
+                raise FileInputError(world.file, f"boards[{second}].centre_mm", None, rule)
 
 
 def made_board(world: World, board: TrueBoard, pocket: tuple[float, float]) -> TrueBoard:

@@ -16,9 +16,19 @@ import pytest
 from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.files.task import Task, read_task
+from cell.files.world import read_world
 from cell.session import connection
-from cell.session.connection import NewImageFolder, WhichCell, open_cell, require_openable, world_file
+from cell.session.connection import (
+    NewImageFolder,
+    WhichCell,
+    camera_at_start,
+    open_cell,
+    require_openable,
+    simulated_cell,
+    world_file,
+)
 from driver.line.signals import SIGNALS, interruptible
+from typed.command_line import a465, replace_in
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +103,29 @@ def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
     assert world_file(task, None).name == "task2.world.toml"
     with pytest.raises(InputError, match="no such world file"):
         world_file(task, tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(("second", "apart"), [(110, 0), (60, 50), (11, 99), (-130, None), (9, None)])
+def test_two_boards_in_one_place_are_no_cell(scenes: Path, second: int, apart: int | None) -> None:
+    """A copied table whose centre was not changed."""
+    replace_in(scenes / "task2.world.toml", "centre_mm = [460, -130, 90]", f"centre_mm = [460, {second}, 40]")
+    told = (
+        f"{scenes / 'task2.world.toml'}: boards[1].centre_mm: boards 01-02 (boards[0]) and 03-04 stand in one place: "
+        f"their centres are {apart} mm apart, must be at least 100"
+    )
+    task, typed = read_task(scenes / "task2.toml"), ("render", scenes / "task2.toml", "--count", 1)
+    if apart is None:
+        simulated_cell(task, None)
+        return
+    for open_one in (lambda: simulated_cell(task, None), lambda: camera_at_start(task, None)):
+        with pytest.raises(InputError) as refused:
+            open_one()
+        assert str(refused.value) == told
+    with pytest.raises(InputError), open_cell(task, WhichCell(), scenes / "wire.jsonl"):
+        pass
+    assert a465(*typed, code=2, cwd=scenes)[1] == f"a465: wrong input: {told}\n"
+    assert not (scenes / "photographs").exists()
+    read_world(scenes / "task2.world.toml", 0.036)  # a study of reach asks such worlds too
 
 
 @pytest.mark.parametrize(
