@@ -16,7 +16,7 @@ task_file = data_file("scenes/task2.toml")
 look_step(task_file, None, None, Path("runs/example-look.json"), None, Console())
 
 task = read_task(task_file)
-seen = read_observation(Path("runs/example-look.json"), task.cell.boards)
+seen = read_observation(Path("runs/example-look.json"), task.cell)
 table = reach_of(task, seen)
 table.require()
 print(

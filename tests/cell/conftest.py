@@ -257,7 +257,7 @@ def plan(planned_scenes: Path) -> Plan:
 
 @pytest.fixture(scope="session")
 def seen(planned_scenes: Path, task: Task) -> Observation:
-    return read_observation(planned_scenes / "look.json", task.cell.boards)
+    return read_observation(planned_scenes / "look.json", task.cell)
 
 
 @pytest.fixture

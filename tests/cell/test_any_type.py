@@ -156,7 +156,7 @@ POSES = {
 def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = whole.parent / "plain"  # which the plan was made for
     task = read_task(plain / "task2.toml")
-    seen = read_observation(plain / "look.json", task.cell.boards)
+    seen = read_observation(plain / "look.json", task.cell)
 
     def judge_plan(path: Path) -> None:
         plan = read_plan(path)
@@ -176,7 +176,7 @@ def test_json(whole: Path, tmp_path: Path, name: str, monkeypatch: pytest.Monkey
         case "look":
             content, reader = (
                 json.loads(read_text(plain / "look.json")),
-                lambda p: read_observation(p, task.cell.boards),
+                lambda p: read_observation(p, task.cell),
             )
         case "plan":
             content, reader = json.loads(read_text(plain / "plan.json")), judge_plan

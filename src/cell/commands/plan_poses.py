@@ -78,7 +78,7 @@ def plan_poses_step(
         reading = replace(reading, joints=len(task.q_start), slides=slides)
     else:
         if look is not None:
-            seen = read_observation(look, task.cell.boards)
+            seen = read_observation(look, task.cell)
             if task.kind != POSES:
                 require_boards(seen, task, look)
             require_above_table(task, seen)
@@ -230,7 +230,7 @@ def _task_and_look(program_file: Path, look: Path | None) -> tuple[ProgramTask, 
     if look is None and task.board is not None:
         why = f"--look is missing: the workpiece of {program_file} is on board {task.board.name}"
         raise InputError(why, option="--look")
-    seen = Observation() if look is None else read_observation(look, task.cell.boards)
+    seen = Observation() if look is None else read_observation(look, task.cell)
     if look is not None:
         require_boards(seen, task, look)
     return task, seen

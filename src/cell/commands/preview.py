@@ -83,7 +83,7 @@ def _preview_plan(
                 raise
             warning = str(error)
         known = look is not None and ErrorModel.available(task.cell)
-        seen = read_observation(look, task.cell.boards) if look is not None else None
+        seen = read_observation(look, task.cell) if look is not None else None
         budgets = plan_budgets(task.cell, seen, plan) if known and seen else ()
         drawn = Drawn(camera=task.cell.camera)
         photograph = None if image is None else photograph_for(drawn, image, plan_file)

@@ -157,7 +157,7 @@ def reach_step(task_file: Path, look_file: Path, console: Console, advice: bool 
     from cell.task.explain import explain_failure
 
     task = read_task(task_file)
-    seen = read_observation(look_file, task.cell.boards)
+    seen = read_observation(look_file, task.cell)
     _doubt(task.cell, seen, console)
     require_boards(seen, task, look_file)
     require_above_table(task, seen)
@@ -204,7 +204,7 @@ def plan_step(
     keep_apart(output, task_file, look_file, kind="plan")
     keep_unread(output)
     task = read_task(task_file)
-    seen = read_observation(look_file, task.cell.boards)
+    seen = read_observation(look_file, task.cell)
     _doubt(task.cell, seen, console)
     require_boards(seen, task, look_file)
     rest = Rest(task, seen, task.cell.q_start, planning_speed(task.cell, speed))

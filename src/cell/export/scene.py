@@ -68,7 +68,7 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
 
 def _of_cell(task: Task, look: Path | None) -> Surroundings:
     cell = task.cell
-    observation = Observation() if look is None else read_observation(look, cell.boards)
+    observation = Observation() if look is None else read_observation(look, cell)
     if look is not None and task.kind != POSES:
         require_boards(observation, task, look)
     states = {"home": cell.unit.soft_home, "q_start": cell.q_start}
@@ -77,7 +77,7 @@ def _of_cell(task: Task, look: Path | None) -> Surroundings:
 
 def _of_program(task: ProgramTask, look: Path | None) -> Surroundings:
     cell = task.cell
-    observation = Observation() if look is None else read_observation(look, cell.boards)
+    observation = Observation() if look is None else read_observation(look, cell)
     states = {"home": cell.unit.soft_home, "q_start": cell.q_start}
     return _around(program_scene(task, observation), cell.limits, states)
 

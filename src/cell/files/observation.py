@@ -10,20 +10,22 @@ from typing import Any, get_args
 import numpy as np
 
 from arm.board import Board
-from arm.errors import A465Error, ImpossibleError
+from arm.errors import A465Error, FileInputError, ImpossibleError
 from arm.former import former_names
 from arm.io.node import Node, Rule
-from arm.io.rules import covariance_matrix, exceeds, flag, is_number, numbers, rule_of, text
+from arm.io.rules import covariance_matrix, exceeds, flag, is_number, numbers, rigid, rule_of, text
 from arm.io.storage import require_finite
 from arm.numerics.products import mul
 from arm.poses import BoardPose, TiltHypothesis
-from arm.se3 import Array, inverse, orthonormalised
+from arm.se3 import Array, angle_between, inverse, orthonormalised
+from cell.config.cell import Cell
 from cell.files.task import Task
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import HoleState, Occupancy
 
 HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1's board, m
 FLAT_TOLERANCE = np.radians(2.0)
+CAMERA_OFF, CAMERA_TURNED = 0.05e-3, float(np.radians(0.005))  # of the camera since a look, m and rad
 
 
 def require_boards(seen: Observation, task: Task, look: Path | None = None) -> None:
@@ -151,18 +153,22 @@ _NUMBER = rule_of("a number", is_number, float)
 _STATE: Rule[HoleState] = text(*get_args(HoleState))  # type: ignore[assignment]
 
 
-def read_observation(path: Path, boards: Sequence[Board]) -> Observation:
-    """Read a look file; `boards`: those of the cell.
+def read_observation(path: Path, cell: Cell) -> Observation:
+    """Read a look file, of images of this cell.
 
     Raises:
-        FileInputError: the file is not a look file, or has boards that the cell does not list.
+        FileInputError: the file is not a look file, has boards that the cell does not list, or was made with another
+            pose of the camera than the cell has now, by which its boards are displaced.
     """
     root = replace(Node.of_json(path, "look"), help="a465 look writes this file; look again")
     require_finite(path, root.value)
     scenes = root["scenes"].items()
     if not scenes:
         raise root["scenes"].error("must have a scene")
-    found = tuple(_board_from_json(entry, boards) for entry in scenes[0]["boards"].items())
+    entries = scenes[0]["boards"].items()
+    found = tuple(_board_from_json(entry, cell.boards) for entry in entries)
+    for entry, seen in zip(entries, found, strict=True):
+        _require_camera(scenes[0], entry, seen.pose.T_base_board, cell)
     missing = scenes[0].get("missing", _TABLE, {})
     half_seen = scenes[0].get("half_seen", _LIST, [])
     return Observation(found, missing, tuple(name for name in half_seen if name in missing))
@@ -207,6 +213,31 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
         Occupancy(hole["state"].read(_STATE), reason=hole.get("reason", text(), "")) for hole in holes
     )
     return ObservedBoard(pose, tuple(occupancy))
+
+
+def _require_camera(scene: Node, entry: Node, T_base_board: Array, cell: Cell) -> None:
+    """Require that the camera of a look, which follows from a board in both frames, is where the cell has it.
+
+    A look that was corrected for a shift of the camera is also right with the corrected pose, so it may differ by that.
+    """
+    if not isinstance(entry.value.get("T_camera_board"), list):  # made by another program
+        return
+    T = mul(T_base_board, inverse(entry["T_camera_board"].read(rigid())))
+    now = cell.camera.T_base_camera
+    off, turn = float(np.linalg.norm(T[:3, 3] - now[:3, 3])), angle_between(T[:3, :3], now[:3, :3])
+    corrected, turned = 0.0, 0.0
+    if isinstance(scene.value.get("camera"), dict):
+        corrected = 1e-3 * scene["camera"].get("moved_mm", _NUMBER)
+        turned = float(np.radians(np.linalg.norm(scene["camera"].get("rotation_deg", numbers(3)))))
+    if off > CAMERA_OFF + corrected or turn > CAMERA_TURNED + turned:
+        raise FileInputError(
+            scene.file,
+            "",
+            None,
+            f"was made with another camera pose than {cell.file} has now: they differ by {1e3 * off:.2f} mm and "
+            f"{np.degrees(turn):.3f} deg",
+            "look again",
+        )
 
 
 def _tilt_from_json(board: Node) -> TiltHypothesis | None:

@@ -175,7 +175,7 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
     if isinstance(place, ArmFile):
         listed = place_of_arm(place, asked)
     else:
-        seen = None if look is None else read_observation(look, place.cell.boards)
+        seen = None if look is None else read_observation(look, place.cell)
         listed = place_of_cell(place, seen, asked)
     required = place.required if isinstance(place, ProgramTask) else listed.options.clearance
     sendable = None if isinstance(place, ProgramTask) else listed

@@ -146,7 +146,7 @@ def place_shown(file: Path, look: Path | None, whole: bool = True) -> Shown:
         setting = Setting(arm.scene, arm.unit, arm.limits, arm.options)
         return Shown(setting, Drawn(resting=True), arm.q_start, {})
     cell = place.cell
-    seen = Observation() if look is None else read_observation(look, cell.boards)
+    seen = Observation() if look is None else read_observation(look, cell)
     try:
         scene = program_scene(place, seen) if isinstance(place, ProgramTask) else build_scene(cell, seen)
     except ImpossibleError:

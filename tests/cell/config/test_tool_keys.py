@@ -64,7 +64,7 @@ def test_a_task_is_planned_checked_and_described_with_another_gripper(scenes: Pa
     a465("look", scenes / "task2.toml", "-o", scenes / "look.json")
     _other_gripper(scenes)
     task = read_task(scenes / "task2.toml")
-    cell, seen = task.cell, read_observation(scenes / "look.json", task.cell.boards)
+    cell, seen = task.cell, read_observation(scenes / "look.json", task.cell)
     assert cell.gripper.width(options_of(task, 0.5).fraction_closed) == pytest.approx(0.02)
     assert all(hole.ok for hole in reach_of(task, seen).holes)
     plan = plan_rest(Rest(task, seen, cell.q_start, 0.5))

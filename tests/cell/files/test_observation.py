@@ -57,7 +57,7 @@ def _seen(task: Task) -> Observation:
 def test_round_trip(task: Task, tmp_path: Path) -> None:
     path, seen = tmp_path / "look.json", _seen(task)
     path.write_text(canonical_json(observation_to_json(seen, task.cell.camera.T_base_camera)))
-    again = read_observation(path, task.cell.boards)
+    again = read_observation(path, task.cell)
     assert again.missing == seen.missing
     for a, b in zip(again.boards, seen.boards, strict=True):
         assert a.occupancy == b.occupancy
@@ -123,7 +123,38 @@ def test_damage_is_told(
     path = tmp_path / "look.json"
     path.write_text(json.dumps(value))
     with pytest.raises(FileInputError, match=message):
-        read_observation(path, task.cell.boards)
+        read_observation(path, task.cell)
+
+
+@pytest.mark.parametrize(
+    ("by", "turn", "shift", "told"),
+    [
+        (0.030, 0.0, None, "they differ by 30.00 mm and 0.000 deg"),
+        (0.0, 0.2, None, "they differ by 0.00 mm and 0.200 deg"),
+        (0.04e-3, 0.004, None, ""),
+        (0.0, 0.2, {"moved_mm": 4.0, "rotation_deg": [0.2, 0.0, 0.0]}, ""),  # the look was corrected for it
+        (0.0, 0.3, {"moved_mm": 4.0, "rotation_deg": [0.2, 0.0, 0.0]}, "0.00 mm and 0.300 deg"),
+        (0.030, 0.0, "none", ""),  # a look of another program, without the camera's frame
+    ],
+)
+def test_a_look_from_before_the_camera_moved_is_told(
+    task: Task, tmp_path: Path, by: float, turn: float, shift: Any, told: str
+) -> None:
+    before = task.cell.camera.T_base_camera @ transform(rotation((np.radians(turn), 0, 0)), (by, 0, 0))
+    value = observation_to_json(_seen(task), before)
+    (scene,) = value["scenes"]
+    if shift == "none":
+        for board in scene["boards"]:
+            del board["T_camera_board"]
+    elif shift is not None:
+        scene["camera"] = shift
+    path = tmp_path / "look.json"
+    path.write_text(json.dumps(value))
+    if told:
+        with pytest.raises(FileInputError, match=rf"look\.json: was made with another .*{told} .look again"):
+            read_observation(path, task.cell)
+    else:
+        assert len(read_observation(path, task.cell).boards) == 2
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"scenes": []}', '{"scenes": [{"boards": 3}]}', "{"])
@@ -131,7 +162,7 @@ def test_what_is_no_look_is_told(task: Task, tmp_path: Path, text: str) -> None:
     path = tmp_path / "look.json"
     path.write_text(text)
     with pytest.raises(FileInputError) as refused:
-        read_observation(path, task.cell.boards)
+        read_observation(path, task.cell)
     assert "Error" not in str(refused.value)
     assert "object" not in str(refused.value)
 

@@ -125,7 +125,7 @@ def test_boards_outside_the_zone_are_told_before_anything_is_planned(
 
 def test_a_board_may_stand_in_the_zone_where_the_camera_sees_its_markers(scenes: Path) -> None:
     task = read_task(scenes / "task2.toml")
-    seen = read_observation(scenes / "look.json", task.boards)
+    seen = read_observation(scenes / "look.json", task.cell)
     request = request_of(Rest(task, seen, task.cell.q_start, 0.5))
     group = groups_of(request.scene, request.stations())["board 01-02"]
 

@@ -98,7 +98,7 @@ def beside(
         look: detected boards, which are read before the port is opened, so that a wrong file is told first.
     """
     if look is not None:
-        read_observation(look, task.cell.boards)
+        read_observation(look, task.cell)
     port = choose_port(port, task.cell.file, console)
     where = WhichCell(port, speed=speed, homed=homed, blind=True)
     with opened(task, console, where, speed, None, Control(), confirm, name=verb, keys=keys) as run:
@@ -148,7 +148,7 @@ def scene_now(run: TaskRun, look: Path | None) -> Scene:
     if look is None:
         around = unseen_scene(cell)
     else:
-        seen = read_observation(look, cell.boards)
+        seen = read_observation(look, cell)
         require_above_table(run.task, seen)
         around = build_scene(cell, seen)
     return replace(around, robot_open=robot, robot_holding=robot)
