@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import re
 import stat
 import sys
 from collections import Counter
@@ -175,6 +176,8 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(read_text(path, "JSON"), object_pairs_hook=partial(_once, path))
     except json.JSONDecodeError as error:
+        if foreign := markup(error.doc) or _yaml(error.doc):
+            raise FileInputError(path, "", None, f"{foreign}, and a JSON file belongs here") from error
         last, rest = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos :].lstrip()
         if rest[:1] == ",":  # Python 3.13 points at a comma too many, older versions at what follows it
             last, rest = ",", rest[1:].lstrip()
@@ -186,6 +189,25 @@ def read_json(path: Path) -> Any:
         raise FileInputError(path, "", None, f"has a number of more than {most} digits") from error
     except RecursionError as error:
         raise FileInputError(path, "", None, "is nested too deeply") from error
+
+
+_HTML = re.compile(r"\s*<(!doctype html|html)\b", re.IGNORECASE)
+_YAML = re.compile(r"(?:---\s|(?:- +)?[A-Za-z_][\w/.-]*:(?:\s|\Z))")
+
+
+def markup(text: str) -> str:
+    """What a text is that begins as XML or HTML does, for a message; "" of any other text."""
+    if _HTML.match(text):
+        return "is an HTML page, such as a preview or a report"
+    return (
+        "is XML, such as a URDF (an arm file names a URDF: arm.urdf)" if text.lstrip().startswith("<") else ""
+    )
+
+
+def _yaml(text: str) -> str:
+    """That the first line which is no comment looks like YAML, for a message; "" if it does not."""
+    first = next((line for line in text.split("\n") if line.strip() and not line.startswith("#")), "")
+    return "looks like YAML" if _YAML.match(first + "\n") else ""
 
 
 def _once(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:

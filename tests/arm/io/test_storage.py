@@ -230,6 +230,34 @@ def test_a_byte_order_mark_is_no_content(tmp_path: Path) -> None:
     assert read_toml(file) == {"a": 1}
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            '<?xml version="1.0"?>\n<robot name="a"/>',
+            "is XML, such as a URDF (an arm file names a URDF: arm.urdf), and",
+        ),
+        ("\n<!DOCTYPE html>\n<html></html>", "is an HTML page, such as a preview or a report, and"),
+        ("<HTML>", "is an HTML page, such as a preview or a report, and"),
+        ("# of a topic\nheader:\n  stamp: 0\n", "looks like YAML, and"),
+        ("---\nname: a\n", "looks like YAML, and"),
+        ("- name: a\n", "looks like YAML, and"),
+        ("joint_names: [J1]\n", "looks like YAML, and"),
+        ("1, 2, 3\n", "is not JSON: "),
+        ("see: no, http://a\n"[5:], "is not JSON: "),
+        ("-1\n-2", "is not JSON: "),
+        ("", "is not JSON: "),
+    ],
+)
+def test_markup_and_yaml_in_place_of_json_are_told_as_such(tmp_path: Path, text: str, told: str) -> None:
+    file = tmp_path / "a.json"
+    file.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_json(file)
+    assert str(refused.value).startswith(f"{file}: {told}")
+    assert not told.endswith("and") or str(refused.value).endswith(f"{told} a JSON file belongs here")
+
+
 def test_json_that_ends_early_or_has_a_comma_too_many_is_told_as_such(tmp_path: Path) -> None:
     file = tmp_path / "a.json"
     for text, told in (

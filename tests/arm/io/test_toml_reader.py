@@ -29,6 +29,23 @@ def test_invalid_toml_is_refused_with_its_line(tmp_path: Path) -> None:
         read_toml(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            '<?xml version="1.0"?>\n',
+            "is XML, such as a URDF (an arm file names a URDF: arm.urdf), and a TOML",
+        ),
+        ("<!doctype html>\n", "is an HTML page, such as a preview or a report, and a TOML"),
+    ],
+)
+def test_markup_in_place_of_toml_is_told_as_such(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "t.toml").write_text(text)
+    with pytest.raises(FileInputError) as refused:
+        read_toml(tmp_path / "t.toml")
+    assert str(refused.value) == f"{tmp_path / 't.toml'}: {told} file belongs here"
+
+
 def _dotted(parts: int) -> str:
     return ".".join(["a"] * parts)
 
