@@ -311,7 +311,10 @@ def tables(read_one: Callable[[Node], T], *declared: Any) -> Rule[tuple[T, ...]]
 
     def read(node: Node) -> tuple[T, ...]:
         if not isinstance(node.value, list) or not all(isinstance(v, dict) for v in node.value):
-            raise node.error("must be an array of tables")
+            single = isinstance(node.value, dict) and node.file.suffix == ".toml" and "[" not in node.key
+            raise node.error(
+                "must be an array of tables", f"write [[{node.key}]], not [{node.key}]" if single else ""
+            )
         return tuple(read_one(one) for one in node.items())
 
     return Rule("an array of tables", read, declared)
