@@ -70,12 +70,37 @@ def _require_short_keys(path: Path, text: str) -> None:
         raise FileInputError(path, f"line {line}", None, f"has a key of more than {MOST_PARTS} parts")
 
 
+_KEY = re.compile(r"\s*([\w.\"'-]+)\s*=")
+_HEADER = re.compile(r"\s*(\[[^]]+\]\]?)\s*(?:#.*)?")
+
+
+def _twice(lines: list[str], number: int) -> str:
+    """Return that the key of a line stands above it in the same table; "" if it does not."""
+    if (key := _KEY.match(lines[number - 1])) is None:
+        return ""
+    for above in range(number - 2, -1, -1):
+        if _HEADER.fullmatch(lines[above]):
+            return ""
+        if (other := _KEY.match(lines[above])) is not None and other[1] == key[1]:
+            headers = (_HEADER.fullmatch(line) for line in reversed(lines[:above]))
+            table = next(
+                (f"in its table {header[1]}" for header in headers if header), "above the first table"
+            )
+            return f" ({key[1]} is there twice {table}, first in line {above + 1}; remove one of both)"
+    return ""
+
+
 def _place(text: str, error: str) -> str:
     """Return the line that an error of `tomllib` names, with what is often wrong in such a line; "" without one."""
-    if (found := re.search(r"at line (\d+), ", error)) is None:
+    lines = text.rstrip().split("\n")
+    if (found := re.search(r"at line (\d+), ", error)) is not None:
+        number = int(found[1])
+    elif error.endswith("(at end of document)") and "overwrite" in error:
+        number = len(lines)
+    else:
         return ""
-    line = text.split("\n")[int(found[1]) - 1].strip()
-    help = ""
+    line = lines[number - 1].strip() if number <= len(lines) else ""
+    help = _twice(lines, number) if "overwrite" in error else ""
     if re.search(r"=\s*-?\d+,\d", line):
         help = " (the decimal sign is a point)"
     elif re.search(r"=\s*[^\W\d]", line) and "Invalid value" in error:

@@ -46,6 +46,37 @@ def test_markup_in_place_of_toml_is_told_as_such(tmp_path: Path, text: str, told
     assert str(refused.value) == f"{tmp_path / 't.toml'}: {told} file belongs here"
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[m]\nspeed = 0.5\n[b]\n", ""),
+        (
+            "a = 1\n[m]  # of the arm\nspeed = 0.5\nx = [\n 1]\nspeed = 0.2\n[b]\n",
+            ": speed = 0.2 (speed is there twice in its table [m], first in line 3; remove one of both)",
+        ),
+        (
+            "a = 1\na = 2\n\n",
+            ": a = 2 (a is there twice above the first table, first in line 1; remove one of both)",
+        ),
+        (
+            "[[w]]\na = 1\n[[w]]\na = 1\na = 2",
+            "(a is there twice in its table [[w]], first in line 4; remove one of both)",
+        ),
+        ("a.b = 1\na = 2\nc = 3", ": a = 2"),
+        ("a = 1\n[a]\nb = 2\n", ": [a]"),
+    ],
+)
+def test_a_key_that_is_there_twice_is_told_with_its_table(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "t.toml").write_text(text)
+    if not told:
+        read_toml(tmp_path / "t.toml")
+        return
+    with pytest.raises(FileInputError) as refused:
+        read_toml(tmp_path / "t.toml")
+    assert "Cannot overwrite a value" in str(refused.value)
+    assert str(refused.value).endswith(told)
+
+
 def _dotted(parts: int) -> str:
     return ".".join(["a"] * parts)
 
