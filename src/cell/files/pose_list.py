@@ -229,6 +229,10 @@ def _of_text(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
         wrong = next((cell for cell in cells if not _is_number(cell)), None)
         if wrong is not None:
             raise Node(file.file, f"row {row}", wrong).error("must be a number")
+        if _has_decimal_commas(words):
+            raise Node(file.file, f"row {row}", words.strip()).error(
+                "has decimal commas: decimals have a point"
+            )
         count += 1
         values = np.array([float(c) for c in cells])
         yield _bare(Node(file.file, f"row {row}", values.tolist()), values, count, reading)
@@ -242,6 +246,14 @@ def _require_units(node: Node, names: Sequence[str], reading: Reading) -> None:
             if given is not None and unit in units and unit != given:
                 rule = f"is in {unit} by its name, but numbers are read in {given}; give --{kind} {unit}"
                 raise replace(node, value=name).error(rule)
+
+
+def _has_decimal_commas(row: str) -> bool:
+    """Whether semicolons or tabs separate numbers with decimal commas, as some spreadsheets write them."""
+    cells = [cell.strip() for cell in re.split(r"[;\t]", row.partition("#")[0]) if cell.strip()]
+    pairs = [bool(re.fullmatch(r"[-+]?\d+,\d+", cell)) for cell in cells]
+    whole = (re.fullmatch(r"[-+]?\d+", cell) for cell in cells)
+    return len(cells) > 1 and any(pairs) and all(a or b for a, b in zip(pairs, whole, strict=True))
 
 
 def _is_number(word: str) -> bool:

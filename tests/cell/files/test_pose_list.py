@@ -152,6 +152,8 @@ WRONG = [
     ([{"q_deg": [0, 0, -45, 0, -45, 0]}, {"q_rad": [9, 0, 0, 0, 0, 0]}], r"\[1\] = .*J1 must.*degrees read as rad"),
     ("1,2,3\n", r"row 1 = '3 numbers': must be one of 6"),
     ("x,y\n\n1 2 3 4 5 six\n", r"row 3 = 'six': must be a number"),
+    ("-30,5;-20,0;-90,0;0;-60,0;10,0\n", r"row 1 = '-30,5;.*': has decimal commas: decimals have a point"),
+    ("a;b\n0\t-0,5\t1\t2\t3\t4 # six\n", r"row 2 = .*: has decimal commas"),
     ("1 2 3 4 5 nan\n", r"row 1.*: must be finite numbers"),
     ("just words\n", "must have at least one pose or configuration"),
     ("{", "is not JSON"),
@@ -165,6 +167,19 @@ def test_what_is_wrong_is_told_with_its_place(content: Any, rule: str, tmp_path:
         planned(path)
     assert str(caught.value).startswith(str(path))
     assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    "row", ["1,0,0,0.3;0,-1,0,0;0,0,-1,1", "1,0,0,0;0,-1,0,0;0,0,-1,1", "1;0;0;0,0;-1;0;0;0;0;-1;1"]
+)
+def test_rows_of_a_matrix_between_semicolons_are_no_decimal_commas(tmp_path: Path, row: str) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text(row)
+    if row.count(",") > 1:
+        assert read_pose_list(path, FLANGE).entries[0].T is not None
+    else:
+        with pytest.raises(FileInputError, match="decimal commas"):
+            read_pose_list(path, FLANGE)
 
 
 def test_arrays_that_are_no_list_are_refused(tmp_path: Path) -> None:
