@@ -286,6 +286,8 @@ def port_fault(url: str) -> str:
         return "must be socket://HOST:PORT, such as socket://127.0.0.1:4650"
     if "://" in url and not url.startswith("socket://"):
         return "must be a device, or socket://HOST:PORT"
+    if re.fullmatch(r"[\w.-]+:\d{1,5}", url):
+        return f"must be socket://{url}, or a device"
     return "" if url.strip() else "must be a device, such as /dev/mars, or socket://HOST:PORT"
 
 

@@ -67,6 +67,7 @@ def test_a_relative_device_of_a_file_is_beside_it_and_another_one_in_the_current
             '"socket://here"',
             "port = 'socket://here': must be socket://HOST:PORT, such as socket://127.0.0.1:4650",
         ),
+        ('"127.0.0.1:4650"', "port = '127.0.0.1:4650': must be socket://127.0.0.1:4650, or a device"),
         ('"a\\nb"', "must be a string of one line"),
     ],
 )

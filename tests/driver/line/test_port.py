@@ -29,6 +29,9 @@ from wire.whole_line import send_many
         ("/tmp", "is a folder"),
         ("socket://127.0.0.1:9", "127.0.0.1:9: cannot be opened: Connection refused; is a unit or"),
         ("nonsense://x", "nonsense"),
+        ("127.0.0.1:4650", "port 127.0.0.1:4650: must be socket://127.0.0.1:4650, or a device"),
+        ("crs93.lab:9", "port crs93.lab:9: must be socket://crs93.lab:9, or a device"),
+        ("/dev/serial/by-path/pci-0:14.0-usb-0:1:1", "is not there"),
         ("loop://", "must be a device, or socket://HOST:PORT"),
     ],
 )
