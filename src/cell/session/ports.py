@@ -12,6 +12,7 @@ from pathlib import Path
 from arm.errors import InputError
 from arm.io.node import Node
 from arm.io.rules import path, port, port_fault
+from arm.io.storage import leaves
 from cell.config.camera_keys import OF_CELL
 from cell.console import Console
 from cell.files.task import task_or_cell
@@ -69,6 +70,8 @@ def choose_port(given: str | None, place: Path | None, console: Console) -> str:
         return url
     file = None if place is None else _cell_file(task_or_cell(place))
     found: str | None = None if file is None else file.get(KEY, port(), None)
+    if file is not None and found is None:
+        _refuse_below_a_table(file)
     if file is None or found is None:
         others = (
             f"or set {VARIABLE}" if file is None else f"set {VARIABLE}, or write {EXAMPLE} in {file.file}"
@@ -76,6 +79,15 @@ def choose_port(given: str | None, place: Path | None, console: Console) -> str:
         raise InputError(f"no port is named: give PORT, such as /dev/mars, {others}", port=None)
     console.say(f"port: {found}, of {file.file}")
     return found
+
+
+def _refuse_below_a_table(file: Node) -> None:
+    """Refuse a port that stands in a table: what is written at the end of a file belongs to its last table."""
+    for name, _ in leaves(file.value):
+        table, _, last = name.rpartition(".")
+        if last == KEY:
+            header = f"[[{table.partition('[')[0]}]]" if table.endswith("]") else f"[{table}]"
+            raise file.error_at(KEY, f"is in {header}, where it is no port; it belongs above the first table")
 
 
 def _cell_file(root: Node) -> Node:

@@ -80,6 +80,19 @@ def test_a_wrong_value_is_refused_with_file_and_key(scenes: Path, value: str, ru
         assert (refused.value.data["file"], refused.value.data["key"]) == (str(cell), "port")
 
 
+@pytest.mark.parametrize("header", ["[motion]", "[look.basler]", "[[walls]]"])
+def test_a_port_in_a_table_is_told_with_the_table(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch, header: str
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    (scenes / "cell.toml").write_text(f'unit = "crs93"\ncamera = "lab.toml"\n{header}\nport = "/dev/mars"\n')
+    with pytest.raises(FileInputError) as refused:
+        choose_port(None, scenes / "cell.toml", Heard())
+    assert str(refused.value) == (
+        f"{scenes / 'cell.toml'}: port: is in {header}, where it is no port; it belongs above the first table"
+    )
+
+
 def test_a_wrong_value_of_the_variable_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, "tcp://here:1")
     with pytest.raises(
