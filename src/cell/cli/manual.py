@@ -26,11 +26,26 @@ def _no_cell(port: str | None) -> str | None:
     return port
 
 
+_BEFORE = {"gripper": "gripper ACTION", "teach": "teach LIST"}
+
+
+def _no_port(context: typer.Context, place: Path) -> Path:
+    """Refuse a port where the cell file belongs. `Path` has made one slash of the two of ``socket://``."""
+    name, verb = str(place).replace("socket:/", "socket://"), context.info_name or ""
+    is_port = name.startswith(("/dev/", "socket://")) and place.suffix != ".toml"
+    if is_port and any(one.name == "port" for one in context.command.params):
+        words = f"a465 {_BEFORE.get(verb, verb)} CELL {name}"
+        why = f"{name}: is a port; the cell or task file is missing before it: {words}"
+        raise InputError(why, argument=name)
+    return place
+
+
 _Port = Annotated[str | None, Argument(help=_PORT, metavar="[PORT]", show_default=False, callback=_no_cell)]
 _PORT_OR_CELL = f"{_PORT} Or the cell or task file that names it."
 _PortOrCell = Annotated[str | None, Argument(help=_PORT_OR_CELL, metavar="[PORT|CELL]", show_default=False)]
 _CELL = "Cell or task file: the unit, its calibration and the tool; default: the unit by its gripper's axis."
-_Place = Annotated[Path, Argument(help="Cell or task file, such as scenes/cell.toml.", metavar="CELL")]
+_CELL_OR_TASK = "Cell or task file, such as scenes/cell.toml."
+_Place = Annotated[Path, Argument(help=_CELL_OR_TASK, metavar="CELL", callback=_no_port)]
 _SPEED = "Fraction of what the speed registers allow, 0.01 to 1; default: 0.2, or motion.speed of the cell if less."
 _Speed = Annotated[float | None, Option(help=_SPEED)]
 _LOOK = "Boards that a465 look has seen and that stand there still; default: the whole zone for boards is occupied."

@@ -159,6 +159,23 @@ def test_a_file_that_the_program_names_is_not_overwritten(
     assert (pen / read).read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [
+        (("home", "/dev/mars"), "home CELL /dev/mars"),
+        (("park", "/dev/mars"), "park CELL /dev/mars"),
+        (("jog", "socket://127.0.0.1:9"), "jog CELL socket://127.0.0.1:9"),
+        (("move", "/dev/mars", "--q=0,0,0,0,0,0"), "move CELL /dev/mars"),
+        (("gripper", "open", "/dev/mars"), "gripper ACTION CELL /dev/mars"),
+        (("teach", "poses.json", "/dev/mars"), "teach LIST CELL /dev/mars"),
+    ],
+)
+def test_a_port_without_the_cell_is_told(typed: tuple[str, ...], words: str) -> None:
+    _, told = a465(*typed, code=2)
+    port = words.rpartition(" ")[2]
+    assert f"{port}: is a port; the cell or task file is missing before it: a465 {words}\n" in told
+
+
 @pytest.mark.parametrize("verb", ["home", "park", "jog"])
 def test_a_cell_and_a_port_in_the_wrong_order_are_told(verb: str) -> None:
     _, told = a465(verb, "mars", "scenes/cell.toml", code=2)
