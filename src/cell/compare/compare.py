@@ -12,7 +12,8 @@ import numpy as np
 
 from arm.calibration_file import COVARIANCE, ArmCalibration, read_arm_calibration
 from arm.controller.unit import SUFFIX
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
+from arm.io.kind import KINDS, kind_of, read_any
 from arm.io.node import Node
 from arm.io.storage import begins_as_object
 from arm.numerics.products import mul, norm
@@ -23,6 +24,7 @@ from cell.console import Console
 from vision.camera.model import Camera, read_intrinsics
 
 FOLLOWED = ("cell", "unit", "camera", "calibration")  # keys that name a file which is compared too
+COMPARED = "cell, task, program, arm, calibration, camera and plan files can"
 LONGEST = 36  # characters of a value in the table
 SAME = 1e-12  # rad, m or px: numbers that differ by less are the same
 _DEG = 180.0 / np.pi
@@ -105,6 +107,10 @@ def differences(first: Path, second: Path, file: str = "") -> Iterator[Change]:
 def _kind(path: Path) -> str:
     """Return what a file is."""
     if begins_as_object(path):
+        if (found := kind_of(read_any(path))) not in ("", "plan"):
+            raise FileInputError(
+                path, "", None, f"is {KINDS[found].words}, which cannot be compared", COMPARED
+            )
         return "plan"
     root = Node.of_toml(path)
     known = {"T_base_camera": "calibration", "intrinsics": "camera", "q_start_deg": "cell"}

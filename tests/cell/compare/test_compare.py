@@ -145,3 +145,13 @@ def test_unit_files_that_two_cells_name_are_compared_and_names_are_not_files(tmp
     replace_in(first, 'unit = "hall.toml"', 'unit = "crs93"')
     (change,) = differences(first, second)
     assert (change.what, change.first, change.second) == ("unit", "crs93", "crs97")
+
+
+def test_a_file_that_cannot_be_compared_is_told_with_what_can(tmp_path: Path) -> None:
+    look = tmp_path / "look.json"
+    look.write_text('{"scenes": []}')
+    _, told = a465("compare", look, look, code=2)
+    assert (
+        f"{look}: is a look, which cannot be compared (cell, task, program, arm, calibration, camera and"
+        in told
+    )
