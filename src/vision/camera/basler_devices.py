@@ -70,10 +70,14 @@ class Selector:
             if fitting:
                 raise self._refused(found, "ambiguous", f"matches {len(fitting)} cameras; use serial:NUMBER")
         if not found:
-            raise self._refused(
-                found, "missing", "not found, nor is any other; is it powered, and is its cable plugged in?"
-            )
-        raise self._refused(found, "missing", "not found")
+            rule = "not found, nor is any other; is it powered, and is its cable plugged in?"
+            raise self._refused(found, "missing", f"{rule}{self._webcam()}")
+        raise self._refused(found, "missing", f"not found{self._webcam()}")
+
+    def _webcam(self) -> str:
+        """What a number of a webcam is written as; "" for what is none."""
+        is_number = not self.kind and self.text.isascii() and self.text.isdigit() and len(self.text) < 3
+        return f"; for a webcam give video:{self.text}" if is_number else ""
 
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
         there = f"; connected: {', '.join(map(str, found))}" if found else ""

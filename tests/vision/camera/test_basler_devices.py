@@ -67,3 +67,12 @@ def test_what_is_no_selector_is_told(text: str) -> None:
 def test_a_selector_is_written_as_it_was_read() -> None:
     assert str(read_selector("ip:10.0.0.1")) == "ip:10.0.0.1"
     assert read_selector(" lab ") == Selector("", "lab")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("0", True), ("12", True), ("name:0", False), ("21", True), ("40123456", False)]
+)
+def test_the_number_of_a_webcam_is_told_with_its_kind(text: str, told: bool) -> None:
+    with pytest.raises(CameraError) as refused:
+        read_selector(text).choose([])
+    assert (f"for a webcam give video:{text}" in str(refused.value)) == told
