@@ -82,6 +82,9 @@ def read_arm_recording(path: Path) -> ArmRecording:
     if not poses:
         raise root["poses"].error("must have at least one pose")
     joints = frozen(np.array([pose["joints_rad"].read(numbers(len(d))) for pose in poses]))
+    for pose, q in zip(poses, joints, strict=True):
+        if np.abs(q).max() > 4.0 * np.pi:
+            raise pose["joints_rad"].error("must be within 4 pi rad", "are these degrees?")
     pixels = frozen(np.array([_corners(pose["corners_px"], len(points), camera.size) for pose in poses]))
     refuse_repeats(poses, joints, pixels)
     return ArmRecording(

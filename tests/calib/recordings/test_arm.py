@@ -73,6 +73,10 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
     ("break_it", "said"),
     [
         (lambda v: v.pop("dh"), "dh: is missing"),
+        (
+            lambda v: v["poses"][3].update(joints_rad=[0, -45, -90, 0, 30, 0]),
+            "poses[3].joints_rad = [0, -45, -90, 0, 30, 0]: must be within 4 pi rad (are these degrees?)",
+        ),
         (lambda v: v["dh"].pop("alpha_rad"), "dh.alpha_rad: is missing"),
         (lambda v: v["dh"]["a_m"].pop(), "dh.a_m: must be 6 finite numbers"),
         (lambda v: v["target"]["points_m"].pop(), "target.points_m: must have at least 4 points"),
