@@ -25,6 +25,7 @@ from vision.markers.exposure import darkness
 from vision.targets.target import Target, TargetFinder, read_target
 
 HOLDABLE = NAMES[4:]
+NEAREST_MM = 20.0  # working distance: no lens of a cell looks at less, and a distance in m is less
 _LIFT = re.compile(r"(.+)=([^=]+?)(?:\+-([^=]+))?")
 _MM = re.compile(r"\d{1,9}(?:\.\d+)?")
 
@@ -77,6 +78,9 @@ class LensOptions(ResultOptions):
             raise option_error(
                 "--work-mm", list(self.work_mm), "must be two distances in mm, the nearer one first"
             )
+        if near < NEAREST_MM:
+            rule = f"must be {NEAREST_MM:g} mm or more: the unit is mm; are these metres?"
+            raise option_error("--work-mm", list(self.work_mm), rule)
         return near / 1e3, far / 1e3
 
     def region(self, size: tuple[int, int]) -> Region | None:

@@ -135,6 +135,14 @@ def test_held_numbers_and_options_reach_the_fit(photographs: Path, tmp_path: Pat
     assert "the limit is 0.0001 mm" in json.loads(told)["reasons"][0]
 
 
+def test_working_distances_in_metres_are_told() -> None:
+    with pytest.raises(
+        InputError, match=r"--work-mm \[0\.9, 1\.2\]: must be 20 mm or more: the unit is mm; are"
+    ):
+        LensOptions(work_mm=(0.9, 1.2)).work()
+    assert LensOptions(work_mm=(900.0, 1200.0)).work() == (0.9, 1.2)
+
+
 @pytest.mark.slow
 def test_wrong_input_is_told_with_its_name_and_rule(photographs: Path, tmp_path: Path) -> None:
     def wrong(folder: Path, camera: str | None = None, live: bool = False, **options: object) -> str:
