@@ -77,7 +77,7 @@ class Selector:
     def _webcam(self) -> str:
         """What a number of a webcam is written as; "" for what is none."""
         is_number = not self.kind and self.text.isascii() and self.text.isdigit() and len(self.text) < 3
-        return f"; for a webcam give video:{self.text}" if is_number else ""
+        return f" (for a webcam give video:{self.text})" if is_number else ""
 
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
         there = f"; connected: {', '.join(map(str, found))}" if found else ""
