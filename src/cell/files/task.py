@@ -14,7 +14,19 @@ from arm.errors import FileInputError, InputError
 from arm.io.keys import Keys, key
 from arm.io.kind import kind_of
 from arm.io.node import Node
-from arm.io.rules import flag, integer, integers, is_whole, number, numbers, path, rule_of, same, text
+from arm.io.rules import (
+    flag,
+    integer,
+    integers,
+    is_whole,
+    number,
+    numbers,
+    path,
+    rule_of,
+    same,
+    standing,
+    text,
+)
 from arm.io.storage import canonical_json, sha256
 from arm.io.toml_reader import read_toml
 from arm.se3 import Array, frozen
@@ -127,7 +139,7 @@ class Task1Keys(TaskKeys):
     """Keys of Task 1."""
 
     board_height: float = key("board_height_mm", number("mm", 15, 1000))
-    origin: Array = key("places.origin_mm", numbers(2, "mm", -2000, 2000))
+    origin: Array = key("places.origin_mm", standing(2, -2000, 2000))
     step: Array = key("places.step_mm", numbers(2, "mm", 0, 500))
     count: tuple[int, ...] = key("places.count", integers(2, 1, 20))
     yaw: float = key("places.yaw_deg", number("deg", -360, 360), 0)

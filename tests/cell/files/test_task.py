@@ -31,6 +31,18 @@ def test_a_folder_is_told_with_its_task_files(scenes: Path, tmp_path: Path) -> N
             read(tmp_path)
 
 
+def test_places_in_metres_are_told_by_their_key(scenes: Path) -> None:
+    task = scenes / "task1.toml"
+    (line,) = (line for line in task.read_text().splitlines() if line.startswith("origin_mm"))
+    replace_in(task, line, "origin_mm = [0.32, -0.215]")
+    with pytest.raises(
+        InputError, match=r"task1\.toml: places\.origin_mm = \[0\.32, -0\.215\]: .*is it in metres\?"
+    ):
+        read_task(task)
+    replace_in(task, "origin_mm = [0.32, -0.215]", "origin_mm = [0, -300]")
+    assert read_task(task).places.centres[0] == pytest.approx((0.0, -0.3))
+
+
 def test_what_may_be_chosen_is_the_files(scenes: Path) -> None:
     """Free where a file says nothing; what it says reaches the planner."""
     task = scenes / "task2.toml"
