@@ -214,6 +214,9 @@ class _Reader:
             elif record is None:
                 self.damaged += bool(line.strip())
                 continue
+            elif record["kind"] == "open":
+                rule = f"is two logs: the second one begins at line {number}"
+                raise FileInputError(self.path, "", None, rule, "give each of them as a file of its own")
             self.records += 1
             if record is not None:
                 self._take(record)

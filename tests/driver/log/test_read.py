@@ -44,6 +44,13 @@ def test_homing_is_over_when_the_unit_says_so(session: Session, tmp_path: Path) 
     assert read_log(write(tmp_path / "started.jsonl", started)).homed_s == np.inf
 
 
+def test_two_logs_in_one_file_are_told_with_the_line(tmp_path: Path) -> None:
+    one = write(tmp_path / "one.jsonl", {"t": 1.0, "kind": "sent", "data": "ST:\n"}).read_text()
+    (tmp_path / "both.jsonl").write_text(one + one)
+    with pytest.raises(FileInputError, match=r"both\.jsonl: is two logs: the second one begins at line 3 "):
+        read_log(tmp_path / "both.jsonl")
+
+
 def test_a_torn_or_damaged_line_is_counted_and_the_rest_is_read(
     run: LoggedRun, session: Session, tmp_path: Path
 ) -> None:
