@@ -16,11 +16,12 @@ from arm.plan_file import FORMAT, Plan, read_plan
 from arm.robot.model import load_a465
 from cell.console import Console
 from cell.export.series import unit_of
-from cell.files.task import Task, read_task
+from cell.files.task import Task
 from cell.preview.executed import MatchedMotion, match, plan_of
 from cell.preview.of_plan import write_page
 from cell.preview.overlays import ExecutedMove
 from cell.preview.page import write_preview
+from cell.program.program_file import task_of_file
 from cell.task.plan_matches import require_match
 from driver.log.read import Session, read_log
 
@@ -156,12 +157,12 @@ def _plan(path: Path) -> Plan | None:
 def _task(session: Session, plan: Plan, given: Path | None) -> Task | None:
     """The given task, which must be that of the plan; or the first one found with the digest in the plan."""
     if given is not None:
-        task = read_task(given)
+        task = task_of_file(given)
         require_match(task, plan)
         return task
     for path in _task_files(session, plan):
         try:
-            task = read_task(path)
+            task = task_of_file(path)
         except InputError:
             continue
         if task.digest == plan.provenance.get("task") and task.cell.unit.name == plan.unit:

@@ -15,6 +15,8 @@ from arm.io.storage import data_file
 from arm.plan_file import Plan, write_plan
 from cell.commands.preview import preview_file
 from cell.console import Console
+from cell.files.task import POSES
+from cell.preview import of_log
 from cell.preview.executed import plan_of
 from cell.preview.of_log import preview_log
 from driver.log.read import Session
@@ -68,6 +70,18 @@ def test_the_task_given_must_be_the_plans(run: LoggedRun, plan: Plan, tmp_path: 
     with pytest.raises(ImpossibleError, match="the plan is for task no-such-task"):
         preview_log(log, data_file("scenes/task2.toml"), tmp_path / "log.html", Console(as_json=True))
     assert not (tmp_path / "log.html").exists()
+
+
+def test_the_log_of_a_list_plan_is_shown_in_its_cell(
+    run: LoggedRun, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, cell, asked = tmp_path / "wire.jsonl", data_file("scenes/cell.toml"), []
+    log.write_bytes(run.log.read_bytes())
+    write_plan(tmp_path / "plan.json", plan)
+    monkeypatch.setattr(of_log, "require_match", lambda task, plan: asked.append(task.kind))
+    told, _ = show(log, tmp_path / "log.html", cell)
+    assert told["task"] == str(cell)
+    assert asked == [POSES]
 
 
 def test_what_is_no_log_or_holds_no_motion_is_told(tmp_path: Path) -> None:
