@@ -79,6 +79,8 @@ def look(
     detected = {marker.id for frame in frames for marker in frame}
     if not detected and (dark := darkness(max(images, key=np.max))):
         raise ImpossibleError(f"the images show {dark}", brightest=int(max(i.max() for i in images)))
+    if not detected & {marker for board in boards for marker in board.marker_ids}:
+        _refuse_mirrored(images[0], camera, dictionary, boards)
     found: list[ObservedBoard] = []
     missing: dict[str, str] = {}
     for board in boards:
@@ -100,6 +102,17 @@ def look(
         found.append(ObservedBoard(pose, cubes))
     half_seen = tuple(b.name for b in boards if b.name in missing and detected & set(b.marker_ids))
     return Observation(tuple(found), missing, half_seen, tuple(images), frames, shift)
+
+
+def _refuse_mirrored(image: Image, camera: Camera, dictionary: str, boards: Sequence[Board]) -> None:
+    """Refuse an image that shows both markers of a board, but only if left and right are exchanged."""
+    mirrored = {
+        marker.id for marker in detect_markers(np.ascontiguousarray(image[:, ::-1]), camera, dictionary)
+    }
+    for board in boards:
+        if mirrored.issuperset(board.marker_ids):
+            why = "the images are mirrored (left and right exchanged): markers are found in their mirror image alone"
+            raise ImpossibleError(f"{why}; switch off the mirroring of the camera", board=board.name)
 
 
 def _pose(

@@ -71,6 +71,16 @@ def test_two_boards_and_one_that_is_not_there() -> None:
         assert states == ["cube" if c else "empty" for c in shot.cubes[pose.board.name]]
 
 
+def test_mirrored_images_are_told_as_such() -> None:
+    mirrored = [np.ascontiguousarray(image[:, ::-1]) for image in two_boards().images]
+    with pytest.raises(ImpossibleError, match=r"the images are mirrored \(left and right exchanged\)"):
+        look(mirrored, CAMERA, [A, C, B], DICTIONARY, CUBE)
+    assert look(mirrored, CAMERA, [C], DICTIONARY, CUBE).missing == {
+        "05-06": "neither of its markers 5 and 6 is in view"
+    }
+    assert look([np.full_like(mirrored[0], 90)], CAMERA, [A], DICTIONARY, CUBE).boards == ()
+
+
 def test_the_picture_shows_what_was_found_and_leaves_the_photograph_alone() -> None:
     shot = two_boards()
     seen = look(shot.images, CAMERA, [A, B], DICTIONARY, CUBE)
