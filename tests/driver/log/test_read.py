@@ -132,8 +132,9 @@ def test_random_bytes_never_crash_it(
     path.write_bytes(b"\n".join([*head, *lines]))
     try:
         session = read_log(path)
-    except FileInputError:
-        assert not opened
+    except FileInputError as error:
+        again = any(b'"kind": "open"' in line for line in lines)
+        assert not opened or (again and "is two logs" in str(error))
         return
     assert session.records + session.damaged <= 1 + 30 * 80 * 2
     times = [s.heard_s for s in session.samples]
