@@ -50,10 +50,10 @@ def test_a_later_stage_is_asked_of_what_passed(scenes: Path) -> None:
 
 @pytest.mark.slow
 def test_a_board_out_of_view_is_told(scenes: Path) -> None:
-    away = {"key": "boards[1].centre_mm[1]", "values": [-130.0, -330.0]}
+    away = {"key": "boards[1].centre_mm[1]", "values": [-330.0, -130.0]}
     rows = rows_of(read_study(write_study(scenes, [away], stages=["look"])), 0, 2)
-    assert [row["ok"] for row in rows] == ["1", "0"]
-    assert rows[1]["reason"] == "view: board 03-04"
+    assert [row["ok"] for row in rows] == ["0", "1"]
+    assert rows[0]["reason"] == "view: board 03-04"
 
 
 def test_a_wrong_value_is_told_for_its_point(scenes: Path) -> None:
