@@ -130,11 +130,11 @@ def test_random_bytes_never_crash_it(
     path = tmp_path_factory.getbasetemp() / f"random-{os.getpid()}.jsonl"
     head = [json.dumps(OPEN).encode()] if opened else []
     path.write_bytes(b"\n".join([*head, *lines]))
+    again = any(b'"kind": "open"' in line for line in lines)  # which may be two logs, and is refused then
     try:
         session = read_log(path)
-    except FileInputError as error:
-        again = any(b'"kind": "open"' in line for line in lines)
-        assert not opened or (again and "is two logs" in str(error))
+    except FileInputError:
+        assert not opened or again
         return
     assert session.records + session.damaged <= 1 + 30 * 80 * 2
     times = [s.heard_s for s in session.samples]
