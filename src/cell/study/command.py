@@ -75,7 +75,7 @@ def study_step(
             )
             raise
     if work.found:
-        console.say(f"{_chunks(work.found)} were there already")
+        console.say(f"{_chunks(work.found)} {'was' if work.found == 1 else 'were'} there already")
     if work.lost:
         console.say(f"{work.lost} processes died; their chunks were computed again, once each")
     aside = {chunk.number for chunk in work.aside}

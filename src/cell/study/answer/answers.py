@@ -201,7 +201,8 @@ def influences(study: Study, points: Points) -> list[Influence]:
 def unsaid(study: Study, points: Points, matters: Sequence[Influence]) -> str:
     """Say why there are no indices, or of which values there are none; "" if of all."""
     if _all_alike(points):
-        return "All points passed, or none did: there is no variance to explain."
+        which = "All points passed" if points.ok.any() else "No point passed"
+        return f"{which}: there is no variance to explain."
     known = {one.name for one in matters}
     left = [one.name for one in study.vary if one.name not in known]
     least = f"{_FEWEST * _BINS} points for a range, {_FEWEST} for each value of a grid"
