@@ -10,12 +10,14 @@ python bench/study.py --reach 20000 --grow 1000000 --grow-plans 10000 --tasks 10
 - `--grow`: the same study by a process per processor, whole, with its start, table and page, of a hundredth of the
   placements, a tenth, and all.
 - `--grow-plans`: the same of plans of Task 2, of boards near those of the shipped cell, where nearly all have a plan.
-- `--tasks`: so many chunks of one placement, by two processes and by a cluster of two workers.
+- `--tasks`: so many chunks of one placement, by two processes and by a cluster of two workers; `--dask-alone` leaves
+  out the processes.
 - `--plans`: points of scenes/where-boards-may-stand.toml, by the stage plan alone. The files of each are written, and
   `a465 plan --no-advice` plans them, two at a time. They disagree if one plans and the other refuses, if time or
   clearance differ, or if a refusal has other words.
 - `--kills`: a study by two processes, in which one of these, or the program, is killed with SIGKILL after 1 to 6 s, so
   many times; then it is computed to its end. Its chunks are compared with those of a study that nobody disturbed.
+  Lost chunks are those that a kill leaves begun, not finished, and held by no process; they are computed twice.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import fcntl
 import io
 import json
 import os
@@ -77,6 +80,7 @@ def main() -> None:
     parser.add_argument("--grow", type=int, default=0, help="placements")
     parser.add_argument("--grow-plans", type=int, default=0, help="points that are planned")
     parser.add_argument("--tasks", type=int, default=0, help="chunks of one placement")
+    parser.add_argument("--dask-alone", action="store_true")
     parser.add_argument(
         "--plans", type=int, default=0, help="points that are planned, and planned again by hand"
     )
@@ -93,7 +97,7 @@ def main() -> None:
         if options.grow_plans:
             _tell_growth("plans", [plan_study(scenes, n) for n in _decades(options.grow_plans)])
         if options.tasks:
-            _tell_tasks(scenes, options.tasks)
+            _tell_tasks(scenes, options.tasks, options.dask_alone)
         if options.plans:
             _tell_plans(scenes, options.plans)
         if options.kills:
@@ -164,11 +168,11 @@ def _tell_growth(what: str, files: Sequence[Path]) -> None:
     print()
 
 
-def _tell_tasks(scenes: Path, tasks: int) -> None:
+def _tell_tasks(scenes: Path, tasks: int, dask_alone: bool) -> None:
     print("| computed by | chunks | s | process after a tenth, MB | at the end, MB | program, MB |")
     print("|---|---|---|---|---|---|")
     file = reach_study(scenes, tasks, "chunk = 1\n")
-    for name, dask in (("two processes", False), ("Dask, two workers", True)):
+    for name, dask in (("two processes", False), ("Dask, two workers", True))[dask_alone:]:
         with _cluster(2) if dask else contextlib.nullcontext("") as address:
             how = ["--scheduler", address] if dask else ["--workers", "2"]
             ran = _computed(file, scenes / f"tasks-{name}", how, tasks // 10)
@@ -320,11 +324,11 @@ def _tell_kills(scenes: Path, kills: int) -> None:
     rng = np.random.default_rng(1)
     file, folder = reach_study(scenes, 40 * CHUNK), scenes / "killed"
     _computed(file, scenes / "undisturbed", ["--workers", "2"])
-    killed = {"process": 0, "program": 0}
-    while sum(killed.values()) < kills:
+    killed: list[_Killed] = []
+    while len(killed) < kills:
         command = [*COMMAND, str(file), "-o", str(folder), "--workers", "2"]
         program = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        killer = threading.Thread(target=_kill, args=(program, rng, kills - sum(killed.values()), killed))
+        killer = threading.Thread(target=_kill, args=(program, folder, rng, kills - len(killed), killed))
         killer.start()
         program.wait()
         killer.join()
@@ -333,25 +337,76 @@ def _tell_kills(scenes: Path, kills: int) -> None:
                 path.unlink()
     subprocess.run([*COMMAND, file, "-o", folder], check=True, stdout=subprocess.DEVNULL)
     same = _chunks(folder) == _chunks(scenes / "undisturbed")
-    print(f"kills: {killed}; same bytes {same}", flush=True)
+    print(
+        "| killed | times | chunks lost, together | at most, of one kill |\n|---|---|---|---|\n"
+        + "".join(
+            f"| {what} | {len(lost)} | {sum(lost)} | {max(lost, default=0)} |\n"
+            for what in ("process", "program")
+            for lost in [[one.lost for one in killed if one.what == what]]
+        )
+        + f"\nsame bytes {same}",
+        flush=True,
+    )
+
+
+class _Killed(NamedTuple):
+    """What was killed, and how many chunks have to be computed again."""
+
+    what: str
+    lost: int
 
 
 def _kill(
-    program: subprocess.Popen[bytes], rng: np.random.Generator, most: int, killed: dict[str, int]
+    program: subprocess.Popen[bytes], folder: Path, rng: np.random.Generator, most: int, killed: list[_Killed]
 ) -> None:
-    """Kill processes of a program, or itself, until it ends; count them."""
+    """Kill processes of a program, or itself, until it ends."""
     for _ in range(most):
         time.sleep(float(rng.uniform(1.0, 6.0)))
-        victims = _children(program.pid)
+        computing = _children(program.pid)
         if program.poll() is not None:
             return
-        if rng.random() < 0.5 or not victims:
+        before = _abandoned(folder)
+        if rng.random() < 0.5 or not computing:
             program.kill()
-            killed["program"] += 1
+            _wait_for_end(computing)  # each finishes what it is at
+            killed.append(_Killed("program", len(_abandoned(folder) - before)))
             return
+        victim = int(rng.choice(computing))
         with contextlib.suppress(OSError):
-            os.kill(int(rng.choice(victims)), signal.SIGKILL)
-            killed["process"] += 1
+            os.kill(victim, signal.SIGKILL)
+            _wait_for_end([victim])
+            killed.append(_Killed("process", len(_abandoned(folder) - before)))
+
+
+def _abandoned(folder: Path) -> set[str]:
+    """Chunks that were begun, are not finished, and are held by no process."""
+    return {
+        lock.name
+        for lock in (folder / "chunks").glob("*.lock")
+        if not _held(lock) and not lock.with_suffix("").is_file()
+    }
+
+
+def _held(lock: Path) -> bool:
+    with contextlib.suppress(FileNotFoundError), lock.open() as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def _wait_for_end(processes: Sequence[int]) -> None:
+    deadline = time.monotonic() + 60.0
+    while any(_lives(pid) for pid in processes) and time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
+def _lives(pid: int) -> bool:
+    """Whether a process computes; one that has ended, and that its parent has not asked for, does not."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    return False
 
 
 if __name__ == "__main__":
