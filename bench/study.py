@@ -169,15 +169,17 @@ def _tell_growth(what: str, files: Sequence[Path]) -> None:
 
 
 def _tell_tasks(scenes: Path, tasks: int, dask_alone: bool) -> None:
-    print("| computed by | chunks | s | process after a tenth, MB | at the end, MB | program, MB |")
-    print("|---|---|---|---|---|---|")
+    print(
+        "| computed by | chunks | s | largest process after 1, 2, 4, 6, 8 tenths and all, MB | program, MB |"
+    )
+    print("|---|---|---|---|---|")
     file = reach_study(scenes, tasks, "chunk = 1\n")
     for name, dask in (("two processes", False), ("Dask, two workers", True))[dask_alone:]:
         with _cluster(2) if dask else contextlib.nullcontext("") as address:
             how = ["--scheduler", address] if dask else ["--workers", "2"]
-            ran = _computed(file, scenes / f"tasks-{name}", how, tasks // 10)
-        row = f"| {name} | {tasks} | {ran.took_s:.0f} | {ran.early_mb:.0f} "
-        print(f"{row}| {ran.worker_mb:.0f} | {ran.program_mb:.0f} |", flush=True)
+            ran = _computed(file, scenes / f"tasks-{name}", how, [tasks * k // 10 for k in (1, 2, 4, 6, 8)])
+        grown = ", ".join(f"{mb:.0f}" for mb in (*ran.early_mb, ran.worker_mb))
+        print(f"| {name} | {tasks} | {ran.took_s:.0f} | {grown} | {ran.program_mb:.0f} |", flush=True)
     print()
 
 
@@ -188,26 +190,27 @@ class _Ran(NamedTuple):
     others_s: float
     worker_mb: float
     program_mb: float
-    early_mb: float
+    early_mb: tuple[float, ...]
 
 
-def _computed(file: Path, folder: Path, how: Sequence[str], early: int = 0) -> _Ran:
-    """Compute a study; `early`: number of chunks after which memory is noted."""
+def _computed(file: Path, folder: Path, how: Sequence[str], early: Sequence[int] = ()) -> _Ran:
+    """Compute a study; `early`: numbers of chunks after which memory is noted."""
     begun, cpu_s = time.monotonic(), _cluster_s()
     program = subprocess.Popen([*COMMAND, file, "-o", folder, *how], stdout=subprocess.DEVNULL)
-    worker_mb = program_mb = early_mb = own_s = 0.0
+    worker_mb = program_mb = own_s = 0.0
+    early_mb: list[float] = []
     while program.poll() is None:
         program_mb = max(program_mb, _memory_mb(program.pid))
         computing = [*_children(program.pid), *_children(os.getpid())]
         worker_mb = max([worker_mb, *map(_memory_mb, computing)])
         own_s = max(own_s, _cpu_s(program.pid))
-        if early and not early_mb and len(_chunk_files(folder)) >= early:
-            early_mb = worker_mb
+        if len(early_mb) < len(early) and len(_chunk_files(folder)) >= early[len(early_mb)]:
+            early_mb.append(worker_mb)
         time.sleep(1.0 if early else 0.2)
     if program.returncode:
         raise RuntimeError(f"a465 study ended with {program.returncode}")
     others_s = own_s + _cluster_s() - cpu_s
-    return _Ran(time.monotonic() - begun, others_s, worker_mb, program_mb, early_mb)
+    return _Ran(time.monotonic() - begun, others_s, worker_mb, program_mb, tuple(early_mb))
 
 
 def _idle_share() -> float:
