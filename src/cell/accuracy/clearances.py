@@ -11,6 +11,7 @@ import numpy as np
 from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.plan_file import Plan
+from arm.robot.jaws import after_closing
 from arm.robot.shapes import Body
 from arm.se3 import Array
 from cell.accuracy.arm_errors import arm_errors, body_errors
@@ -24,7 +25,11 @@ from vision.observation import Observation
 
 
 def erring_clearances(
-    cell: Cell, plan: Plan, seen: Observation | None = None, begins_with: str | None = None
+    cell: Cell,
+    plan: Plan,
+    seen: Observation | None = None,
+    begins_with: str | None = None,
+    jaws_unknown: bool = False,
 ) -> tuple[float, ...]:
     """Prove the clearance of every move of a plan for an arm with its errors; require `accuracy.least_clearance_mm`.
 
@@ -37,6 +42,7 @@ def erring_clearances(
         seen: look that the plan was made from; then the errors of its boards and cubes are taken off too. Those of
             parts, which the arm itself puts down, always are.
         begins_with: name of the cube that is in the jaws before the first step.
+        jaws_unknown: whether the plan was made for jaws of any opening.
 
     Returns:
         Per move, m; empty if the arm's errors are not known.
@@ -47,7 +53,9 @@ def erring_clearances(
     errors = arm_errors(cell)
     if errors is None:
         return ()
-    scene = scene_from_json(plan.scene, cell.robot(), cell.robot_holding())
+    any_jaws = after_closing(cell.robot())
+    arms = (any_jaws, any_jaws) if jaws_unknown else (cell.robot(), cell.robot_holding())
+    scene = scene_from_json(plan.scene, *arms)
     off = {} if seen is None else body_errors(cell, seen, plan, scene)
     exact = list(scenes_of_moves(plan, scene, cell.unit, begins_with))
     lost = _lost(exact, cell.unit, errors)

@@ -14,6 +14,7 @@ from arm.io.outputs import keep_apart
 from arm.io.storage import keep_unread
 from arm.plan_file import Move, Plan, write_plan
 from cell.accuracy.clearances import erring_clearances
+from cell.commands.manual.teach import taught_otherwise
 from cell.commands.steps import move_to_json, warn_of
 from cell.config.arm_file import ArmFile
 from cell.console import Console
@@ -91,6 +92,8 @@ def plan_poses_step(
             "not read: give a pose as 12 or 16 numbers a row"
         )
         raise InputError(why, option="--frame", file=str(poses_file))
+    for line in () if isinstance(task, ArmFile) else taught_otherwise(poses, task.cell):
+        console.say(line)
     with within(budget):
         plan = plan_pose_list(place, poses, back, explain)
     erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan, seen)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -143,6 +143,7 @@ class Entry(EntryValues):
         frame: frame of the pose, of `FRAMES`; empty if the entry is no pose.
         T: pose, 4x4, in the base frame, m; None if the entry is no pose.
         q: configuration (n,), rad (m), or None.
+        taught: what ``a465 teach`` recorded beside the configuration; empty if nothing.
     """
 
     key: str
@@ -150,6 +151,7 @@ class Entry(EntryValues):
     frame: str = ""
     T: Array | None = None
     q: Array | None = None
+    taught: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,4 +368,7 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
     elif kind.startswith("q_"):
         named, q = "configuration", reading.q(node[kind], getattr(keys, kind), kind.removeprefix("q_"))
     named = keys.name or f"{named} {place}"
-    return Entry(key=node.key, name=named, frame=frame, T=T, q=q, **keys.values_of(EntryValues))
+    record = keys.taught
+    return Entry(
+        key=node.key, name=named, frame=frame, T=T, q=q, taught=record, **keys.values_of(EntryValues)
+    )

@@ -11,6 +11,7 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import norm
 from arm.plan_file import Plan
 from arm.poses import HolePose
+from arm.robot.jaws import after_closing
 from arm.se3 import Array
 from cell.accuracy.clearances import erring_clearances
 from cell.accuracy.error_model import ErrorModel
@@ -369,6 +370,9 @@ def plan_motion(task: Task, scene: Scene, q_from: Array, q_to: Array, speed: flo
     cell, options = task.cell, options_of(task, speed)
     inputs = plan_fingerprint(task), _named(task)
     plan = plan_joint_motion(scene, q_from, q_to, cell.unit, cell.limits, options, *inputs)
-    if plan is not None and scene.robot_open.digest == cell.robot().digest:  # else a target is in the hand
-        erring_clearances(cell, plan)
+    if plan is not None:
+        robot = cell.robot()
+        jaws_unknown = scene.robot_open.digest == after_closing(robot).digest
+        if jaws_unknown or scene.robot_open.digest == robot.digest:  # else a target is in the hand
+            erring_clearances(cell, plan, jaws_unknown=jaws_unknown)
     return plan

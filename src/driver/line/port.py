@@ -6,7 +6,9 @@ import contextlib
 import errno
 import fcntl
 import os
+import re
 import select
+import socket
 import termios
 import threading
 from collections.abc import Callable
@@ -148,8 +150,15 @@ def port_holder(url: str) -> Holder | None:
 
 
 def _claimed_as(url: str) -> str:
-    """Return the name under which a port is claimed: links to a device are the device."""
-    return f"port {url if '://' in url else os.path.realpath(url)}"
+    """Return the name under which a port is claimed: links to a device are the device, names of a host its address."""
+    found = re.fullmatch(r"socket://(?P<host>[^/:]+):(?P<port>\d+).*", url)
+    if found is None:
+        return f"port {os.path.realpath(url)}"
+    try:
+        addresses = {str(of[4][0]) for of in socket.getaddrinfo(found["host"], None, type=socket.SOCK_STREAM)}
+    except (OSError, UnicodeError):  # opening it tells
+        addresses = {found["host"]}
+    return f"port socket://{min(addresses)}:{int(found['port'])}"
 
 
 def open_port(url: str, write_timeout_s: float) -> serial.Serial:

@@ -58,6 +58,23 @@ def test_two_programs_on_one_port(unit: Unit, tmp_path: Path) -> None:
         assert port_holder(url) is None
 
 
+def test_two_names_of_one_socket_are_one_port(unit: Unit) -> None:
+    with Emulator(unit, Clock(1.0)) as emulator:
+        url = emulator.open_tcp()
+        number = url.rpartition(":")[2].strip("/")
+        link = Link(url, emulator.clock)
+        for name in (
+            f"socket://localhost:{number}",
+            f"socket://127.0.0.1:0{number}/",
+            f"socket://LOCALHOST:{number}",
+        ):
+            holder = port_holder(name)
+            assert holder is not None
+            assert holder.pid == os.getpid()
+        link.close()
+        assert port_holder(f"socket://localhost:{number}") is None
+
+
 def test_a_unit_that_takes_no_bytes_is_an_error_not_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("driver.line.clock.LEAST_WALL_S", 1.0)  # as it is
     master, slave = pty.openpty()

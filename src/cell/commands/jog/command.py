@@ -212,6 +212,8 @@ def jog_step(
             f"each step keeps {1e3 * cell.clearance:g} mm of clearance to what the cell file has"
             + ("; the zone for boards counts as occupied" if look is None else " and the look has seen")
         )
+        for pair in makers[0].too_near(tuple(map(int, cell.unit.counts(q)))):
+            console.say(f"{pair}: first, only steps that lead them apart are made")
         require_consent(False, "", console, f"type {cell.unit.name} to let it move:", cell.unit.name)
 
     with beside(task, port, console, "jog", manual_speed(cell, None), ask, keys=None, look=look) as run:

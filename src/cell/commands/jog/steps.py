@@ -1,4 +1,8 @@
-"""Steps of a jog: straight in joint space, inside the limits, and each with its own certificate of clearance."""
+"""Steps of a jog: straight in joint space, inside the limits, and each with its own certificate of clearance.
+
+Where two bodies are nearer than the clearance already, such as after a stop, the steps are those that lead these two
+apart and keep the clearance of all others. Without them nothing would lead the arm away.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +25,8 @@ from plan.scene import Scene
 
 MOST_TURN = np.radians(5.0)  # of any joint in one step of the tool; more only near a singularity
 _MS = 100  # the duration does not matter for a certificate
+APART = 1e-5  # m that a step leads two bodies apart at least, which are nearer than the clearance
+_SLACK = 1e-4  # m; a distance is not proved more exactly where a step begins with it
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,7 @@ class StepMaker:
 
     def __init__(self, cell: Cell, scene: Scene) -> None:
         self._cell, self._robot = cell, scene.robot_open
+        self._present = scene.present
         self._world = World(scene.robot_open, scene.present)
         self._errors = arm_errors(cell)
         self._led: tuple[tuple[int, ...], Array] | None = (
@@ -66,8 +73,8 @@ class StepMaker:
             by: rad, or m.
 
         Raises:
-            ImpossibleError: it leaves a limit, comes nearer to something than the clearance, or no configuration leads
-                the tool there.
+            ImpossibleError: it leaves a limit, comes nearer to something than the clearance (or does not lead away from
+                what is nearer already), or no configuration leads the tool there.
         """
         key = (start, axis, by)
         if key not in self._made:
@@ -116,17 +123,77 @@ class StepMaker:
         cell = self._cell
         by = tuple(int(b) - a for a, b in zip(start, cell.unit.counts(target), strict=True))
         path = CountPath(start, (Segment(_MS, (by,)),))
-        self._require(path, cell.clearance, None, "")
-        if self._errors is not None:
-            self._require(path, cell.erring_clearance, self._errors, " for all likely errors of the arm")
+        for least, errors, whose in self._required():
+            self._require(path, least, errors, whose)
         end = cell.unit.positions(path.end)
         moved = self._robot.T_base_tool(end)[:3, 3] - self._robot.T_base_tool(q)[:3, 3]
         return JogStep(by, float(norm(moved)))
 
+    def too_near(self, start: tuple[int, ...]) -> list[str]:
+        """Return which bodies are nearer than the clearance while the arm rests at counts (6,), a phrase a pair."""
+        return [
+            f"{self._nearness(pair, seen, least)}{whose}"
+            for least, errors, whose in self._required()
+            for pair, seen in self._near(start, least, errors).items()
+        ]
+
+    def _required(self) -> list[tuple[float, ArmErrors | None, str]]:
+        """What every step has to keep, m; for which errors; and these in words."""
+        cell, errors = self._cell, self._errors
+        required: list[tuple[float, ArmErrors | None, str]] = [(cell.clearance, None, "")]
+        if errors is not None:
+            required.append((cell.erring_clearance, errors, " for all likely errors of the arm"))
+        return required
+
     def _require(self, path: CountPath, least: float, errors: ArmErrors | None, whose: str) -> None:
-        found: ClearanceCertificate = certify_move(
-            self._world, path, self._cell.unit, least, tight=False, errors=errors
-        )
-        if not found.proved:
-            words = nearness(found.pair, min(found.seen, least), least)
-            raise ImpossibleError(f"{words}{whose}", pair=list(found.pair), distance_m=found.seen)
+        found = self._certificate(self._world, path, least, errors)
+        if found.proved:
+            return
+        near = self._near(path.start, least, errors)
+        if near:
+            for pair, seen in near.items():
+                self._require_apart(path, pair, f"{self._nearness(pair, seen, least)}{whose}")
+            others = World(self._robot, self._present, allowed=map(frozenset, near))
+            found = self._certificate(others, path, least, errors)
+            if found.proved:
+                return
+        words = self._nearness(found.pair, found.seen, least)
+        raise ImpossibleError(f"{words}{whose}", pair=list(found.pair), distance_m=found.seen)
+
+    def _nearness(self, pair: tuple[str, str], seen: float, least: float) -> str:
+        return nearness(pair, min(seen, least), least)
+
+    def _certificate(
+        self, world: World, path: CountPath, least: float, errors: ArmErrors | None
+    ) -> ClearanceCertificate:
+        return certify_move(world, path, self._cell.unit, least, tight=False, errors=errors)
+
+    def _near(
+        self, start: tuple[int, ...], least: float, errors: ArmErrors | None
+    ) -> dict[tuple[str, str], float]:
+        """The pairs that are nearer than `least` (m) while the arm rests, and how near, m."""
+        rest, near = CountPath(start, (Segment(_MS, ((0,) * len(start),)),)), dict[tuple[str, str], float]()
+        while True:
+            world = World(self._robot, self._present, allowed=map(frozenset, near))
+            found = self._certificate(world, rest, least, errors)
+            if found.proved:
+                return near
+            near[found.pair] = found.seen
+
+    def _require_apart(self, path: CountPath, pair: tuple[str, str], now: str) -> None:
+        """Require that a step leads two bodies apart, and never nearer; `now`: how near they are, in words.
+
+        Raises:
+            ImpossibleError: it does not, or they touch, so that nobody knows what leads them apart.
+        """
+        world, unit = self._world, self._cell.unit
+        every = (frozenset(world.pair_names(index)) for index in range(len(world.pairs)))
+        alone = World(self._robot, self._present, allowed=[one for one in every if one != frozenset(pair)])
+        before, after = (alone.distance(unit.positions(counts)).value for counts in (path.start, path.end))
+        if before <= 0.0:
+            why = f"{now}, where the arm stands; move it by hand (a465 release)"
+        elif after < before + APART or not self._certificate(alone, path, before - _SLACK, None).proved:
+            why = f"{now} where the arm stands: only steps that lead them apart are made"
+        else:
+            return
+        raise ImpossibleError(why, pair=list(pair), distance_m=before)

@@ -31,6 +31,7 @@ from cell.commands.manual.session import (
     require_seen,
     scene_now,
 )
+from cell.commands.manual.teach import taught_otherwise
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.pose_list import PoseList, Reading, read_pose_list
@@ -141,6 +142,8 @@ def move_step(
     require_person(unseen, UNSEEN, "that the arm may move")
     listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")
     plans: list[Plan] = []
+    for line in () if listed is None else taught_otherwise(listed, cell):
+        console.say(line)
 
     def plan_and_ask(run: TaskRun) -> None:
         q, around = q_now(run), scene_now(run, look)
@@ -156,8 +159,7 @@ def move_step(
                 if listed is not None:
                     raise
                 raise ImpossibleError(_typed(file, goal, str(error)), **error.data) from error
-            if around.robot_open.digest == cell.robot().digest:
-                erring_clearances(cell, plans[0])
+            erring_clearances(cell, plans[0], jaws_unknown=around.robot_open.digest != cell.robot().digest)
         require_seen(run, plans[0], unseen)
 
     with beside(task, port, console, "move", low, plan_and_ask, look=look) as run:

@@ -178,13 +178,18 @@ def plan_to(run: TaskRun, q: Array, look: Path | None) -> Plan | None:
 
 @contextmanager
 def explaining_zone(run: TaskRun, look: Path | None) -> Iterator[None]:
-    """Add to a refusal without a look that the zone for boards counts as occupied, if it is too near."""
+    """Add what would help: a look, if the zone for boards is too near; else steps away, if the arm is too near now."""
     try:
         yield
     except ImpossibleError as error:
-        if look is not None or "pair" not in error.data or run.task.cell.zone.name not in error.data["pair"]:
+        if look is None and run.task.cell.zone.name in error.data.get("pair", ()):
+            help = (
+                "the zone for boards counts as occupied; with --look FILE only the boards that were seen do"
+            )
+        elif error.data.get("end") == "from":
+            help = "the steps of a465 jog lead the two apart"
+        else:
             raise
-        help = "the zone for boards counts as occupied; with --look FILE only the boards that were seen do"
         raise ImpossibleError(f"{error}; {help}", **error.data) from error
 
 

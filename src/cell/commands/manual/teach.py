@@ -12,13 +12,15 @@ import numpy as np
 from arm.errors import ExecutionStopped, FileInputError
 from arm.io.claim import Claim
 from arm.io.node import Node
-from arm.io.rules import line
+from arm.io.rules import line, numbers, rigid
 from arm.io.storage import read_json, write_atomic
+from arm.numerics.products import norm
 from cell.commands.manual.reading import Reading, print_reading, read_arm
+from cell.config.cell import Cell
 from cell.console import Console
 from cell.doctor.devices import FIRMWARE
+from cell.files.pose_list import PoseList, read_pose_list
 from cell.files.pose_list import Reading as Interpretation
-from cell.files.pose_list import read_pose_list
 from cell.files.task import cell_of
 from cell.session.ports import choose_port
 from driver.mars.identity import identified
@@ -27,6 +29,7 @@ from driver.mars.refusals import refuse_unhomed
 FRAME = "tool"
 OTHERS_S = 5.0  # wall time for another that writes the same list
 LONGEST_NAME = 100
+SAME_MM = 0.05  # of the recorded tool position, which is rounded
 DIGITS = 5  # of angles in deg; a count is 0.0009 deg
 
 
@@ -110,6 +113,28 @@ def _entry(name: str, reading: Reading) -> dict[str, Any]:
             "when": datetime.now().astimezone().isoformat(timespec="seconds"),
         },
     }
+
+
+def taught_otherwise(poses: PoseList, cell: Cell) -> list[str]:
+    """Return a line for each entry whose record tells that arm or tool were calibrated otherwise when it was taught."""
+    lines = []
+    for entry in poses.entries:
+        if entry.q is None or not {"unit", "counts", "T_base_tool"} <= set(entry.taught):
+            continue
+        node = Node(poses.file, f"{entry.key}.taught", dict(entry.taught))
+        of, counts = node.get("unit", line()), node.get("counts", numbers(len(cell.unit.axes)))
+        then = node.get("T_base_tool", rigid())
+        if of != cell.unit.name:
+            lines.append(f"{entry.name!r} was taught on {of}, and this cell has {cell.unit.name}")
+            continue
+        now = cell.robot().T_base_tool(cell.unit.positions(counts))
+        off = 1e3 * float(norm(now[:3, 3] - then[:3, 3]))
+        if off > SAME_MM:
+            lines.append(
+                f"{entry.name!r} was taught before arm or tool were calibrated anew: the tool stood {off:.1f} mm from "
+                "where it was taken to be, and these angles lead it elsewhere than then; teach it again"
+            )
+    return lines
 
 
 def _text(content: dict[str, Any]) -> str:

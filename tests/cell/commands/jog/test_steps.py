@@ -114,5 +114,66 @@ def test_the_errors_of_a_calibrated_arm_count(scenes: Path) -> None:
     plain = StepMaker(cell, unseen_scene(cell))
     plain.step(start, "J1", np.radians(0.1))
     strict = replace(cell, erring_clearance=plain.distance(start) - 1e-4)
+    maker = StepMaker(strict, unseen_scene(strict))
+    assert all("for all likely errors of the arm" in pair for pair in maker.too_near(start))
     with pytest.raises(ImpossibleError, match="for all likely errors of the arm"):
-        StepMaker(strict, unseen_scene(strict)).step(start, "J1", np.radians(0.1))
+        maker.step(start, "J1", np.radians(0.1))
+
+
+def _beside(cell: Cell, start: tuple[int, ...], name: str, way: tuple[float, float], gap: float) -> Body:
+    """A ball at a distance of a finger of the open jaws; `way`: from the tool's middle, along its y and z axes."""
+    robot, q = cell.robot(), cell.unit.positions(start)
+    T, scene = robot.T_base_tool(q), unseen_scene(cell)
+    for far in np.arange(0.0, 0.2, 1e-3):
+        middle = T[:3, 3] + T[:3, 1:3] @ (np.array(way) * far + [cell.gripper.opening / 2.0 * way[0], 0.0])
+        ball = Body(name, Sphere(0.002), transform(t=middle), "wall")
+        if World(robot, (*scene.present, ball)).only([name]).distance(q).value >= gap:
+            return ball
+    raise AssertionError
+
+
+def test_an_arm_that_is_too_near_is_led_away_and_nowhere_else(here: Cell) -> None:
+    scene, start = unseen_scene(here), _counts(here, START_DEG)
+    scene = replace(scene, bodies=(*scene.bodies, _beside(here, start, "bead", (1.0, 0.0), 0.005)))
+    maker, world = StepMaker(here, scene), World(scene.robot_open, scene.present)
+    assert re.search(r"^finger_\w comes within .* of bead \(required: 10 mm\)$", maker.too_near(start)[0])
+    led = next(by for by in np.radians([0.1, -0.1]) if _made(maker, start, by))
+    with pytest.raises(ImpossibleError, match=r"bead .*: only steps that lead them apart are made"):
+        maker.step(start, "J1", -led)
+    at, clear = start, [maker.distance(start)]
+    while maker.too_near(at) and len(clear) < 50:
+        at = _plus(at, maker.step(at, "J1", led).by)
+        clear.append(world.distance(here.unit.positions(at)).value)
+    assert not maker.too_near(at)
+    assert np.diff(clear).min() > 1e-4
+    with pytest.raises(ImpossibleError, match="comes within"):  # and it does not come back
+        maker.step(at, "J1", -10.0 * led)
+
+
+def test_what_leads_away_from_one_body_keeps_clear_of_all_others(here: Cell) -> None:
+    scene, start = unseen_scene(here), _counts(here, START_DEG)
+    near = _beside(here, start, "bead", (1.0, 0.0), 0.005)
+    other = _beside(here, start, "other", (-1.0, 0.0), 0.012)
+    alone, both = (
+        StepMaker(here, replace(scene, bodies=(*scene.bodies, *more))) for more in ([near], [near, other])
+    )
+    far = next(by for by in np.radians([1.0, -1.0]) if _made(alone, start, by))
+    assert _made(both, start, far / 10.0)
+    with pytest.raises(ImpossibleError, match=r"comes within .* of other"):
+        both.step(start, "J1", far)
+
+
+def _made(maker: StepMaker, start: tuple[int, ...], by: float) -> bool:
+    try:
+        maker.step(start, "J1", by)
+    except ImpossibleError:
+        return False
+    return True
+
+
+def test_bodies_that_touch_are_left_to_the_hand(here: Cell) -> None:
+    scene, start = unseen_scene(here), _counts(here, START_DEG)
+    inside = replace(scene, bodies=(*scene.bodies, _beside(here, start, "bead", (1.0, 0.0), -0.001)))
+    for by in np.radians([0.1, -0.1]):
+        with pytest.raises(ImpossibleError, match=r"is inside bead .* move it by hand \(a465 release\)"):
+            StepMaker(here, inside).step(start, "J1", by)

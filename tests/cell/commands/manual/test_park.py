@@ -13,6 +13,7 @@ from arm.errors import ImpossibleError, InputError
 from arm.plan_file import read_plan
 from cell.commands.manual.park import park_step
 from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
 from emulated.on_pty import lines_to, on_pty
 from emulated.stepped_cell import names_sent, push_to, stepped_cell
 from typed.command_line import a465
@@ -121,6 +122,39 @@ def test_jaws_that_may_hold_a_cube_are_refused_and_others_are_told(
         park_step(CELL, "/dev/mars", None, None, True, console)
         assert "planned for any opening" in console.all
         np.testing.assert_array_equal(emulator.counts(), here.unit.counts(here.q_start))
+
+
+def test_an_arm_that_is_too_near_is_sent_to_the_steps_that_lead_away(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (scenes / "cell.toml").read_text()
+    (scenes / "cell.toml").write_text(re.sub(r"(?m)^clearance_mm = 10\b", "clearance_mm = 48", text))
+    wide = read_cell(scenes / "cell.toml")
+    assert wide.clearance == 0.048
+    with (
+        stepped_cell(wide, monkeypatch, NEAR_START),
+        pytest.raises(
+            ImpossibleError, match=r"is itself too near: .*; the steps of a465 jog lead the two apart"
+        ),
+    ):
+        park_step(scenes / "cell.toml", "/dev/mars", None, None, True, Heard())
+
+
+def test_the_errors_of_the_arm_count_with_half_open_jaws(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = scenes / "realistic/cell.toml"
+    here = read_cell(place)
+    assert here.calibration is not None
+    text = place.read_text()
+    place.write_text(text + "\n[accuracy]\nleast_clearance_mm = 50\n")
+    strict = read_cell(place)
+    assert strict.erring_clearance == pytest.approx(0.05)
+    with stepped_cell(here, monkeypatch, NEAR_START) as emulator:
+        emulator.machine.jaws.slip(here.unit.gripper.adc(here.gripper.fraction_closed(0.02)))
+        with pytest.raises(ImpossibleError, match="for all errors of the arm within"):
+            park_step(place, "/dev/mars", None, None, True, Heard())
+        assert set(names_sent(emulator)) <= QUERIES
 
 
 @pytest.mark.slow

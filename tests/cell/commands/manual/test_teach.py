@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ import pytest
 import cell.commands.manual.teach
 from arm.errors import ExecutionStopped, FileInputError
 from arm.io.claim import Claim
-from cell.commands.manual.teach import teach_step
+from cell.commands.manual.teach import taught_otherwise, teach_step
 from cell.config.cell import Cell
 from cell.files.pose_list import read_pose_list
 from driver.emulator import Emulator
@@ -54,6 +56,21 @@ def test_poses_are_appended_and_plan_poses_reads_them(
     np.testing.assert_allclose(first["T_base_tool"], T, atol=1e-6)
     assert (first["counts"], first["unit"]) == (list(taught[0]), "crs93")
     assert names_to(tmp_path / "unit.jsonl") <= QUERIES
+
+
+def test_a_pose_that_was_taught_before_a_calibration_is_told(here: Cell, port: tuple[Emulator, str]) -> None:
+    a465("teach", "poses.json", CELL, port[1], "--name", "tray")
+    listed = read_pose_list(Path("poses.json"))
+    assert taught_otherwise(listed, here) == []
+    zero = here.unit.counts_at_zero + [50, 0, 0, 0, 0, 0]
+    turned = replace(here, unit=replace(here.unit, counts_at_zero=zero))
+    (line,) = taught_otherwise(listed, turned)
+    assert re.search(r"^'tray' was taught before .* stood 0\.\d mm from .*; teach it again$", line)
+    (line,) = taught_otherwise(listed, replace(here, unit=replace(here.unit, name="crs97")))
+    assert line == "'tray' was taught on crs93, and this cell has crs97"
+    entry = listed.entries[0]
+    bare = replace(listed, entries=(replace(entry, taught={"when": "yesterday"}), replace(entry, q=None)))
+    assert taught_otherwise(bare, turned) == []
 
 
 @pytest.mark.parametrize("bare", [False, True], ids=["object", "bare list"])
