@@ -21,6 +21,7 @@ _ROW, _LABEL, _FIGURE = (
 )  # of the drawing of changes: height of a row, widths of names and figures, px
 _WIDE, _BAR = 420, 110  # width of a drawing, and height of its bars, px
 _MOST_DOTS = 6000
+_FEW = 30  # outlines that stay apart where they are drawn at full strength
 
 
 class Changed(NamedTuple):
@@ -72,7 +73,7 @@ def chain_page(
         figures=(
             (f"{1e3 * c.held_out.metres:.3f} mm", f"held-out images (limit {1e3 * c.limits.held_out:g} mm)"),
             (f"{c.held_out.px:.3f} px", "of held-out corners"),
-            (f"{c.residual_std.mean():.3f} px", "residuals"),
+            (f"{c.residual_std.mean():.3f} px", "residuals if joint readings are taken as exact"),
             (f"{x:.3f} / {y:.3f} px", "noise of the corners"),
             (f"{c.fit.chi2_dof:.3f}", f"chi2/dof (limit {c.limits.chi2_dof:g})"),
         ),
@@ -116,7 +117,7 @@ def _scatter(c: ChainCalibration) -> dict[str, Any]:
         "half": half,
         "frame_px": 2 * reach,
         "dots": scale * shown[np.abs(shown).max(axis=1) <= reach],
-        "rings": [k * scale * c.residual_std for k in (1, 2, 3)],
+        "rings": [k * scale * residuals.std(axis=0) for k in (1, 2, 3)] if len(residuals) else [],
     }
 
 
@@ -171,6 +172,7 @@ def _places(c: ChainCalibration) -> list[dict[str, Any]]:
                 "low": low - margin,
                 "size": high - low + 2.0 * margin,
                 "stroke": float((high - low).max()) / 300.0,
+                "faint": max(min(1.0, _FEW / len(outlines)), 0.3),  # of hundreds, none could be made out
                 "outlines": list(zip(flat.round(1).tolist(), used, strict=True)),
                 "range": (float(low[1]), float(high[1])),
             }

@@ -47,6 +47,10 @@ class Table:
         """Return whether a column has other cells than numbers."""
         return not all(_NUMBER.fullmatch(row[column]) for row in self.rows)
 
+    def typeset(self, cell: str) -> str:
+        """Return a cell with a minus sign where it is a negative number; the terminal has ASCII."""
+        return f"\N{MINUS SIGN}{cell[1:]}" if cell[:1] == "-" and cell[1:2].isdigit() else cell
+
 
 def render(template: str, **values: Any) -> str:
     """Return the text of a template, named by its path below ``cell``.

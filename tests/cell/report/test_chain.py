@@ -41,6 +41,19 @@ def test_the_page_fits(found: HandEye, tmp_path: Path) -> None:
     require_fit(page, tmp_path, "hand-eye")
 
 
+def test_ellipses_are_of_the_dots_that_are_drawn(found: HandEye) -> None:
+    page = chain_page("Camera and arm", "r.json", found.chain, hand_eye_tables(found))
+    section = page[page.index("<h2>Residuals of all corners</h2>") :]
+    section = section[: section.index("</section>")]
+    dots = np.array(re.findall(r'<circle cx="([^"]+)" cy="([^"]+)"', section), dtype=float)
+    rings = np.array(re.findall(r'<ellipse rx="([^"]+)" ry="([^"]+)"', section), dtype=float)
+    assert len(dots) > 300
+    inside = [float((np.sum((dots / ring) ** 2, axis=1) < 1.0).mean()) for ring in rings]
+    np.testing.assert_allclose(
+        inside, [0.393, 0.865, 0.989], atol=0.06
+    )  # of a normal distribution in the plane
+
+
 def test_targets_are_drawn_where_the_calibration_puts_them(found: HandEye) -> None:
     """Each image's outline, in the camera's frame, projects onto the corners that were seen; those left out are red."""
     page = chain_page("Camera and arm", "r.json", found.chain, hand_eye_tables(found))

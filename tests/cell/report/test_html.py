@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import jinja2
 import pytest
 
@@ -37,11 +39,18 @@ def test_tolerances_are_written_as_on_paper_and_data_of_scripts_stay() -> None:
     assert shown("{{ a }} {{ a | safe }}", a="1 +- 2") == "1 ± 2 1 +- 2"
 
 
+def test_negative_numbers_have_a_minus_sign_and_names_keep_their_hyphens() -> None:
+    rows = [("-0.5 px",), ("2026-11-28",), ("-",), ("-o",), ("1e-05",)]
+    html = shown("{{ parts.table(table) }}", table=Table(("x",), rows))
+    assert [cell for (cell,) in rows[1:]] == re.findall(r"<td[^>]*>([^<]*)</td>", html)[1:]
+    assert "\N{MINUS SIGN}0.5 px" in html
+
+
 def test_columns_of_numbers_are_on_the_right() -> None:
     rows = [("01-02/1", "1", "-"), ("2", "-3.5", "held"), ("4.png", "1e-05", "+1.2+-0.1"), ("5a", "", "1 px")]
     table = Table(("", "n", "x"), rows, out=[1])
     html = shown("{{ parts.table(table) }}", table=table)
     assert '<tr><th class="t"></th><th>n</th><th>x</th></tr>' in html
-    assert '<tr class="out"><td class="t">2</td><td>-3.5</td><td>held</td></tr>' in html
+    assert '<tr class="out"><td class="t">2</td><td>\N{MINUS SIGN}3.5</td><td>held</td></tr>' in html
     assert html.count('class="out"') == 1
     assert "<ul>" not in shown('{{ parts.bullets([], "none") }}')
