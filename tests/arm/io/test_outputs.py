@@ -40,6 +40,10 @@ def test_a_file_of_another_kind_is_not_replaced(tmp_path: Path) -> None:
     for text in ("<html>", "{}", "[1]", ""):
         file.write_text(text)
         keep_apart(file)
+    upper = tmp_path / "B.JSON"
+    upper.write_text('{"scenes": []}')
+    with pytest.raises(InputError, match=rf"B\.JSON: is a look, {words}"):
+        keep_apart(upper)
     with pytest.raises(InputError, match="is a folder; give the name of a file"):
         keep_apart(tmp_path, kind="plan")
     keep_apart(tmp_path, kind=None)

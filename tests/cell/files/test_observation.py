@@ -133,6 +133,7 @@ def test_damage_is_told(
         (0.0, 0.2, None, "they differ by 0.00 mm and 0.200 deg"),
         (0.04e-3, 0.004, None, ""),
         (0.0, 0.2, {"moved_mm": 4.0, "rotation_deg": [0.2, 0.0, 0.0]}, ""),  # the look was corrected for it
+        (0.004, 0.0, {"moved_mm": 4.0, "rotation_deg": [0.2, 0.0, 0.0]}, ""),
         (0.0, 0.3, {"moved_mm": 4.0, "rotation_deg": [0.2, 0.0, 0.0]}, "0.00 mm and 0.300 deg"),
         (0.030, 0.0, "none", ""),  # a look of another program, without the camera's frame
     ],

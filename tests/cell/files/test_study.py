@@ -25,6 +25,15 @@ def test_grids_and_samples_multiply(scenes: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("keys", "chunk"), [({}, 1000), ({"chunk": 7}, 7), ({"stages": ["reach", "plan"]}, 4)]
+)
+def test_chunks_are_large_where_only_reach_of_poses_is_asked(
+    scenes: Path, keys: dict[str, Any], chunk: int
+) -> None:
+    assert read_study(write_study(scenes, points=8, **keys)).chunk == chunk
+
+
+@pytest.mark.parametrize(
     ("vary", "keys", "words"),
     [
         ([X], {}, "points: is missing"),

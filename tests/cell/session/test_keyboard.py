@@ -28,7 +28,7 @@ from cell.commands.run import execute_plan
 from cell.console import Console, progress_bar
 from cell.files.task import read_task
 from cell.session.connection import WhichCell
-from cell.session.keyboard import aborting_keys, hint, on_key
+from cell.session.keyboard import aborting_keys, hint, on_key, reading_keys
 from cell.task.plan_matches import require_start_at
 from driver.execution.control import Control
 
@@ -129,6 +129,25 @@ def test_what_cannot_pause_is_aborted_by_the_keys_that_people_press(
     with aborting_keys() as keys:
         assert keys
     assert bool(aborted) is aborts
+
+
+@pytest.mark.parametrize(("fresh", "heard"), [(True, b"x"), (False, b"qx")])
+def test_keys_that_were_pressed_before_are_forgotten_where_they_could_move_an_arm(
+    monkeypatch: pytest.MonkeyPatch, fresh: bool, heard: bytes
+) -> None:
+    person, terminal = pty.openpty()
+    monkeypatch.setattr("cell.session.keyboard.foreground_terminal", lambda: terminal)
+    told: list[bytes] = []
+    os.write(person, b"q")
+    with reading_keys(told.append, fresh):
+        os.write(person, b"x")
+        over = time.monotonic() + DEADLINE_S
+        while b"x" not in b"".join(told):
+            assert time.monotonic() < over, told
+            time.sleep(0.01)
+    assert b"".join(told) == heard
+    os.close(person)
+    os.close(terminal)
 
 
 # -- the program in a terminal

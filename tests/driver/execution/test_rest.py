@@ -28,6 +28,14 @@ def test_an_arm_that_was_not_seen_at_rest_is_told_to_be_moving(unit: Unit) -> No
     assert told.startswith("THE ARM MAY STILL BE MOVING (no answer)")
 
 
+def test_a_note_is_added_to_rest_without_one_and_replaces_no_worse_news(unit: Unit) -> None:
+    lost = "its position is lost"
+    assert RestState(True, (0,) * 6).noted(lost).describe(unit) == f"the arm has stopped, {lost}"
+    for state in (RestState(False, None, None, "no answer"), RestState(True, None, None, "no answer")):
+        assert state.noted(lost) == state
+    assert RestState(True, (0,) * 6).noted("") == RestState(True, (0,) * 6)
+
+
 def test_only_axes_beyond_the_tolerance_are_told(unit: Unit) -> None:
     here, there = (0, 25, -26, 0, 0, 1000), (0,) * 6
     assert farthest(here, there) == 1000

@@ -52,4 +52,6 @@ def test_an_arm_of_which_only_some_axes_are_homed_is_refused(unit: Unit) -> None
         counts = [9000 if axis in group else (axis - 3) for axis in range(6)]
         with pytest.raises(ImpossibleError, match="the unit must be homed"):
             refuse_unhomed(unit, counts)
+    with pytest.raises(ImpossibleError, match="the unit must be homed"):
+        refuse_unhomed(unit, [0 if axis < 3 else count for axis, count in enumerate(SOFT_HOME)])
     refuse_unhomed(unit, [0 if axis in (3, 4) else count for axis, count in enumerate(SOFT_HOME)])

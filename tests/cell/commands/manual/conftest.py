@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,21 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> Callable[[Answer], None]:
             monkeypatch.setattr(module, "typed", answer)
 
     return sits_there
+
+
+@pytest.fixture
+def abortable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Someone at the keyboard; holds "aborts" while a key that is pressed would abort."""
+    acting: list[str] = []
+
+    @contextmanager
+    def keys() -> Iterator[bool]:
+        acting.append("aborts")
+        yield True
+        acting.clear()
+
+    monkeypatch.setattr("cell.commands.run.aborting_keys", keys)
+    return acting
 
 
 @pytest.fixture(autouse=True)

@@ -12,6 +12,7 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.robot.gripper import Gripper
 from cell.commands.manual.gripper import gripper_step, target_width
 from cell.config.cell import Cell
+from cell.session.keyboard import ABORT_HELP
 from driver.mars.gripper import GripperResult
 from driver.mars.mars import Mars
 from emulated.on_pty import lines_to, on_pty
@@ -92,6 +93,22 @@ def test_jaws_that_do_not_open_stop_and_jaws_on_something_are_told(
         console = Heard()
         assert gripper_step("close", CELL, "/dev/mars", True, console)["stalled"] is True
         assert "30.0 mm apart: something is between them" in console.all
+
+
+def test_while_the_jaws_move_a_key_aborts(
+    here: Cell, monkeypatch: pytest.MonkeyPatch, abortable: list[str]
+) -> None:
+    console, during = Heard(), []
+
+    def moves(*_: object) -> GripperResult:
+        during.extend(abortable)
+        return GripperResult(500, 0.5, stalled=False)
+
+    monkeypatch.setattr(Mars, "gripper", moves)
+    with stepped_cell(here, monkeypatch, AT):
+        gripper_step("close", CELL, "/dev/mars", True, console)
+    assert during == ["aborts"]
+    assert ABORT_HELP in console.all
 
 
 def test_a_unit_that_was_not_homed_is_refused(here: Cell, monkeypatch: pytest.MonkeyPatch) -> None:

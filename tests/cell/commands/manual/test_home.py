@@ -13,6 +13,7 @@ from arm.errors import ExecutionStopped, ImpossibleError, InputError
 from arm.plan_file import read_plan
 from cell.commands.manual.home import home_step
 from cell.config.cell import Cell
+from cell.session.keyboard import ABORT_HELP
 from driver.emulator import EmulatorOptions
 from emulated.near_marks import near_marks
 from emulated.stepped_cell import names_sent, stepped_cell
@@ -60,6 +61,22 @@ def test_without_the_word_the_unit_gets_queries_only(
         with pytest.raises(InputError, match="'free' was not typed; nothing moved"):
             home_step(CELL, "/dev/mars", None, False, Heard())
         assert set(names_sent(emulator)) <= QUERIES
+
+
+def test_while_the_arm_homes_a_key_aborts(
+    here: Cell, monkeypatch: pytest.MonkeyPatch, abortable: list[str]
+) -> None:
+    console, during = Heard(), []
+
+    def homes(*_: object) -> None:
+        during.extend(abortable)
+        raise ExecutionStopped("that is enough")
+
+    monkeypatch.setattr("cell.task.run.TaskRun.initialise_arm", homes)
+    with stepped_cell(here, monkeypatch), pytest.raises(ExecutionStopped, match="that is enough"):
+        home_step(CELL, "/dev/mars", None, True, console)
+    assert during == ["aborts"]
+    assert ABORT_HELP in console.all
 
 
 def test_an_arm_that_was_homed_and_cannot_go_on_has_moved(

@@ -46,6 +46,7 @@ def test_an_arm_that_was_not_homed_has_no_position(unit: Unit, tmp_path: Path) -
 def _told_without_a_position(port: str, tmp_path: Path) -> None:
     said, _ = a465("status", port, cwd=tmp_path)
     assert "arm power on, motion stop not pressed, no axis in error, at rest" in said
+    assert "whether the motors hold the arm is not reported" in said
     assert "NOT HOMED since it was switched on" in said
     assert " deg" not in said
     said, _ = a465("status", port, "--cell", CELL, "--json", cwd=tmp_path)

@@ -42,7 +42,7 @@ DEAF = """
 import signal, sys, time
 from arm.io.claim import Claim
 signal.signal(signal.SIGINT, signal.SIG_IGN)
-claim = Claim("port " + sys.argv[1], brief="brief" in sys.argv)
+claim = Claim("port " + sys.argv[-1], brief="brief" in sys.argv)
 print("deaf", flush=True)
 time.sleep(600)
 """
@@ -136,15 +136,15 @@ def test_a_program_that_does_not_let_go_is_told(tmp_path: Path, monkeypatch: pyt
     assert names_to(tmp_path / "unit.jsonl") == set()
 
 
-def test_a_program_that_only_reads_is_waited_for_and_not_interrupted(
+def test_a_program_that_only_reads_or_stops_is_waited_for_and_not_interrupted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     signals: list[object] = []
     monkeypatch.setattr(cell.commands.manual.stop, "ENDS_S", 0.3)
     monkeypatch.setattr(cell.commands.manual.stop, "_signal", lambda *told: signals.append(told))
     with on_pty(load_unit("crs93"), tmp_path / "unit.jsonl") as (_, name):
-        for kind, number in (("brief", 0), ("long", 1)):
-            with _other(DEAF, name, kind):
+        for kind, number in (("brief", 0), ("stop", 0), ("long", 1)):
+            with _other(DEAF, kind, name):
                 a465("stop", name, code=4, cwd=tmp_path)
             assert len(signals) == number
 

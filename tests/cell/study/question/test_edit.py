@@ -82,3 +82,9 @@ def test_a_list_that_is_set_stays_as_it_was_given() -> None:
     template, given = Template(FILE, TEXT, ["b", "a"]), [5, 6]
     template.text([given, 1])
     assert given == [5, 6]
+
+
+def test_what_the_file_states_stays_when_values_are_set() -> None:
+    template = Template(FILE, TEXT, ["b[1]", "t.c[1][0]"])
+    template.text([9, 9])
+    assert [template.stated(0), template.stated(1)] == [2, 3]

@@ -12,7 +12,7 @@ from cell.study.question.points import points_of
 from studies.written import YAW, X, write_study
 
 
-@pytest.mark.parametrize(("first", "count"), [(0, 1), (3, 20), (17, 30), (60, 4)])
+@pytest.mark.parametrize(("first", "count"), [(0, 1), (3, 20), (3, 14), (17, 30), (60, 4)])
 def test_any_part_is_that_of_the_whole(scenes: Path, first: int, count: int) -> None:
     grid = {"key": "noise_grey", "values": [1.0, 2.0, 3.0, 4.0]}
     study = read_study(write_study(scenes, [X, grid, YAW], points=16, seed=4))

@@ -56,6 +56,7 @@ def test_the_files_of_a_point_are_those_of_the_study(scenes: Path, tmp_path: Pat
     scratch_folder.mkdir()
     scratch = Scratch(bundle, scratch_folder)
     scratch.set(points_of(study, 6, 1)[0])
+    assert not (tmp_path / "there" / bundle.study).exists()
     assert plan_fingerprint(read_task(task_file)) == plan_fingerprint(scratch.task)
     with pytest.raises(InputError, match="is there already"):
         write_point(study, bundle, 6, tmp_path / "there")
@@ -127,7 +128,7 @@ def test_a_value_that_names_no_file_is_told_at_once(scenes: Path) -> None:
 
 def test_the_background_of_the_camera_goes_along_with_a_look(scenes: Path) -> None:
     seed = {"file": "task", "key": "seed", "values": [0, 1]}
-    for stages, there in ((["look"], True), (["reach"], False)):
+    for stages, there in ((["look"], True), (["run"], True), (["reach"], False)):
         study = read_study(write_study(scenes / "realistic", [seed], stages=stages))
         assert any(name.endswith("background.npz") for name in bundle_of(study).files) == there
 
@@ -175,6 +176,12 @@ def test_a_value_that_no_file_may_have_is_told_by_the_point(scenes: Path, tmp_pa
     scratch = Scratch(bundle_of(study), tmp_path)
     with pytest.raises(InputError, match="centre_mm"):
         scratch.set((9000.0,))
+
+
+@pytest.mark.parametrize("values", [[-1.0, 140.0], [140.0, 4000.0]])
+def test_a_study_is_asked_if_one_of_its_ends_can_be_read(scenes: Path, values: list[float]) -> None:
+    vary = {"file": "cell", "key": "tool.length_mm", "values": values}
+    bundle_of(read_study(write_study(scenes, [vary])))
 
 
 @pytest.mark.parametrize("key", ["tool.lenght_mm", "tool.length_mm"])

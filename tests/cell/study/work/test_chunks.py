@@ -66,6 +66,9 @@ def test_a_chunk_is_claimed_by_one_and_left_to_others_afterwards(scenes: Path, t
     chunk, store = chunks_of(study, bundle_of(study))[0], Store(tmp_path)
     with store.claimed(chunk) as mine, Store(tmp_path).claimed(chunk) as other:
         assert (mine, other) == (True, False)
+        for _ in range(2):
+            with Store(tmp_path).claimed(chunk) as another:
+                assert not another
         store.write(chunk, "1,2\n")
     with store.claimed(chunk) as mine:
         assert mine

@@ -44,6 +44,20 @@ def test_an_axis_that_did_not_reach_its_mark_ends_homing_before_the_next_group_m
     assert not any(line == f"HH{axis}:" for group in others for axis in group for line in fake.lines)
 
 
+def test_an_arm_that_failed_to_home_has_lost_its_position(
+    mars: Mars, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise ExecutionStopped("axis A reads 9000 counts at its mark", reason="homing")
+
+    monkeypatch.setattr("driver.mars.session.home_all", fails)
+    with pytest.raises(
+        ExecutionStopped, match="at its mark; the arm has stopped, its position is lost"
+    ) as told:
+        mars.initialise()
+    assert told.value.data["reason"] == "homing"
+
+
 @pytest.mark.parametrize(("looks", "moved"), [((0, 2, 4), True), ((0, 2, 2), False), ((0, -3, 0), True)])
 def test_an_axis_was_seen_to_move_if_it_ever_was_elsewhere_than_at_first(
     mars: Mars, monkeypatch: pytest.MonkeyPatch, looks: tuple[int, ...], moved: bool
