@@ -75,7 +75,7 @@ def study_step(
             )
             raise
     if work.found:
-        console.say(f"{_chunks(work.found)} {'was' if work.found == 1 else 'were'} there already")
+        console.say(f"{_chunks(work.found)} {_were(work.found)} there already")
     if work.lost:
         console.say(f"{work.lost} processes died; their chunks were computed again, once each")
     aside = {chunk.number for chunk in work.aside}
@@ -85,7 +85,8 @@ def study_step(
         points = ", ".join(f"{c.first} to {c.first + c.count - 1}" for c in work.aside[:_MOST_NAMED])
         points += ", ..." if len(work.aside) > _MOST_NAMED else ""
         raise ExecutionStopped(
-            f"{_chunks(len(aside))} were skipped ({why}): points {points}; the same command tries them again",
+            f"{_chunks(len(aside))} {_were(len(aside))} skipped ({why}): points {points}; the same command tries "
+            f"{'it' if len(aside) == 1 else 'them'} again",
             reason="aside",
             points=[[c.first, c.count] for c in work.aside],
         )
@@ -210,6 +211,10 @@ class _Progress:
 
 def _chunks(count: int) -> str:
     return "1 chunk" if count == 1 else f"{count} chunks"
+
+
+def _were(count: int) -> str:
+    return "was" if count == 1 else "were"
 
 
 def _duration(seconds: float) -> str:

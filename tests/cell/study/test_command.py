@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from cell.study.work.chunks import Chunk, Store
+from cell.study.work.engine import Work, compute_all
 from studies.written import YAW, X, write_study
 from typed.command_line import a465, replace_in
 
@@ -54,6 +58,52 @@ def test_no_best_place_is_told(scenes: Path, tmp_path: Path) -> None:
     _, told = a465("study", file, *options, code=3)
     assert "no point passed" in told
     assert not (tmp_path / "best").exists()
+
+
+def test_files_of_the_best_place_are_refused_before_anything_is_computed(asked: Path, tmp_path: Path) -> None:
+    best = tmp_path / "best"
+    best.mkdir()
+    _, told = a465("study", asked, "-o", tmp_path / "out", "--workers", "0", "--best", best, code=2)
+    assert "is there already; give a new folder" in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_chunk_that_was_skipped_ends_with_4(
+    asked: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def without_one(chunks: list[Chunk], store: Store, *others: Any) -> Work:
+        work = compute_all([one for one in chunks if one.number != 1], store, *others)
+        return replace(work, aside=[chunks[1]], failed={1: "ZeroDivisionError: division"})
+
+    monkeypatch.setattr("cell.study.command.compute_all", without_one)
+    _, told = a465("study", asked, "-o", tmp_path / "out", "--workers", "0", code=4)
+    assert (
+        "1 chunk was skipped (ZeroDivisionError: division): points 8 to 15; the same command tries it" in told
+    )
+    rows = list(csv.DictReader((tmp_path / "out/table.csv").read_text().splitlines()))
+    assert [int(row["point"]) for row in rows] == [*range(8), *range(16, 40)]
+
+
+@pytest.mark.parametrize("looked", [False, True], ids=["exact", "looked"])
+def test_the_files_of_a_point_have_the_look_that_its_study_asks_for(
+    asked: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, looked: bool
+) -> None:
+    looks, plans = list[Path](), list[tuple[Path, Path]]()
+    monkeypatch.setattr("cell.study.command.look_step", lambda task, *_: looks.append(task))
+
+    def plan(task: Path, look: Path, *_: object) -> dict[str, object]:
+        plans.append((task, look))
+        return {}
+
+    monkeypatch.setattr("cell.study.command.plan_step", plan)
+    if looked:
+        asked.write_text('stages = ["reach", "look"]\n' + asked.read_text())
+    a465("study", asked, "--point", "7", "-o", tmp_path / "point")
+    ((task, look),) = plans
+    assert task.is_file()
+    assert looks == ([task] if looked else [])
+    if not looked:
+        assert len(json.loads(look.read_text())["scenes"]) == 1
 
 
 @pytest.mark.parametrize(

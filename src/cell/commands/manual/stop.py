@@ -92,7 +92,7 @@ def _interrupt_holder(port: str, console: Console) -> Holder | None:
         over = time.monotonic() + ENDS_S
         while port_holder(port) == holder:
             if time.monotonic() > over:
-                why = f"{port}: {holder.describe()} was interrupted and still has the port after {ENDS_S:g} s: {BUTTON}"
+                why = f"{port}: {holder.describe()} still has the port after {ENDS_S:g} s: {BUTTON}"
                 raise ExecutionStopped(why, holder=asdict(holder), reason="held")
             select.select([handle], [], [], POLL_S)  # readable once the process has ended
             time.sleep(POLL_S)

@@ -20,6 +20,7 @@ from cell.files.study import read_study
 from cell.study.question.scratch import Bundle, bundle_of
 from cell.study.work.chunks import Chunk, Store, chunks_of
 from cell.study.work.engine import AnyExecutor, InThisProcess, Lane, OneProcess, Work, compute_all
+from cell.study.work.worker import BUSY
 from studies.cluster import cluster_by_commands
 from studies.written import write_study
 from typed.command_line import a465
@@ -75,6 +76,34 @@ def test_if_processes_die_one_after_the_other_the_study_ends(scenes: Path, tmp_p
         compute_all(chunks, store, [Scripted(store, set(range(10)))], lambda _: None)
 
 
+def test_processes_that_die_now_and_then_do_not_end_the_study(scenes: Path, tmp_path: Path) -> None:
+    _, chunks = _asked(scenes, points=60)
+    store, lost = Store(tmp_path), set(range(0, 15, 2))
+    work = compute_all(chunks, store, [Scripted(store, lost)], lambda _: None)
+    assert {chunk.number for chunk in work.aside} == lost
+    assert work.lost == 16
+    assert work.done == 7
+
+
+def test_a_chunk_that_somebody_else_is_at_is_asked_for_again(scenes: Path, tmp_path: Path) -> None:
+    _, chunks = _asked(scenes)
+    store, asked = Store(tmp_path), list[int]()
+
+    class Busy(Scripted):
+        def submit(self, chunk: Chunk) -> Future[str]:
+            asked.append(chunk.number)
+            if asked.count(chunk.number) > 1 or chunk.number % 4:
+                return super().submit(chunk)
+            future: Future[str] = Future()
+            future.set_result(BUSY)
+            return future
+
+    work = compute_all(chunks, store, [Busy(store, set())], lambda _: None)
+    assert work.done == len(chunks) == 10
+    assert [number for number in range(10) if asked.count(number) == 2] == [0, 4, 8]
+    assert all(map(store.has, chunks))
+
+
 class Answering(ThreadPoolExecutor):
     """Answers each chunk at once, or with an error."""
 
@@ -125,6 +154,15 @@ def test_a_program_that_fails_everywhere_ends_the_study(
     lanes = [AnyExecutor(Answering(dict.fromkeys(range(12), error)), bundle, lambda: 1)]
     with pytest.raises(raised, match=words):
         compute_all(chunks, Store(tmp_path), lanes, lambda _: None)
+
+
+def test_faults_now_and_then_do_not_end_the_study(scenes: Path, tmp_path: Path) -> None:
+    bundle, chunks = _asked(scenes, points=100)
+    faults = dict.fromkeys(range(0, 25, 2), ZeroDivisionError("division"))
+    lane = AnyExecutor(Answering(faults), bundle, lambda: 1)
+    work = compute_all(chunks, Store(tmp_path), [lane], lambda _: None)
+    assert {chunk.number for chunk in work.aside} == set(faults)
+    assert work.done == 12
 
 
 def test_a_cluster_without_workers_is_waited_for_but_not_forever(
