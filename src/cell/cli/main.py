@@ -161,8 +161,10 @@ def reach(
             console.result(reach_program_step(task, look, console))
             return
         from cell.commands.steps import reach_step
+        from cell.files.task import read_task
 
         if look is None:
+            read_task(task)  # a file of another kind is told first
             raise InputError("--look is missing: holes are where boards were seen", option="--look")
         console.result(reach_step(task, look, console, advice))
 

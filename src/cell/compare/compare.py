@@ -13,7 +13,7 @@ import numpy as np
 from arm.calibration_file import COVARIANCE, ArmCalibration, read_arm_calibration
 from arm.controller.unit import SUFFIX
 from arm.errors import FileInputError, InputError
-from arm.io.kind import KINDS, kind_of, read_any
+from arm.io.kind import KINDS, kind_of, kind_of_file, read_any
 from arm.io.node import Node
 from arm.io.storage import begins_as_object
 from arm.numerics.products import mul, norm
@@ -89,7 +89,8 @@ def differences(first: Path, second: Path, file: str = "") -> Iterator[Change]:
     """
     kind, other = _kind(first), _kind(second)
     if kind != other:
-        why = f"{first} is a {kind} file, {second} is a {other} file; must be two of a kind"
+        what, others = (_words(one, of) for one, of in ((first, kind), (second, other)))
+        why = f"{first} is {what}, {second} is {others}; must be two of a kind"
         raise InputError(why, first=kind, second=other)
     match kind:
         case "plan":
@@ -117,6 +118,11 @@ def _kind(path: Path) -> str:
     return next(
         (known.get(name, name) for name in (*known, "task", "program", "arm") if name in root), "other"
     )
+
+
+def _words(path: Path, kind: str) -> str:
+    """Return what a file is, in words."""
+    return KINDS[found].words if (found := kind_of_file(path) or kind) in KINDS else "another file"
 
 
 def _of_files(first: Path, second: Path, file: str) -> Iterator[Change]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from arm.controller.unit import Unit
 from arm.errors import A465Error, InputError
+from arm.io.kind import KINDS, kind_of_file
 from arm.io.outputs import keep_apart
 from arm.io.storage import keep_unread, read_text, write_atomic
 from arm.plan_file import read_plan
@@ -71,6 +72,11 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
     if read_text(file, "JSON").lstrip().startswith(("{", "[")):
         _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
         return _plan_step(file, asked, console)
+    if (kind := kind_of_file(file)) not in ("", "scene", "cell", "task", "program", "arm"):
+        why = (
+            f"{file}: is {KINDS[kind].words}; export takes a log, a plan, or a scene, cell, task or arm file"
+        )
+        raise InputError(why, file=str(file), kind=kind)
     _refuse_options(file, "a scene, cell, task or arm file", asked, ("look",), (URDF,))
     from cell.export.scene import surroundings_of_file
 

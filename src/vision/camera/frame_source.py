@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
+from arm.io.kind import KINDS, kind_of_file
 from arm.io.storage import read_bytes
 
 Image = npt.NDArray[np.uint8]
@@ -98,7 +99,11 @@ def require_folder(path: Path) -> None:
         InputError: there is none of this name, or it is a file.
     """
     if not path.is_dir():
-        rule = "is a file; give the folder that it is in" if path.is_file() else "no such folder of images"
+        rule = "no such folder of images"
+        if path.is_file():
+            kind = kind_of_file(path)
+            what = KINDS[kind].words if kind else "a file"
+            rule = f"is {what}; give {'a folder of images' if kind else 'the folder that it is in'}"
         raise InputError(f"{path}: {rule}", path=str(path))
 
 

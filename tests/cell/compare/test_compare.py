@@ -118,9 +118,16 @@ def test_plans_differ_by_what_they_are_made_for_and_by_their_motions(tmp_path: P
     assert found["steps"].first.startswith("2 steps, ")
     assert found["steps"].second == "1 steps"
     with pytest.raises(
-        InputError, match=r"a.json is a plan file, .*cell.toml is a cell file; must be two of a kind"
+        InputError, match=r"a.json is a plan, .*cell.toml is a cell file; must be two of a kind"
     ):
         list(differences(tmp_path / "a.json", data_file("scenes/cell.toml")))
+    for name, words in (
+        ("scenes/where-boards-may-stand.toml", "a study file"),
+        ("urdf/a465/crs93.toml", "a unit file"),
+        ("scenes/faults/bad-day.toml", "a file of faults"),
+    ):
+        with pytest.raises(InputError, match=f"{words}, .* is a cell file; must be two of a kind"):
+            list(differences(data_file(name), data_file("scenes/cell.toml")))
 
 
 def test_unit_files_that_two_cells_name_are_compared_and_names_are_not_files(tmp_path: Path) -> None:

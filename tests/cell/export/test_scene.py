@@ -184,6 +184,11 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other.json").write_text('{"scenes": []}')
     with pytest.raises(InputError, match="is a look, and a plan belongs here"):
         export_file(tmp_path / "other.json", ExportOptions(), console)
+    camera = data_file("scenes/cameras/lab.toml")
+    with pytest.raises(
+        InputError, match="is a camera file; export takes a log, a plan, or a scene, cell, task"
+    ):
+        export_file(camera, ExportOptions(form="csv"), console)
     replace_in(named, 'unit = "crs93"', 'unit = "crs99"')
     _, told = a465("export", named, "-o", tmp_path / "never", code=2)
     assert "plan.json: unit = 'crs99'" in told

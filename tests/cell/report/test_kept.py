@@ -11,6 +11,7 @@ import pytest
 
 import cell.commands.report
 from arm.errors import InputError
+from arm.io.storage import data_file
 from cell.commands.report import runs_step
 from cell.console import Console
 from cell.report.kept import DAY, kept_runs, older
@@ -134,3 +135,14 @@ def test_a_person_is_asked(
         with pytest.raises(InputError, match="'prune' was not typed; nothing was removed"):
             runs_step(folder / "runs", 30.0, False, Console())
     assert _left(folder) == (before - {"task2-1", "home-12"} if removed else before)
+
+
+def test_a_file_in_place_of_a_folder_of_runs_is_told_as_what_it_is(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text("of Monday\n")
+    for command in ("runs", "report"):
+        for file, words in (
+            (data_file("scenes/cell.toml"), "is a cell file; give"),
+            (tmp_path / "notes", "is a file; give"),
+        ):
+            _, told = a465(command, file, code=2)
+            assert words in told

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from arm.errors import InputError
+from arm.io.storage import data_file
 from vision.camera.frame_source import FrameSource, ImageFolder, _of_libraries, read_grey
 
 
@@ -84,3 +85,5 @@ def test_an_image_in_place_of_its_folder_is_told(tmp_path: Path) -> None:
     folder(tmp_path, 1)
     with pytest.raises(InputError, match=r"shot_00\.png: is a file; give the folder that it is in"):
         ImageFolder(tmp_path / "shot_00.png")
+    with pytest.raises(InputError, match=r"lab\.toml: is a camera file; give a folder of images"):
+        ImageFolder(data_file("scenes/cameras/lab.toml"))

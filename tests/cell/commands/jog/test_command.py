@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import select
 import signal
 import sys
@@ -16,18 +17,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import cell.commands.jog.command
+import cell.commands.manual.session
 from arm.errors import ExecutionStopped, InputError
 from arm.io.storage import data_file
-from cell.commands.jog.command import IDLE_END_S, Choice, choice_of
+from cell.commands.jog.command import IDLE_END_S, Choice, choice_of, jog_step
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.scene.build import unseen_scene
 from driver.emulator import Emulator
 from emulated.jogged import Jogged, jogged_cell
 from emulated.on_pty import lines_to, on_pty
-from emulated.stepped_cell import names_sent
+from emulated.stepped_cell import names_sent, stepped_cell
 from plan.collision.world import World
 from typed.command_line import a465
+from typed.heard import Heard
 
 CELL = data_file("scenes/cell.toml")
 START_DEG = (-57.0, -40.0, -80.0, 0.0, -60.0, 5.0)
@@ -124,6 +128,34 @@ def test_escape_ends_it_where_the_arm_rests_and_so_does_no_key(made: Jogged) -> 
 def test_a_step_out_of_range_is_refused(deg: float, mm: float, told: str) -> None:
     with pytest.raises(InputError, match=told):
         choice_of(None, deg, mm)
+
+
+def test_it_tells_what_is_too_near_and_hears_only_what_is_typed_afterwards(
+    scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place, console, fresh = scenes / "cell.toml", Heard(), list[bool]()
+    place.write_text(re.sub(r"(?m)^clearance_mm = 10\b", "clearance_mm = 48", place.read_text()))
+    near = read_cell(place)
+
+    @contextmanager
+    def gone(_: object, fresh_only: bool) -> Iterator[bool]:
+        fresh.append(fresh_only)
+        yield False
+
+    monkeypatch.chdir(tmp_path)
+    for module in (cell.commands.jog.command, cell.commands.manual.session):
+        monkeypatch.setattr(module, "at_terminal", lambda: True)
+    monkeypatch.setattr(cell.commands.manual.session, "typed", lambda: near.unit.name)
+    monkeypatch.setattr(
+        cell.commands.jog.command, "reading_keys", lambda deliver, fresh=False: gone(deliver, fresh)
+    )
+    with (
+        stepped_cell(near, monkeypatch, START_DEG),
+        pytest.raises(ExecutionStopped, match="terminal is gone"),
+    ):
+        jog_step(place, "/dev/mars", None, 0.1, 0.5, console)
+    assert "upper_arm comes within 46.6 mm of base (required: 48 mm): first, only steps" in console.all
+    assert fresh == [True]
 
 
 def test_it_needs_a_terminal(tmp_path: Path) -> None:

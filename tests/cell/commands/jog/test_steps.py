@@ -138,8 +138,10 @@ def test_an_arm_that_is_too_near_is_led_away_and_nowhere_else(here: Cell) -> Non
     maker, world = StepMaker(here, scene), World(scene.robot_open, scene.present)
     assert re.search(r"^finger_\w comes within .* of bead \(required: 10 mm\)$", maker.too_near(start)[0])
     led = next(by for by in np.radians([0.1, -0.1]) if _made(maker, start, by))
-    with pytest.raises(ImpossibleError, match=r"bead .*: only steps that lead them apart are made"):
-        maker.step(start, "J1", -led)
+    for by in (-led, -60.0 * led):  # the second ends beyond the ball
+        with pytest.raises(ImpossibleError, match=r"bead .*: only steps that lead them apart are made"):
+            maker.step(start, "J1", by)
+    assert world.distance(here.unit.positions(start) - [60.0 * led, *[0.0] * 5]).value > here.clearance
     at, clear = start, [maker.distance(start)]
     while maker.too_near(at) and len(clear) < 50:
         at = _plus(at, maker.step(at, "J1", led).by)

@@ -15,6 +15,7 @@ from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.plan_file import read_plan
 from cell.commands.manual.move import Goal, goal_entry, move_step, read_goal
 from cell.config.cell import Cell
+from cell.config.cell_file import read_cell
 from driver.emulator import Emulator
 from emulated.stepped_cell import names_sent, stepped_cell
 from typed.command_line import a465
@@ -86,6 +87,32 @@ def test_a_position_and_a_taught_pose_are_reached(here: Cell, monkeypatch: pytes
         np.testing.assert_allclose(1e3 * _tool(here, emulator)[:3, 3], (x, y, z), atol=0.05)
         with pytest.raises(FileInputError, match="is no pose of the list; must be one of 'tray'"):
             _move(Goal("list", poses=Path("poses.json"), name="rest"))
+
+
+def test_a_pose_that_was_taught_on_another_arm_is_told(here: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = {"unit": "crs97", "counts": [0] * 6, "T_base_tool": np.eye(4).tolist()}
+    entries = [{"name": "tray", "q_deg": [14, -20, -90, 0, -70, 0], "taught": record}]
+    Path("poses.json").write_text(json.dumps({"entries": entries}))
+    words = "'tray' was taught on crs97, and this cell has crs93"
+    console = Heard()
+    with stepped_cell(here, monkeypatch, AT):
+        _move(Goal("list", poses=Path("poses.json"), name="tray"), console)
+    assert words in console.all
+    said, _ = a465("plan", CELL, "poses.json", "-o", "plan.json")
+    assert words in said
+
+
+def test_the_errors_of_the_arm_count_with_half_open_jaws(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = scenes / "realistic/cell.toml"
+    place.write_text(place.read_text() + "\n[accuracy]\nleast_clearance_mm = 50\n")
+    strict = read_cell(place)
+    with stepped_cell(strict, monkeypatch, (-57.0, -40.0, -80.0, 0.0, -60.0, 5.0)) as emulator:
+        emulator.machine.jaws.slip(strict.unit.gripper.adc(strict.gripper.fraction_closed(0.02)))
+        with pytest.raises(ImpossibleError, match="for all errors of the arm within"):
+            move_step(Goal("turn", (3.0, *[0.0] * 5)), place, "/dev/mars", None, 1.0, True, Heard())
+        assert set(names_sent(emulator)) <= QUERIES
 
 
 def test_the_code_of_the_preview_lets_the_arm_go_and_nothing_else(
