@@ -282,6 +282,8 @@ def path(exists: bool = True) -> Rule[Path]:
 
 def port_fault(url: str) -> str:
     """Return the rule that the name of a serial port breaks, "" if none; whether it is there is not asked."""
+    if len(url) > 2 and url[0] == url[-1] and url[0] in "\"'":
+        return f"has quotes in its value, which are no part of a name; must be {url[1:-1]}"
     if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
         return "must be socket://HOST:PORT, such as socket://127.0.0.1:4650"
     if "://" in url and not url.startswith("socket://"):

@@ -16,6 +16,7 @@ from arm.io.storage import leaves
 from cell.config.camera_keys import OF_CELL
 from cell.console import Console
 from cell.files.task import task_or_cell
+from driver.line.port import missing_port
 
 VARIABLE = "A465_PORT"
 KEY = "port"
@@ -64,7 +65,7 @@ def choose_port(given: str | None, place: Path | None, console: Console) -> str:
     if given not in (None, OF_CELL):
         return given
     if url := os.environ.get(VARIABLE, ""):
-        if fault := port_fault(url):
+        if fault := port_fault(url) or missing_port(url):
             raise InputError(f"{VARIABLE} = {url!r}: {fault}", variable=VARIABLE, value=url)
         console.say(f"port: {url}, of {VARIABLE}")
         return url
@@ -77,6 +78,8 @@ def choose_port(given: str | None, place: Path | None, console: Console) -> str:
             f"or set {VARIABLE}" if file is None else f"set {VARIABLE}, or write {EXAMPLE} in {file.file}"
         )
         raise InputError(f"no port is named: give PORT, such as /dev/mars, {others}", port=None)
+    if why := missing_port(found):
+        raise file.error_at(KEY, why)
     console.say(f"port: {found}, of {file.file}")
     return found
 

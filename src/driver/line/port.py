@@ -182,7 +182,7 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
             url, baudrate=BAUD, rtscts=True, timeout=0, write_timeout=write_timeout_s, exclusive=True
         )
     except (ValueError, *PORT_ERRORS) as error:
-        raise InputError(f"port {url}: {_why(error)}", port=url) from error
+        raise InputError(f"port {url}: {missing_port(url) or _why(error)}", port=url) from error
     try:
         descriptor = port.fileno()
     except (AttributeError, OSError) as error:
@@ -193,6 +193,26 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
         with contextlib.suppress(OSError):
             fcntl.ioctl(descriptor, termios.TIOCEXCL)
     return port
+
+
+def missing_port(url: str) -> str:
+    """Say what is known of a device that is not there: a link whose target is gone, or a port's name on Windows; "" of
+    any other, and of what is there."""
+    if "://" in url:
+        return ""
+    try:
+        os.stat(url)
+        return ""
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError):  # opening it tells
+        return ""
+    if os.path.islink(url):
+        target = os.path.realpath(url)
+        return f"is a link to {target}, which is gone: the emulator or device behind it has ended; start it again"
+    if found := re.fullmatch(r"(?:\\\\\.\\)?(COM\d{1,3}):?", os.path.basename(url), re.IGNORECASE):
+        return f"is not there: {found[1]} is a port's name on Windows; here a device is such as /dev/ttyUSB0"
+    return ""
 
 
 def _why(error: BaseException) -> str:

@@ -99,6 +99,26 @@ def test_a_wrong_value_of_the_variable_is_refused(monkeypatch: pytest.MonkeyPatc
         InputError, match=r"A465_PORT = 'tcp://here:1': must be a device, or socket://HOST:PORT"
     ):
         choose_port(None, None, Heard())
+    monkeypatch.setenv(VARIABLE, '"/dev/mars"')
+    with pytest.raises(InputError) as refused:
+        choose_port(None, None, Heard())
+    assert str(refused.value) == (
+        "A465_PORT = '\"/dev/mars\"': has quotes in its value, which are no part of a name; must be /dev/mars"
+    )
+
+
+def test_a_port_of_windows_is_told_with_the_file_that_names_it(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    cell = _with_port(scenes, '"COM3"')
+    assert read_cell(cell).port == str(scenes / "COM3")  # a device may have that name: refused where it is not there
+    with pytest.raises(FileInputError) as refused:
+        choose_port(None, cell, Heard())
+    why = "is not there: COM3 is a port's name on Windows; here a device is such as /dev/ttyUSB0"
+    assert str(refused.value) == f"{cell}: port = 'COM3': {why}"
+    (scenes / "COM3").symlink_to("/dev/null")
+    assert choose_port(None, cell, Heard()) == str(scenes / "COM3")
 
 
 def test_one_cell_file_is_enough(tmp_path: Path) -> None:

@@ -33,6 +33,9 @@ from wire.whole_line import send_many
         ("crs93.lab:9", "port crs93.lab:9: must be socket://crs93.lab:9, or a device"),
         ("/dev/serial/by-path/pci-0:14.0-usb-0:1:1", "is not there"),
         ("loop://", "must be a device, or socket://HOST:PORT"),
+        ("'/dev/mars'", "port '/dev/mars': has quotes in its value, which are no part of a name; must be /dev/mars$"),
+        ("hall/COM3", "is not there: COM3 is a port's name on Windows; here a device is such as /dev/ttyUSB0"),
+        ("\\\\.\\COM12", "COM12 is a port's name on Windows"),
     ],
 )
 def test_a_port_that_cannot_be_opened_is_one_clear_line(url: str, said: str) -> None:
@@ -40,6 +43,16 @@ def test_a_port_that_cannot_be_opened_is_one_clear_line(url: str, said: str) -> 
         Link(url, Clock())
     assert url in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_a_link_whose_target_is_gone_is_told_with_the_target(tmp_path: Path) -> None:
+    (tmp_path / "mars").symlink_to(tmp_path / "gone")
+    with pytest.raises(InputError) as refused:
+        Link(str(tmp_path / "mars"), Clock())
+    assert str(refused.value) == (
+        f"port {tmp_path / 'mars'}: is a link to {tmp_path / 'gone'}, which is gone: the emulator or device behind it "
+        "has ended; start it again"
+    )
 
 
 def test_two_programs_on_one_port(unit: Unit, tmp_path: Path) -> None:
