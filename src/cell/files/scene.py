@@ -171,6 +171,7 @@ def read_scene_file(path: Path) -> SceneFile:
             f"with queries or motions (docs/scenes.md), or a {kind} file with a configuration (--q)",
             file=str(path),
         )
+    root.require_kind("scene")
     keys = _SceneKeys.read(root)
     unit = keys.unit
     robot = load_a465(keys.tool_length, keys.jaw_opening)
@@ -217,6 +218,7 @@ def read_surroundings(path: Path) -> SceneFile:
     root = Node.of_toml(path)
     if "task" in root or "q_start_deg" in root or "camera" in root:
         return _of_cell(cell_of(path))
+    root.require_kind("scene", "cell", "task", "arm")
     return read_scene_file(path)
 
 

@@ -14,11 +14,26 @@ from arm.io.temporary import remove_abandoned
 LOG, REPORT = "wire.jsonl", "report.json"
 PAGES = ("report.html", "preview*.html")  # that a run writes
 RUNS = Path("runs")
+MOST_SHOWN = 4  # runs in a message
 
 
 def is_run(folder: Path) -> bool:
     """Whether a folder has the log or the report of a run."""
     return (folder / LOG).is_file() or (folder / REPORT).is_file()
+
+
+def log_of(run: Path) -> Path:
+    """Return the log of a run folder, or the log that was given itself.
+
+    Raises:
+        InputError: the folder has none; the message names the runs in it.
+    """
+    if not run.is_dir() or (run / LOG).is_file():
+        return run / LOG if run.is_dir() else run
+    inside = [str(log.parent) for log in sorted(run.glob(f"*/{LOG}"))]
+    shown = " ".join(inside[:MOST_SHOWN]) + (f" and {more} more" if (more := len(inside) - MOST_SHOWN) > 0 else "")
+    help = f"is no run; give the runs in it: {shown}" if inside else "is no run, nor is any folder in it"
+    raise InputError(f"{run}: has no {LOG}: it {help}", folder=str(run), runs=inside)
 
 
 def require_no_page_of_run(page: Path | None) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
+from arm.io.storage import data_file
 from arm.robot.shapes import Shape, Torus
 from cell.commands.check_scene import check_scene
 from cell.console import Console
-from cell.files.scene import read_scene_file
+from cell.files.scene import read_scene_file, read_surroundings
 from tasks.scene_files import FOLDER, changed, run
 
 FILES = sorted(FOLDER.glob("*.toml"))
@@ -88,3 +89,15 @@ def test_a_scene_may_expect_nothing_or_only_a_verdict(tmp_path: Path) -> None:
     path.write_text(path.read_text().split("[[queries]]")[0])
     with pytest.raises(InputError, match=r"nothing to check; add \[\[queries\]\]"):
         check_scene(read_scene_file(path), Console())
+
+
+def test_a_file_of_another_kind_is_told_with_the_kinds_that_belong_there() -> None:
+    hand = data_file("scenes/targets/hand.toml")
+    for read, belongs in (
+        (read_scene_file, "a scene file"),
+        (read_surroundings, "a scene, a cell, a task or an arm file"),
+    ):
+        with pytest.raises(FileInputError) as refused:
+            read(hand)
+        told = f"{hand}: is a target file, and {belongs} belongs here (calibrate takes it)"
+        assert str(refused.value) == told

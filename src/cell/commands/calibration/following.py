@@ -13,7 +13,7 @@ from arm.se3 import Array
 from cell.console import Console
 from cell.export.series import unit_of
 from cell.preview.executed import plan_of
-from cell.report.run_folder import LOG
+from cell.report.run_folder import log_of
 from driver.log.following import rests_of
 from driver.log.read import read_log
 
@@ -35,7 +35,7 @@ def following_step(runs: Sequence[Path], unit: str | None, console: Console) -> 
     """
     off, aside, names = [np.zeros((0, 6))], [np.zeros((0, 6))], set()
     for run in runs:
-        session = read_log(run / LOG if run.is_dir() else run)
+        session = read_log(log_of(run))
         of = unit_of(session, unit)
         names.add(of.name)
         counts = np.array([rest.off for rest in rests_of(session)], dtype=float).reshape(-1, 6)

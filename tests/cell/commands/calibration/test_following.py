@@ -65,3 +65,16 @@ def test_too_few_rests_and_logs_of_two_units_are_refused(tmp_path: Path) -> None
     other.write_text(f"{(tmp_path / LOG).read_text()}{noted}\n")
     with pytest.raises(InputError, match="the logs are of crs93 and crs97: must be of one unit"):
         following_step([tmp_path, other], None, Console())
+
+
+def test_a_folder_of_runs_is_told_with_the_runs_in_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as refused:
+        following_step([tmp_path], None, Console())
+    assert str(refused.value) == f"{tmp_path}: has no {LOG}: it is no run, nor is any folder in it"
+    for number in range(1, 7):
+        (tmp_path / f"task2-{number}").mkdir()
+        (tmp_path / f"task2-{number}" / LOG).touch()
+    code, said = ended("calibrate", "following", ".", cwd=tmp_path)
+    assert code == 2
+    told = "it is no run; give the runs in it: task2-1 task2-2 task2-3 task2-4 and 2 more"
+    assert f".: has no {LOG}: {told}" in said
