@@ -31,7 +31,9 @@ def log_of(run: Path) -> Path:
     if not run.is_dir() or (run / LOG).is_file():
         return run / LOG if run.is_dir() else run
     inside = [str(log.parent) for log in sorted(run.glob(f"*/{LOG}"))]
-    shown = " ".join(inside[:MOST_SHOWN]) + (f" and {more} more" if (more := len(inside) - MOST_SHOWN) > 0 else "")
+    shown = " ".join(inside[:MOST_SHOWN]) + (
+        f" and {more} more" if (more := len(inside) - MOST_SHOWN) > 0 else ""
+    )
     help = f"is no run; give the runs in it: {shown}" if inside else "is no run, nor is any folder in it"
     raise InputError(f"{run}: has no {LOG}: it {help}", folder=str(run), runs=inside)
 

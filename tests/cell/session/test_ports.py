@@ -112,7 +112,9 @@ def test_a_port_of_windows_is_told_with_the_file_that_names_it(
 ) -> None:
     monkeypatch.delenv(VARIABLE, raising=False)
     cell = _with_port(scenes, '"COM3"')
-    assert read_cell(cell).port == str(scenes / "COM3")  # a device may have that name: refused where it is not there
+    assert read_cell(cell).port == str(
+        scenes / "COM3"
+    )  # a device may have that name: refused where it is not there
     with pytest.raises(FileInputError) as refused:
         choose_port(None, cell, Heard())
     why = "is not there: COM3 is a port's name on Windows; here a device is such as /dev/ttyUSB0"

@@ -33,8 +33,14 @@ from wire.whole_line import send_many
         ("crs93.lab:9", "port crs93.lab:9: must be socket://crs93.lab:9, or a device"),
         ("/dev/serial/by-path/pci-0:14.0-usb-0:1:1", "is not there"),
         ("loop://", "must be a device, or socket://HOST:PORT"),
-        ("'/dev/mars'", "port '/dev/mars': has quotes in its value, which are no part of a name; must be /dev/mars$"),
-        ("hall/COM3", "is not there: COM3 is a port's name on Windows; here a device is such as /dev/ttyUSB0"),
+        (
+            "'/dev/mars'",
+            "port '/dev/mars': has quotes in its value, which are no part of a name; must be /dev/mars$",
+        ),
+        (
+            "hall/COM3",
+            "is not there: COM3 is a port's name on Windows; here a device is such as /dev/ttyUSB0",
+        ),
         ("\\\\.\\COM12", "COM12 is a port's name on Windows"),
     ],
 )
