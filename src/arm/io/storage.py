@@ -6,6 +6,7 @@ Only regular files are read, and each kind of file has a size limit (`MOST_BYTES
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import io
 import json
@@ -153,8 +154,13 @@ def read_text(path: Path, kind: str = "text") -> str:
         FileInputError: the file is missing, not readable, not a regular file, too large, or not text.
     """
     try:
-        text = read_bytes(path, kind).decode("utf-8-sig")
+        text = (data := read_bytes(path, kind)).decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            rule = "is UTF-16 text, such as a spreadsheet's 'Unicode text'; must be UTF-8"
+            raise FileInputError(
+                path, "", None, rule, "save it anew; a spreadsheet has 'CSV UTF-8'"
+            ) from error
         rule = f"is not UTF-8 text: byte {error.start} cannot be read"
         raise FileInputError(path, "", None, rule) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")

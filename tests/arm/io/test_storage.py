@@ -184,6 +184,16 @@ def test_a_folder_is_told_with_the_files_of_the_project_in_it(tmp_path: Path) ->
     assert str(refused.value) == f"{tmp_path}: {told}"
 
 
+@pytest.mark.parametrize("order", ["utf-16", "utf-16-be"])
+def test_text_in_utf_16_is_told_as_that(tmp_path: Path, order: str) -> None:
+    (tmp_path / "a.csv").write_bytes("\ufeff"[: order != "utf-16"].encode(order)[-2:] + "1,2\n".encode(order))
+    with pytest.raises(FileInputError) as refused:
+        read_text(tmp_path / "a.csv")
+    told = "is UTF-16 text, such as a spreadsheet's 'Unicode text'; must be UTF-8"
+    told += " (save it anew; a spreadsheet has 'CSV UTF-8')"
+    assert str(refused.value) == f"{tmp_path / 'a.csv'}: {told}"
+
+
 @pytest.mark.parametrize("kind", sorted(MOST_BYTES))
 def test_each_kind_of_file_has_a_size_limit(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
