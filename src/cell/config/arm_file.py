@@ -16,6 +16,7 @@ from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import flag, is_number, line, number, numbers, path, rule_of, same, table, tables
+from arm.robot.description import joint_motion
 from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Body
 from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
@@ -115,7 +116,9 @@ def read_arm_file(path: Path) -> ArmFile:
         raise root.error_at("q_start", f"must be a number for each joint: {', '.join(robot.joint_names)}")
     beyond = beyond_limits(robot.joint_names, keys.q_start, limits)
     if beyond:
-        raise root.error_at("q_start", beyond)
+        as_degrees = np.where(_turning(robot), np.radians(keys.q_start), keys.q_start)
+        help = "" if beyond_limits(robot.joint_names, as_degrees, limits) else "are these degrees?"
+        raise root.error_at("q_start", f"{beyond}, in rad (m where a joint slides)", help)
     names = {body.name for body in robot.bodies}
     for one, body in zip(root["bodies"].items() if keys.bodies else (), keys.bodies, strict=True):
         if body.name in names:
@@ -132,3 +135,9 @@ def beyond_limits(names: tuple[str, ...], q: Array, limits: Limits) -> str:
     for k in np.flatnonzero((q < limits.lower) | (q > limits.upper)).tolist():
         return f"{names[k]} must be from {limits.lower[k]:g} to {limits.upper[k]:g}"
     return ""
+
+
+def _turning(robot: Robot) -> list[bool]:
+    """Whether each joint of an arm turns; the others slide."""
+    joints = zip(robot.model.joints[1:], robot.joint_names, strict=True)
+    return [joint_motion(joint, name)[0] == "revolute" for joint, name in joints]

@@ -57,6 +57,8 @@ def test_locked_joints_and_pairs(file: Path) -> None:
         ("[0.9, 0.8, 0.0, 0.0]", "[0.9, 0.8]", "q_start = [0.9, 0.8]: must be a number for each joint: j1, j2, j3, j4"),
         ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 0.0]", "q_start = [9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
         ("[0.9, 0.8, 0.0, 0.0]", "[-9, 0.8, 0.0, 0.0]", "q_start = [-9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
+        ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 4.0]", "2.2, in rad (m where a joint slides)"),
+        ("[0.9, 0.8, 0.0, 0.0]", "[51, 45, 0, 0]", "2.2, in rad (m where a joint slides) (are these degrees?)"),
         (", j4 = 50 }", " }", "acceleration: joint 'j4' is missing"),
         ("j4 = 50", "j4 = 0", "arm.acceleration = {'j1': 20, 'j2': 25, 'j3': 8, 'j4': 0}: must be a number above 0"),
         ("clearance_mm = 10", "clearance_mm = 2", "clearance_mm = 2: must be a number in mm from 5 to 1000"),
