@@ -97,6 +97,10 @@ def new_cell_step(
     console.say(
         f"{folder}: cell {title!r} with arm {own.unit.name}, {len(texts)} files; their comments say what to measure"
     )
+    if place.suffix == ".toml":
+        console.say(
+            f"note: {folder} is a folder, though its name ends as a file's does; did you mean {folder.with_suffix('')}?"
+        )
     commands = next_commands(folder, own.unit.name)
     console.say(
         "\nWithout hardware, docs/first-day.md leads to an executed run of this cell beside an emulated unit. With the "

@@ -330,3 +330,11 @@ def test_it_asks_which_arm_it_is(tmp_path: Path) -> None:
     assert "--unit is missing" in err
     assert "crs93 or crs97" in err
     assert not (tmp_path / "mine").exists()
+
+
+def test_a_folder_that_is_named_as_a_file_is_written_and_told(tmp_path: Path) -> None:
+    told, _ = a465("new-cell", "hall.toml", "--unit", "crs93", cwd=tmp_path)
+    assert (tmp_path / "hall.toml" / "cell.toml").is_file()
+    note = "note: hall.toml is a folder, though its name ends as a file's does; did you mean hall?"
+    assert note in " ".join(told.split())
+    assert "note:" not in a465("new-cell", "hall", "--unit", "crs93", cwd=tmp_path)[0]
