@@ -65,7 +65,7 @@ def test_every_mistake_is_reported_with_its_line(tmp_path: Path, text: str, mess
 def test_a_binary_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "b.csv"
     path.write_bytes(b"\xff\xfe1\x00,\x00")
-    with pytest.raises(FileInputError, match="not UTF-8"):
+    with pytest.raises(FileInputError, match="is UTF-16 text"):
         read_board_csv(path, 0.036)
 
 

@@ -6,13 +6,11 @@ Only regular files are read, and each kind of file has a size limit (`MOST_BYTES
 
 from __future__ import annotations
 
-import codecs
 import hashlib
 import io
 import json
 import math
 import os
-import re
 import stat
 import sys
 from collections import Counter
@@ -25,6 +23,7 @@ from types import MappingProxyType
 from typing import Any, BinaryIO
 
 from arm.errors import FileInputError, InputError
+from arm.io.foreign import binary, markup, table, yaml
 from arm.io.temporary import TemporaryFile, mode_of_new
 
 _SOURCE = Path(__file__).resolve().parents[2]
@@ -156,13 +155,15 @@ def read_text(path: Path, kind: str = "text") -> str:
     try:
         text = (data := read_bytes(path, kind)).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            rule = "is UTF-16 text, such as a spreadsheet's 'Unicode text'; must be UTF-8"
-            raise FileInputError(
-                path, "", None, rule, "save it anew; a spreadsheet has 'CSV UTF-8'"
-            ) from error
-        rule = f"is not UTF-8 text: byte {error.start} cannot be read"
+        foreign = binary(data)
+        rule = (
+            f"{foreign}; a text file belongs here"
+            if foreign
+            else f"is not UTF-8 text: byte {error.start} cannot be read"
+        )
         raise FileInputError(path, "", None, rule) from error
+    if "\0" in text[:1000] and (foreign := binary(data)):  # some are UTF-8 by chance
+        raise FileInputError(path, "", None, f"{foreign}; a text file belongs here")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -182,7 +183,7 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(read_text(path, "JSON"), object_pairs_hook=partial(_once, path))
     except json.JSONDecodeError as error:
-        if foreign := markup(error.doc) or _yaml(error.doc):
+        if foreign := markup(error.doc) or table(error.doc) or yaml(error.doc):
             raise FileInputError(path, "", None, f"{foreign}, and a JSON file belongs here") from error
         last, rest = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos :].lstrip()
         if rest[:1] == ",":  # Python 3.13 points at a comma too many, older versions at what follows it
@@ -195,25 +196,6 @@ def read_json(path: Path) -> Any:
         raise FileInputError(path, "", None, f"has a number of more than {most} digits") from error
     except RecursionError as error:
         raise FileInputError(path, "", None, "is nested too deeply") from error
-
-
-_HTML = re.compile(r"\s*<(!doctype html|html)\b", re.IGNORECASE)
-_YAML = re.compile(r"(?:---\s|(?:- +)?[A-Za-z_][\w/.-]*:(?:\s|\Z))")
-
-
-def markup(text: str) -> str:
-    """What a text is that begins as XML or HTML does, for a message; "" of any other text."""
-    if _HTML.match(text):
-        return "is an HTML page, such as a preview or a report"
-    return (
-        "is XML, such as a URDF (an arm file names a URDF: arm.urdf)" if text.lstrip().startswith("<") else ""
-    )
-
-
-def _yaml(text: str) -> str:
-    """That the first line which is no comment looks like YAML, for a message; "" if it does not."""
-    first = next((line for line in text.split("\n") if line.strip() and not line.startswith("#")), "")
-    return "looks like YAML" if _YAML.match(first + "\n") else ""
 
 
 def _once(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:

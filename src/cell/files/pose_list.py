@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import A465Error, FileInputError, InputError
+from arm.io.foreign import binary, markup
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import is_number, line, number, numbers, rule_of
@@ -219,7 +220,10 @@ def _of_text(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise file.error("is neither text (CSV, JSON) nor a .npy file; use one of these formats") from error
+        what = binary(data) or "is neither text (CSV, JSON) nor a .npy file"
+        raise file.error(f"{what}; a list of poses is CSV, JSON or .npy") from error
+    if foreign := markup(text) or ("\0" in text and binary(data)):
+        raise file.error(f"{foreign}; a list of poses is CSV, JSON or .npy")
     count = 0
     for row, words in enumerate(text.splitlines(), start=1):
         cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]

@@ -201,7 +201,7 @@ def test_arrays_that_are_no_list_are_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:20])
     with pytest.raises(FileInputError, match=r"is not a \.npy file of numbers"):
         read_pose_list(path, FLANGE)
-    path.write_bytes(b"\xff\xfe\x00")
+    path.write_bytes(b"\xfe\x00\xff")
     with pytest.raises(FileInputError, match="is neither text"):
         read_pose_list(path, FLANGE)
     with pytest.raises(FileInputError, match="is a folder, must be a file"):
