@@ -16,6 +16,7 @@ from arm.errors import A465Error, InputError
 from arm.io.kind import KINDS, kind_of_file
 from arm.io.outputs import keep_apart
 from arm.io.storage import keep_unread, read_text, write_atomic
+from arm.io.toml_reader import read_toml
 from arm.plan_file import read_plan
 from cell.console import Console
 from cell.export.ros import JOINTS, joint_trajectory
@@ -77,6 +78,8 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
             f"{file}: is {KINDS[kind].words}; export takes a log, a plan, or a scene, cell, task or arm file"
         )
         raise InputError(why, file=str(file), kind=kind)
+    if not kind:
+        read_toml(file)  # what is no TOML is told as what it is
     _refuse_options(file, "a scene, cell, task or arm file", asked, ("look",), (URDF,))
     from cell.export.scene import surroundings_of_file
 

@@ -13,6 +13,7 @@ from typing import Any
 from arm.controller.unit import Unit, unit_rule
 from arm.errors import InputError
 from arm.io.keys import Keys, key
+from arm.io.kind import kind_of
 from arm.io.node import Node, Rule
 from arm.io.rules import number, numbers, rule_of, tables, text
 from arm.robot.model import Robot, load_a465
@@ -164,7 +165,7 @@ def read_scene_file(path: Path) -> SceneFile:
     if ARM in root:
         why = f"{path}: is an arm file; check needs a plan made with it (a465 check PLAN.json {path})"
         raise InputError(why, file=str(path))
-    if "task" in root or "q_start_deg" in root:
+    if kind_of(root.value) != "study" and ("task" in root or "q_start_deg" in root):
         kind = "task" if "task" in root else "cell"
         raise InputError(
             f"{path}: is a {kind} file; check needs a plan and its task (a465 check PLAN.json TASK.toml), a scene file "

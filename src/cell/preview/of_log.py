@@ -92,7 +92,7 @@ def preview_log(log: Path, task_file: Path | None, output: Path, console: Consol
         "damaged": replay.session.damaged,
         "bytes": output.stat().st_size,
     }
-    for line in _remarks(replay, moves, shown):
+    for line in _remarks(replay, moves, shown, task_file):
         console.say(line)
     console.say(f"open {output} in a browser")
     return summary
@@ -109,7 +109,7 @@ def _motion_to_json(motion: MatchedMotion) -> dict[str, Any]:
     }
 
 
-def _remarks(replay: Replay, streams: int, shown: int) -> Iterator[str]:
+def _remarks(replay: Replay, streams: int, shown: int, task_file: Path | None) -> Iterator[str]:
     farthest = replay.farthest_deg
     if farthest is not None:
         yield f"executed motion is at most {farthest:.4f} deg from the planned path, over all samples and joints"
@@ -117,7 +117,9 @@ def _remarks(replay: Replay, streams: int, shown: int) -> Iterator[str]:
         yield "no plan file of this log was found beside it: only the arm is shown, with the lines sent as the plan"
     else:
         yield f"plan {replay.plan.sha256[:12]} of {replay.plan_file}: has {shown} of {streams} streamed motions"
-    if replay.task is None:
+    if task_file is not None and replay.plan_file is None:
+        yield f"{task_file} is not shown: boards and camera need the plan of the log; copy it beside the log"
+    elif replay.task is None:
         yield "its task file was not found: default tool, no boards, no camera; give TASK to show them"
 
 
@@ -135,6 +137,8 @@ def _replay(log: Path, task_file: Path | None) -> Replay:
             best = Replay(session, unit, plan, path, matched, None)
     if best is not None:
         return replace(best, task=_task(session, best.plan, task_file))
+    if task_file is not None:
+        task_of_file(task_file)  # a wrong file is told, though only a plan says how it goes with the log
     unit = unit_of(session, None)
     plan, matched = plan_of(session, unit)
     if not plan.steps:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from cell.preview import of_log
 from cell.preview.executed import plan_of
 from cell.preview.of_log import preview_log
 from driver.log.read import Session
+from typed.heard import Heard
 from wire.logged_session import LoggedRun
 
 pytestmark = pytest.mark.xdist_group("logs")
@@ -61,6 +63,16 @@ def test_without_a_plan_the_arm_alone_is_shown(
     assert {step["clearance"] for step in content["steps"]} == {None}
     assert content["bodies"] == content["boards"] == []
     assert told["farthest_deg"] <= 0.02
+
+
+def test_a_task_that_cannot_be_shown_without_the_plan_is_told(run: LoggedRun, tmp_path: Path) -> None:
+    log, task, page = shutil.copy(run.log, tmp_path), data_file("scenes/task2.toml"), tmp_path / "log.html"
+    heard = Heard()
+    preview_log(Path(log), task, page, heard)
+    assert f"{task} is not shown: boards and camera need the plan of the log" in heard.all
+    assert "give TASK to show them" not in heard.all
+    with pytest.raises(InputError, match="is a camera file, and"):
+        preview_log(Path(log), data_file("scenes/cameras/lab.toml"), page, heard)
 
 
 def test_the_task_given_must_be_the_plans(run: LoggedRun, plan: Plan, tmp_path: Path) -> None:
