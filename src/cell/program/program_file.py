@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +16,9 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import integer, integers, line, number, numbers, path, text, triple
 from arm.io.storage import canonical_json, read_bytes, sha256
-from arm.numerics.products import mul, norm
-from arm.robot.shapes import Body, Box, Sphere, Torus, body_to_json
-from arm.robot.thread import ray_names
-from arm.se3 import Array, apply, frozen, transform
+from arm.numerics.products import mul
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array, apply, frozen, inverse
 from cell.config.arm_file import ARM, ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
 from cell.config.cell import Cell
@@ -30,14 +29,12 @@ from cell.program.parts.handled import Part, parts_of
 from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
 from cell.program.points import WORK, read_wire
 from cell.program.steps import PUT, STEPS, TAKE, Action, JointStep, PoseStep, Step
+from cell.program.threads import require_threads_provable
 from plan.collision.covers import hull
-from plan.collision.world import distance_of
 from plan.options import AIMS
 
 PROGRAM = "program"  # key that only a program file has, and the kind of its task
 MOST_REPEATS = 1000
-LINE_STEP = 2e-3  # m between the places of a line that must lie in its bodies: no ring is as thin
-LINE_SLACK = 1e-4  # m, by which such a place may be outside
 _SEEN = ("plate ", "stand ", "cube ")  # how names of bodies begin that only a look knows
 
 
@@ -253,7 +250,10 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
     alike = sorted(name for name in known if re.fullmatch(rf"{re.escape(keys.part_name)} [0-9]+", name))
     if keys.box is not None and alike:
         raise root.error_at("part.name", f"makes names such as that of the body {alike[0]!r}; choose another")
-    _check_threads(keys, root, cell, known)
+    paths = [(_table_of(root, step), step) for step in keys.steps if isinstance(step, PathStep)]
+    T_work_base = inverse(pose_of(keys.origin, keys.rpy))  # of a workpiece on no board
+    around = () if keys.board else tuple(body.at(mul(T_work_base, body.T_base_body)) for body in cell.fixed)
+    require_threads_provable(paths, cell.robot(), keys.bodies, around, known)
     for step in keys.steps:
         node = _table_of(root, step)
         match step:
@@ -315,52 +315,6 @@ def _require_known(node: Node, key: str, names: frozenset[str], known: set[str])
         if not name.startswith(_SEEN):
             rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the workpiece"
             raise node.error_at(key, rule)
-
-
-def _check_threads(keys: ProgramKeys, root: Node, cell: Cell, known: set[str]) -> None:
-    """Check what the proof of a threaded ring needs: a ring, a wire that it is clear of, one line of each name."""
-    rings = {body.name for body in cell.robot().bodies if isinstance(body.shape, Torus)}
-    on_work = [body_to_json(body) for body in keys.bodies]
-    lines: dict[str, ThreadedLine] = {}
-    for step in keys.steps:
-        if not isinstance(step, PathStep) or step.threaded is None:
-            continue
-        node, thread = _table_of(root, step), step.threaded
-        if thread.ring not in rings:
-            shown = ", ".join(sorted(rings)) or "it has none"
-            raise node.error_at("threaded", f"must be a body of the tool whose shape is a torus: {shown}")
-        if not thread.bodies or any(body_to_json(body) not in on_work for body in thread.bodies):
-            rule = "must be a wire file with bodies that is also a file of [[bodies]]: the ring is proved clear of them"
-            raise node.error_at("line_of", rule)
-        bare = _first_outside(thread)
-        if bare is not None:
-            at = ", ".join(f"{1e3 * value:.1f}" for value in bare)
-            rule = f"has bodies that do not contain its line_mm, at ({at}) mm: a ring clear of them may leave the line"
-            raise node.error_at("line_of", rule)
-        for body in thread.bodies:
-            if frozenset((thread.ring, body.name)) in step.touch:
-                rule = f"lets {thread.ring!r} touch {body.name!r}, the wire on which it is threaded"
-                raise node.error_at("touch", rule)
-        for name in known.intersection(ray_names(thread.name)):
-            raise node.error_at(
-                "threaded", f"cannot be proved with a body named {name!r}, as what prolongs the line is"
-            )
-        first = lines.setdefault(thread.name, thread)
-        if first.ring != thread.ring or not np.array_equal(first.points, thread.points):
-            rule = (
-                f"is of another ring or line than in a step before, whose line is named {thread.name!r} too"
-            )
-            raise node.error_at("threaded", rule)
-
-
-def _first_outside(thread: ThreadedLine) -> Array | None:
-    """Return the first place of a line (3,) that is in none of its bodies; None if there is none."""
-    for a, b in pairwise(thread.points):
-        for part in np.linspace(0.0, 1.0, 2 + int(norm(b - a) / LINE_STEP)):
-            place = Body("place", Sphere(LINE_SLACK), transform(t=a + part * (b - a)), "wire")
-            if all(distance_of(place, body).value > 0.0 for body in thread.bodies):
-                return frozen(a + part * (b - a))
-    return None
 
 
 def _table_of(root: Node, step: Step) -> Node:

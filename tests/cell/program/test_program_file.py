@@ -172,6 +172,28 @@ def test_a_threaded_ring_of_which_nothing_would_be_proved_is_refused(
         read_program(file)
 
 
+_LINE = "  [0, 0, 0],\n  [0, 0, 80],\n  [70, 0, 150],\n  [70, 0, 200],\n"
+_TURNED = "reverse line_mm of its file, which is from the foot to the free end"
+
+
+@pytest.mark.parametrize("mistake", ["backwards is left out", "the line is from its free end"])
+def test_a_threaded_path_from_the_foot_is_told_before_it_is_planned(tmp_path: Path, mistake: str) -> None:
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "hoop"
+    file, wire, given = folder / "b.toml", folder / "wires/b.toml", _TURNED
+    if mistake == "backwards is left out":
+        text = file.read_text()
+        file.write_text("\n".join(row for row in text.splitlines() if not row.startswith("backwards")))
+        given = f"give backwards = true, or {_TURNED}"
+    else:
+        replace_in(wire, _LINE, "".join(reversed(_LINE.splitlines(keepends=True))))
+    with pytest.raises(InputError) as refused:
+        read_program(file)
+    assert str(refused.value) == (
+        f"{file}: steps[0].threaded = 'ring 1': cannot be on its path: 20 mm from its start, at (0, 0, -20) mm, it is "
+        f"in 'foam' (a path with threaded begins at the free end: {given})"
+    )
+
+
 def test_a_cell_of_cubes_has_no_program(tmp_path: Path) -> None:
     cell = tool_cell(tmp_path)
     assert not is_program(cell.with_name("task2.toml"))
