@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from arm.credentials import without_url
 from arm.errors import InputError
 from cell.config.camera_keys import OF_CELL, CellCamera
 from cell.config.cell import Cell
@@ -121,6 +122,8 @@ def open_camera(cell: Cell, camera: str | None) -> Iterator[BaslerCamera | Video
         CameraError: the camera is not available.
     """
     chosen = selected(cell, camera)
+    if camera in (None, OF_CELL) and os.environ.get(VARIABLE):
+        say_on_stderr(f"camera: {without_url(chosen)}, of {VARIABLE}")
     with camera_by(chosen, cell.live_camera, cell.camera.size, say_on_stderr) as opened:
         say_on_stderr(opened.description)
         yield opened

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -75,9 +76,9 @@ class Selector:
         raise self._refused(found, "missing", f"not found{self._webcam()}")
 
     def _webcam(self) -> str:
-        """What a number of a webcam is written as; "" for what is none."""
-        is_number = not self.kind and self.text.isascii() and self.text.isdigit() and len(self.text) < 3
-        return f" (for a webcam give video:{self.text})" if is_number else ""
+        """What a number or a device of a webcam is written as; "" for what is none."""
+        is_webcam = not self.kind and re.fullmatch(r"[0-9]{1,2}|/dev/(video|v4l/).+", self.text)
+        return f" (for a webcam give video:{self.text})" if is_webcam else ""
 
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
         there = f"; connected: {', '.join(map(str, found))}" if found else ""

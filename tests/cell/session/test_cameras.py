@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import cell.session.connection
-from arm.errors import ExecutionStopped, InputError
+from arm.errors import CameraError, ExecutionStopped, InputError
 from arm.io.storage import data_file
 from cell.cli.main import app
 from cell.commands.render import render_step
@@ -25,7 +25,7 @@ from cell.config.inputs import changes
 from cell.console import Console
 from cell.files.task import read_task
 from cell.files.world import read_world
-from cell.session.cameras import VARIABLE, device_of, require_live
+from cell.session.cameras import VARIABLE, device_of, open_camera, require_live
 from cell.session.connection import WhichCell, open_cell, simulated_cell
 from driver.emulator import Emulator
 from driver.line.clock import Clock
@@ -289,3 +289,16 @@ def test_the_environment_names_a_camera_before_the_cell_file(monkeypatch: pytest
     assert device_of(None) is None
     monkeypatch.setenv(VARIABLE, "name:of-variable")
     assert device_of(live) == device_of(None) == "name:of-variable"
+
+
+def test_a_camera_of_the_variable_is_told_as_that(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell_ = read_cell(data_file("scenes/cell.toml"))
+    monkeypatch.setenv(VARIABLE, "/dev/video0")
+    told = f"camera: /dev/video0, of {VARIABLE}\n"
+    for camera, there in ((None, True), ("serial:1", False)):
+        with pytest.raises(CameraError) as refused, open_camera(cell_, camera):
+            pass
+        assert (told in capsys.readouterr().err) == there
+        assert ("for a webcam give video:/dev/video0" in str(refused.value)) == there

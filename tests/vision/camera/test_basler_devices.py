@@ -70,9 +70,19 @@ def test_a_selector_is_written_as_it_was_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"), [("0", True), ("12", True), ("name:0", False), ("21", True), ("40123456", False)]
+    ("text", "told"),
+    [
+        ("0", True),
+        ("12", True),
+        ("name:0", False),
+        ("21", True),
+        ("40123456", False),
+        ("/dev/video0", True),
+        ("/dev/v4l/by-id/usb-cam", True),
+        ("/dev/sda", False),
+    ],
 )
-def test_the_number_of_a_webcam_is_told_with_its_kind(text: str, told: bool) -> None:
+def test_the_number_or_device_of_a_webcam_is_told_with_its_kind(text: str, told: bool) -> None:
     with pytest.raises(CameraError) as refused:
         read_selector(text).choose([])
     assert (f"for a webcam give video:{text}" in str(refused.value)) == told
