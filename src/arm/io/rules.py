@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 import unicodedata
 from collections.abc import Callable
@@ -264,17 +265,26 @@ def no_file(path: Path) -> str:
     )
 
 
+def _behind_a_link(file: Path, named: str) -> str:
+    """Say to which file a link leads that has the named file beside it; "" if `file` is none or leads to another."""
+    there = Path(os.path.realpath(file))
+    if there.parent == Path(os.path.realpath(file.parent)) or not (there.parent / named).is_file():
+        return ""
+    return f"{file} is a link to {there}, and it is beside that one: give {there}"
+
+
 def path(exists: bool = True) -> Rule[Path]:
     """The path of a file, relative to the file that names it; `exists`: the file must exist."""
 
     def read(node: Node) -> Path:
-        found = node.file.parent / text().read(node)
+        named = text().read(node)
+        found = node.file.parent / named
         try:
             is_there = found.is_file()
         except OSError as error:  # the name is too long, or a folder may not be read
             raise node.error(f"names a file that cannot be read: {error.strerror}") from error
         if exists and not is_there:
-            raise node.error(no_file(found)) from FileNotFoundError(found)
+            raise node.error(no_file(found), _behind_a_link(node.file, named)) from FileNotFoundError(found)
         return found
 
     return Rule("a string", read)

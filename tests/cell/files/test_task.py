@@ -1,11 +1,13 @@
 """Task files."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from arm.errors import InputError
+from arm.io.storage import data_file
 from cell.files.task import read_place, read_task
 from cell.scene.options import options_of
 from typed.command_line import replace_in
@@ -69,3 +71,18 @@ def test_a_worth_of_clearance_needs_the_aim_that_uses_it(scenes: Path) -> None:
             read(task)
     replace_in(task, "seed = 0", 'seed = 0\naim = "clearance"')
     assert read_task(task).clearance_worth == pytest.approx(500.0)
+
+
+def test_a_task_by_a_link_without_its_cell_beside_it_is_told_with_the_task(tmp_path: Path) -> None:
+    folder, link = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")), tmp_path / "today.toml"
+    link.symlink_to("scenes/task2.toml")
+    with pytest.raises(InputError) as refused:
+        read_task(link)
+    there = folder.resolve() / "task2.toml"
+    assert str(refused.value) == (
+        f"{link}: cell = 'cell.toml': names a file that does not exist: {tmp_path / 'cell.toml'} "
+        f"({link} is a link to {there}, and it is beside that one: give {there})"
+    )
+    (folder / "cell.toml").unlink()
+    with pytest.raises(InputError, match=r"does not exist: [^ ]*$"):
+        read_task(link)
