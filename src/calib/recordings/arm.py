@@ -108,7 +108,8 @@ def _corners(node: Node, count: int, size: tuple[int, int]) -> Array:
         number = node.items()[corner].items()[axis]
         raise number.error(
             f"must be from {-beyond:g} to {high[axis]:g} px: camera.size_px is {size[0]} x {size[1]}, and a corner "
-            f"may lie {beyond:g} px outside"
+            f"may lie {beyond:g} px outside",
+            "are u and v swapped?" if not ((pixels < -beyond) | (pixels > high[::-1])).any() else "",
         )
     return pixels
 

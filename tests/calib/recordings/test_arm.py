@@ -135,6 +135,20 @@ def test_a_corner_far_outside_the_image_is_refused(tmp_path, corner, axis, out, 
     assert caught.value.exit_code == 2
 
 
+def test_corners_whose_u_and_v_may_be_swapped_are_asked_for(tmp_path):
+    value = content()
+    asks = []
+    for corners in (
+        [[500, 1700], [500, 1500], [800, 1500], [800, 1700]],
+        [[500, 1700], [1500, 500], [9, 9], [9, 99]],
+    ):
+        value["poses"][0]["corners_px"] = corners
+        with pytest.raises(FileInputError) as caught:
+            read(tmp_path, value)
+        asks.append("may lie 19.2 px outside (are u and v swapped?)" in str(caught.value))
+    assert asks == [True, False]
+
+
 def test_a_corner_that_was_not_seen_is_nowhere(tmp_path):
     value = content()
     value["target"]["points_m"].append([0.0, 0.0, 0.0])
