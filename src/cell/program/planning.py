@@ -30,6 +30,7 @@ from vision.observation import Observation
 
 LEAST_DWELL_S = 1e-3  # at rest, so that the arm stops for its jaws
 _START = "start"
+_AT_BASE = 2e-3  # m from the origin of the base, where no workpiece stands
 
 
 def T_base_work(task: ProgramTask, observation: Observation) -> Array:
@@ -310,4 +311,14 @@ def _located(task: ProgramTask, error: ImpossibleError) -> ImpossibleError:
     names = {name_of(step, repeat): step.key for repeat in range(task.repeat) for step in task.steps}
     key = next((names[name] for name in (target, target.partition(", leg ")[0]) if name in names), "")
     data = {k: v for k, v in error.data.items() if k != "step"}
-    return ImpossibleError(f"{task.file}: {f'{key}: ' if key else ''}{error}", step=key, **data)
+    hint = _in_metres(task)
+    return ImpossibleError(f"{task.file}: {f'{key}: ' if key else ''}{error}{hint}", step=key, **data)
+
+
+def _in_metres(task: ProgramTask) -> str:
+    """Ask for the unit of a workpiece that is beside the origin of the base, as one in metres is; "" of any other."""
+    origin = task.T_on_work[:3, 3]
+    if task.board is not None or not 0.0 < np.abs(origin).max() < _AT_BASE:
+        return ""
+    shown = ", ".join(f"{1e3 * value:g}" for value in origin.tolist())
+    return f"; work.origin_mm = [{shown}] is less than {1e3 * _AT_BASE:g} mm from that of the base: is it in metres?"

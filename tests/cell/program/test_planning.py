@@ -135,6 +135,12 @@ def test_a_refusal_names_the_step(tmp_path: Path) -> None:
     task = read_program(program(tmp_path / "far", far))
     with pytest.raises(ImpossibleError, match=r"program.toml: steps\[0\]: target 'above' .*out of reach"):
         plan_of_program(task, Observation(), 1.0)
+    metres = read_program(program(tmp_path / "metres", far.replace("[460, 0, 33]", "[0.46, 0, 0.033]")))
+    told = (
+        r"; work.origin_mm = \[0.46, 0, 0.033\] is less than 2 mm from that of the base: is it in metres\?$"
+    )
+    with pytest.raises(ImpossibleError, match=rf"steps\[1\]: .*{told}"):
+        plan_of_program(metres, Observation(), 1.0)
     through = read_program(program(tmp_path / "through"))
     with pytest.raises(ImpossibleError, match=r"steps\[1\]: .*'wire'"):
         plan_of_program(replace(through, steps=tuple(_solid(s) for s in through.steps)), Observation(), 1.0)
