@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,16 @@ import numpy as np
 from arm.numerics.angles import arccos
 from arm.numerics.products import norm
 from arm.se3 import Array
-from plan.advice.changes import Change, ChangeOptions, Groups, MoveBodies, RemoveBodies, Request, SkipCubes
+from plan.advice.changes import (
+    Change,
+    ChangeOptions,
+    Groups,
+    MoveBodies,
+    RemoveBodies,
+    Request,
+    SkipCubes,
+    TurnTool,
+)
 from plan.failure import AFTER_TIMING, LINE_BLOCKED, OUT_OF_REACH, START_BLOCKED, TRANSIT_BLOCKED, Failure
 from plan.options import PlanOptions
 from plan.scene import Station
@@ -22,6 +32,7 @@ STEP, STEPS = 0.010, 12  # m between displacements of a body, and their number
 TURNS = tuple(float(np.radians(d)) for d in (15.0, -15.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0))
 FIXED = ("table", "post")  # kinds of bodies to leave in place: cameras and tables are calibrated
 _TILTED = np.radians(3.0)  # boards that are tilted more can also be rotated about their normal
+_PART = re.compile(r"(, stroke \d+)?( \(\d+\))?(, leg \d+)?$")  # of a step's paths, after its name
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -50,6 +61,7 @@ def families(request: Request, failure: Failure, groups: Groups) -> Iterator[Fam
         groups: for each board, the names of the bodies that move with it.
     """
     yield from _options(request, failure)
+    yield from _tool_round(request, failure)
     yield from _obstacle(request, failure, groups)
     yield from _boards(request, failure, groups)
     skipped = skipped_for(request, failure)
@@ -72,6 +84,17 @@ def _options(request: Request, failure: Failure) -> Iterator[Family]:
         yield Family(0, tuple(ChangeOptions(f"raise the speed to {s:g}", (("speed", s),)) for s in speeds))
     if failure.kind in (TRANSIT_BLOCKED, START_BLOCKED, AFTER_TIMING):
         yield from _less_clearance(options, failure)
+
+
+def _tool_round(request: Request, failure: Failure) -> Iterator[Family]:
+    """Yield the opposite direction of the tool's z axis on all paths of a step with one that is out of reach."""
+    paths = {goal.name: _PART.sub("", goal.name) for goal in request.goals if goal.by == "path"}
+    steps = {paths[name] for name in failure.stations if name in paths}
+    if failure.kind == OUT_OF_REACH and len(steps) == 1:
+        (step,) = steps
+        text = f"give {step} the opposite axis (the tool's z axis the other way round)"
+        names = frozenset(name for name, of in paths.items() if of == step)
+        yield Family(0, (TurnTool(text, step, names),))
 
 
 def _less_clearance(options: PlanOptions, failure: Failure) -> Iterator[Family]:

@@ -26,6 +26,7 @@ from plan.program.tasks import plan_task
 from plan.scene import Scene, Station, Transfer
 
 Groups = Mapping[str, frozenset[str]]
+_ROUND = transform(np.diag([1.0, -1.0, -1.0]))  # half a turn about x: z points the other way
 _LEAST_STAND = 2e-3  # m; a lower stand is removed
 
 
@@ -241,3 +242,27 @@ class SkipCubes(Change):
 
     def to_json(self) -> dict[str, Any]:
         return {"change": "skip", "cubes": sorted(self.cubes)}
+
+
+@dataclass(frozen=True)
+class TurnTool(Change):
+    """Lead the tool along paths with its z axis in the opposite direction.
+
+    Attributes:
+        name: of the step.
+        goals: names of its paths.
+    """
+
+    name: str
+    goals: frozenset[str]
+
+    def apply(self, request: Request) -> Request:
+        return replace(request, goals=tuple(self._turned(goal) for goal in request.goals))
+
+    def _turned(self, goal: Target) -> Target:
+        if goal.name not in self.goals or goal.T_base_tool is None:
+            return goal
+        return replace(goal, T_base_tool=frozen(mul(goal.T_base_tool, _ROUND)))
+
+    def to_json(self) -> dict[str, Any]:
+        return {"change": "turn tool", "what": self.name, "paths": sorted(self.goals)}

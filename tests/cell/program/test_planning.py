@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from arm.errors import ImpossibleError
+from arm.io.storage import data_file
 from arm.plan_file import Move, Pause, Plan, read_plan
 from arm.se3 import inverse
 from cell.program.outline import through
@@ -17,6 +19,8 @@ from cell.program.path_step import PathStep
 from cell.program.planning import plan_of_program, program_scene
 from cell.program.program_file import ProgramTask, read_program
 from cell.task.plan_matches import replayed, require_match
+from plan.advice.changes import Request
+from plan.advice.search import advise
 from programs.program_files import PROGRAM, program
 from typed.command_line import a465, replace_in
 from vision.observation import Observation
@@ -148,6 +152,30 @@ def test_a_refusal_names_the_step(tmp_path: Path) -> None:
 
 def _solid(step: object) -> object:
     return replace(step, touch=frozenset()) if isinstance(step, PathStep) else step
+
+
+@pytest.mark.slow
+def test_a_tool_that_points_the_wrong_way_is_advised_to_be_turned(tmp_path: Path) -> None:
+    file = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "pen/drawing.toml"
+    replace_in(file, "axis = [0, 0, -1]", "axis = [0, 0, 1]")
+    asked: list[tuple[Request, ImpossibleError]] = []
+    with pytest.raises(ImpossibleError, match="is out of reach"):
+        plan_of_program(read_program(file), Observation(), 1.0, lambda *one: asked.append(one))
+    ((request, error),) = asked
+    (advice,) = advise(request, error, budget=1)
+    assert advice.text.startswith(
+        "give drawing the opposite axis (the tool's z axis the other way round) (checked: all goals can then be planned"
+    )
+    strokes = [goal.name for goal in request.goals if goal.by == "path"]
+    assert len(strokes) > 1
+    assert advice.change.to_json() == {"change": "turn tool", "what": "drawing", "paths": sorted(strokes)}
+    pairs = zip(request.goals, advice.change.apply(request).goals, strict=True)
+    for before, after in pairs:
+        if before.name in strokes:
+            np.testing.assert_array_equal(after.T_base_tool[..., :3, 2], -before.T_base_tool[..., :3, 2])
+            np.testing.assert_array_equal(after.T_base_tool[..., :3, 3], before.T_base_tool[..., :3, 3])
+        else:
+            assert after is before
 
 
 def test_repeats_and_grids_visit_all_places_in_order(tmp_path: Path) -> None:
