@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import shlex
 import time
 from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import contextmanager
@@ -270,7 +271,11 @@ def _tell(
         rows = [(one.name, *shown(one, best, k)) for k, one in enumerate(study.vary)]
         console.table(("value", "most robust", "from", "to"), rows)
     if best_folder is not None and best is not None:
-        console.say(f"its task: {write_point(study, bundle, best.number, best_folder)}")
+        task = write_point(study, bundle, best.number, best_folder)
+        named, look = (shlex.quote(str(one)) for one in (task, best_folder / "look.json"))
+        console.say(
+            f"its task: {task}\nplan it: a465 look {named} -o {look} && a465 plan {named} --look {look}"
+        )
     console.say(f"table: {folder / TABLE}\npage: {folder / PAGE}")
     return {
         "points": len(points.ok),

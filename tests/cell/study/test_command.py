@@ -44,8 +44,10 @@ def test_it_computes_tells_and_goes_on(asked: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_best_place_is_written_as_files_that_reach_confirms(asked: Path, tmp_path: Path) -> None:
     out, best = tmp_path / "out", tmp_path / "best"
-    a465("study", asked, "-o", out, "--workers", "0", "--best", best)
+    said, _ = a465("study", asked, "-o", out, "--workers", "0", "--best", best)
     (task,) = best.rglob("task2.toml")
+    look = best / "look.json"
+    assert f"plan it: a465 look {task} -o {look} && a465 plan {task} --look {look}\n" in said
     a465("look", task, "-o", tmp_path / "look.json")
     a465("reach", task, "--look", tmp_path / "look.json")
     _, told = a465("study", asked, "-o", out, "--workers", "0", "--best", best, code=2)

@@ -14,6 +14,10 @@ from arm.errors import FileInputError
 from arm.io.toml_edit import Place, place_of
 
 NOT_THERE = "is not in the file"
+_POSE, BY_TAPE = (
+    "T_base_camera",
+    ("position_mm", "looks_at_mm", "right_azimuth_deg"),
+)  # of a camera file, either
 _STEP = re.compile(r"([A-Za-z0-9_-]+)|\[(\d+)\]|\.")
 
 
@@ -146,6 +150,8 @@ def _not_there(
         if guess
         else f"it has {_names(table)}; write the whole list into it first"
     )
+    if _POSE in table and str(name[-1]) in BY_TAPE:
+        help = f"it has {_POSE}; write {', '.join(BY_TAPE)} instead of it first: docs/formats.md, camera file"
     return FileInputError(file, key, None, NOT_THERE, help)
 
 

@@ -72,6 +72,16 @@ def test_a_key_without_a_value_is_told(key: str, words: str) -> None:
     assert words in str(told.value)
 
 
+def test_a_pose_by_tape_that_varies_in_a_file_with_another_is_told() -> None:
+    text = "[pose]\nT_base_camera = [[1, 0, 0, 0]]\n"
+    with pytest.raises(FileInputError) as told:
+        Template(FILE, text, ["pose.position_mm[2]"])
+    assert (
+        "it has T_base_camera; write position_mm, looks_at_mm, right_azimuth_deg instead of it first"
+        in str(told.value)
+    )
+
+
 @pytest.mark.parametrize("keys", [["b", "b[1]"], ["b[1]", "b"], ["t.a", "t.a"], ["t.c[1]", "t.c[1][0]"]])
 def test_a_value_varies_once(keys: list[str]) -> None:
     with pytest.raises(FileInputError, match="varies twice"):
