@@ -9,7 +9,7 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.se3 import Array, apply
 from cell.config.cell import Cell
-from vision.background.camera_shift import CameraShift
+from vision.background.camera_shift import CameraShift, require_one_scene
 from vision.background.features import Background, background_features, read_background
 from vision.background.watch import CameraWatch, distance_to_plane
 from vision.camera.model import Image
@@ -50,7 +50,8 @@ def take_background(cell: Cell, images: Sequence[Image]) -> tuple[Background, Ob
 
     Raises:
         InputError: an image has the wrong size, or shows a marker of no board of the cell.
-        ImpossibleError: a board is refused or partly in view, or too few features are seen.
+        ImpossibleError: a board is refused or partly in view, too few features are seen, or the images show
+            different scenes.
     """
     seen = look_in(cell, images)
     if seen.half_seen:
@@ -61,7 +62,9 @@ def take_background(cell: Cell, images: Sequence[Image]) -> tuple[Background, Ob
             board=name,
         )
     covered = list(_covered(cell, seen))
-    return background_features(seen.images, cell.camera, covered), seen
+    background = background_features(seen.images, cell.camera, covered)
+    require_one_scene(background, seen.images, cell.camera)
+    return background, seen
 
 
 def shift_words(shift: CameraShift | None) -> str | None:

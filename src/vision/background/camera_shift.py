@@ -21,7 +21,7 @@ import numpy as np
 
 from arm.errors import ImpossibleError
 from arm.se3 import Array, frozen, rotation, skew
-from vision.background.features import Background, band_passed
+from vision.background.features import Background, band_passed, patch_at
 from vision.background.tracking import Tracks, far_shift, track
 from vision.camera.model import Camera, Image
 
@@ -190,6 +190,41 @@ def mean_shift(shifts: Sequence[CameraShift]) -> CameraShift:
         seen=min(s.seen for s in shifts),
         found=min(s.found for s in shifts),
     )
+
+
+def require_one_scene(background: Background, images: Sequence[Image], camera: Camera) -> None:
+    """Require that each image shows the features that the others show, as a later look at that background would ask.
+
+    One image alone has nothing to be compared with.
+
+    Args:
+        background: chosen in the mean of these images.
+        images: all of the scene at rest.
+        camera: that took them.
+
+    Raises:
+        ImpossibleError: in an image fewer than `FEWEST_SEEN` features of the others agree; data: image, found.
+    """
+    passed = [band_passed(image) for image in images]
+    for number, image in enumerate(images, start=1):
+        others = passed[: number - 1] + passed[number:]
+        if not others:
+            return
+        mean = np.asarray(np.mean(others, axis=0), dtype=np.float32)
+        patches = np.stack([patch_at(mean, point) for point in background.points])
+        shown = np.ptp(patches, axis=(1, 2)) > 0.0
+        of_others = replace(background, points=background.points[shown], patches=patches[shown])
+        try:
+            measure_shift(of_others, image, camera, 1.0)
+        except ImpossibleError as error:
+            raise ImpossibleError(
+                f"the images do not show one scene at rest: image {number} of {len(images)} shows "
+                f"{error.data['found']} of the {len(background.points)} features of the others, of which fewer than "
+                f"{FEWEST_SEEN} agree; a background is taken from images of the cell at rest, all by its camera, "
+                "which stands still: are these of something else, such as a calibration target?",
+                image=number,
+                found=error.data["found"],
+            ) from error
 
 
 def as_calibrated(image: Image, camera: Camera, shift: CameraShift) -> Image:

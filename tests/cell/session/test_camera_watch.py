@@ -15,6 +15,7 @@ from cell.files.task import read_task
 from cell.session.camera_watch import camera_watch, shift_words, take_background
 from cell.session.connection import camera_at_start
 from vision.background.features import write_background
+from watched.scratched import scratched_table
 from watched.specked import specked_world
 
 
@@ -52,3 +53,10 @@ def test_a_board_that_is_partly_in_view_is_refused(scenes: Path) -> None:
     images = camera_at_start(task, world).grab(5)
     with pytest.raises(ImpossibleError, match="partly in view, so what it covers is unknown"):
         take_background(task.cell, images)
+
+
+def test_images_of_other_things_make_no_background(scenes: Path) -> None:
+    cell = read_task(scenes / "task2.toml").cell
+    images = [scratched_table(seed=n, count=150).image(cell.camera, seed=n) for n in range(2)]
+    with pytest.raises(ImpossibleError, match="do not show one scene at rest: image 1 of 2 shows"):
+        take_background(cell, images)

@@ -9,8 +9,8 @@ import pytest
 
 from arm.errors import ImpossibleError
 from arm.se3 import inverse, rotation_vector
-from vision.background.camera_shift import CameraShift, as_calibrated, measure_shift
-from vision.background.features import Background
+from vision.background.camera_shift import CameraShift, as_calibrated, measure_shift, require_one_scene
+from vision.background.features import Background, background_features
 from vision.background.watch import distance_to_plane
 from vision.camera.model import Camera
 from watched.scratched import ScratchedTable, scratched_table, turned
@@ -111,3 +111,16 @@ def test_a_translation_is_covered_by_the_covariance(background: Background, came
     )  # of a point at 1.09 m by the twist
     off = np.sqrt(np.diag(J @ shift.twist_covariance @ J.T))
     assert off.max() == pytest.approx(0.1 * np.radians(0.02) / np.sqrt(3.0), rel=0.05)
+
+
+def test_images_of_different_scenes_are_told_apart(camera: Camera, table: ScratchedTable) -> None:
+    images = [table.image(camera, seed=n) for n in (90, 91, 92)]
+    swayed = table.image(turned(camera, (0.0, 0.02, 0.0)), seed=93)
+    other = scratched_table(seed=5).image(camera, seed=94)
+    for good in ([images[0]], images[:2], [*images, swayed]):
+        require_one_scene(background_features(good, camera), good, camera)
+    bad = [images[0], other, *images[1:]]
+    with pytest.raises(
+        ImpossibleError, match=r"do not show one scene at rest: image 2 of 4 shows \d+ of the \d+ f"
+    ):
+        require_one_scene(background_features(bad, camera), bad, camera)
