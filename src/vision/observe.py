@@ -22,10 +22,11 @@ from vision.boards.pose import BoardLimits, accepted_pose, assess_board
 from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.drawing import Pen
-from vision.markers.detect import Marker, detect_markers
+from vision.markers.detect import SEARCH_WIDTH_PX, Marker, detect_markers
 from vision.markers.exposure import darkness
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import hole_occupancy
+from vision.targets.marker_print import MarkerPrint
 
 AXIS_LENGTH = 0.05  # m, of the axes drawn
 COLOURS = {"cube": (60, 170, 40), "empty": (200, 120, 30), "unsure": (30, 90, 230)}  # BGR
@@ -79,14 +80,16 @@ def look(
     detected = {marker.id for frame in frames for marker in frame}
     if not detected and (dark := darkness(max(images, key=np.max))):
         raise ImpossibleError(f"the images show {dark}", brightest=int(max(i.max() for i in images)))
+    others = ""
     if not detected & {marker for board in boards for marker in board.marker_ids}:
         _refuse_mirrored(images[0], camera, dictionary, boards)
+        others = _other_markers(images[0], dictionary)
     found: list[ObservedBoard] = []
     missing: dict[str, str] = {}
     for board in boards:
         hidden = [i for i in board.marker_ids if i not in detected]
         if len(hidden) == 2 or (hidden and board.outline is None):
-            missing[board.name] = _why_missing(board, hidden)
+            missing[board.name] = _why_missing(board, hidden) + others
             continue
         try:
             _require_in_region(board, frames, camera)
@@ -113,6 +116,23 @@ def _refuse_mirrored(image: Image, camera: Camera, dictionary: str, boards: Sequ
         if mirrored.issuperset(board.marker_ids):
             why = "the images are mirrored (left and right exchanged): markers are found in their mirror image alone"
             raise ImpossibleError(f"{why}; switch off the mirroring of the camera", board=board.name)
+
+
+def _other_markers(image: Image, dictionary: str) -> str:
+    """Say which markers of another dictionary an image shows, such as those of a target; empty if none."""
+    grey = as_grey(image)
+    shrink = max(1, grey.shape[1] // SEARCH_WIDTH_PX)
+    size = (grey.shape[1] // shrink, grey.shape[0] // shrink)
+    small = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    shown = MarkerPrint.in_image(small)
+    if shown is None or shown.dictionary == dictionary:
+        return ""
+    what = (
+        "is this the target of a calibration?"
+        if shown.layout
+        else "are these of a target, or of other boards?"
+    )
+    return f", but {shown.words()} are: {what} boards have {dictionary} (boards.dictionary)"
 
 
 def _pose(

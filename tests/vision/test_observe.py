@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 import pytest
 
@@ -28,6 +29,7 @@ from pictures.boards import (
 )
 from vision.background.camera_shift import CameraShift
 from vision.boards.checks import BoardLimits
+from vision.markers.dictionaries import predefined
 from vision.observe import annotated, look, with_camera_uncertainty
 from vision.occupancy.classify import OUT
 
@@ -79,6 +81,17 @@ def test_mirrored_images_are_told_as_such() -> None:
         "05-06": "neither of its markers 5 and 6 is in view"
     }
     assert look([np.full_like(mirrored[0], 90)], CAMERA, [A], DICTIONARY, CUBE).boards == ()
+
+
+def test_markers_of_another_dictionary_are_told() -> None:
+    target = np.full((1200, 1920), 200, np.uint8)
+    board = cv2.aruco.CharucoBoard((7, 5), 0.02, 0.015, predefined("DICT_5X5_100"))
+    target[100:1100, 260:1660] = board.generateImage((1400, 1000))
+    missing = look([target], CAMERA, [A], DICTIONARY, CUBE).missing
+    assert missing == {
+        "01-02": "neither of its markers 1 and 2 is in view, but 17 markers of DICT_5X5_50 (ids 0 to 16) on a board of "
+        "7 x 5 squares are: is this the target of a calibration? boards have DICT_4X4_50 (boards.dictionary)"
+    }
 
 
 def test_the_picture_shows_what_was_found_and_leaves_the_photograph_alone() -> None:
