@@ -139,6 +139,8 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     _check_padding(keys, root)
     _check_motion(keys, root)
     boards = boards_of(keys, root, keys.cube_size)
+    if boards:
+        _check_zone(keys, root)
     inputs = config_inputs(flange.inputs, LEFT_OUT, boards)
     cell = Cell(
         **keys.values_of(CellValues),
@@ -200,6 +202,20 @@ def _check_motion(keys: _CommonKeys, root: Node) -> None:
         help = f"{unit}; {exception}" if keys.least_clearance == LEAST_CLEARANCE else unit
         rule = f"must be a number in mm from {1e3 * keys.least_clearance:g} to 100"
         raise root.error_at("motion.clearance_mm", rule, help)
+
+
+def _check_zone(keys: _CommonKeys, root: Node) -> None:
+    """Check that the box in which boards may stand is not wholly below the table's top, which carries them."""
+    top = float(keys.zone_centre[2]) + keys.zone_size[2] / 2.0
+    if top >= keys.table_z:
+        return
+    zone = root["boards"]
+    rule = (
+        f"must not be above the zone for boards, which ends at z = {1e3 * top:g} mm by boards.zone_centre_mm = "
+        f"{zone['zone_centre_mm'].value} and boards.zone_size_mm = {zone['zone_size_mm'].value}"
+    )
+    help = "heights are z in the base frame, 0 in the arm's mounting plane, not above the floor"
+    raise root.error_at("table.top_z_mm", rule, help)
 
 
 def _calibrated(camera: Camera, calibration: ArmCalibration) -> Camera:

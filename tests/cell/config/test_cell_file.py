@@ -23,6 +23,19 @@ def test_a_clearance_in_metres_is_told_the_unit_before_the_exception(scenes: Pat
     )
 
 
+def test_a_table_above_the_zone_for_its_boards_is_refused(scenes: Path) -> None:
+    replace_in(scenes / "cell.toml", "top_z_mm = 0", "top_z_mm = 217")
+    assert read_cell(scenes / "cell.toml").table_z == 0.217
+    replace_in(scenes / "cell.toml", "top_z_mm = 217", "top_z_mm = 750")
+    with pytest.raises(InputError) as refused:
+        read_cell(scenes / "cell.toml")
+    assert str(refused.value).endswith(
+        "cell.toml: table.top_z_mm = 750: must not be above the zone for boards, which ends at z = 218 mm by "
+        "boards.zone_centre_mm = [470, -10, 110] and boards.zone_size_mm = [440, 540, 216] (heights are z in the base "
+        "frame, 0 in the arm's mounting plane, not above the floor)"
+    )
+
+
 def test_how_an_acceleration_builds_up_is_the_cell_files(scenes: Path) -> None:
     task = scenes / "task2.toml"
     assert options_of(read_task(task), 0.5).jerk_time == 0.0
