@@ -1,17 +1,25 @@
 """Where a board was seen although it cannot well stand there: outside the zone, or tilted as no stand is.
 
-Both are what a wrong camera pose looks like, and nothing else tells it before a cube is missed.
+Both are what a wrong camera pose, or images turned by 180 deg, look like, and nothing else tells it before a cube is
+missed.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from arm.poses import BoardPose
 from arm.robot.shapes import Box
-from arm.se3 import apply, inverse
+from arm.se3 import apply, frozen, inverse
 from cell.config.cell import Cell
+from vision.boards.pose import assess_board
 from vision.observation import Observation
+
+LEAST_OUTSIDE = 0.0005  # m, from which it is told
+BETTER = 0.7  # of the residuals of images as they are, at most, by which turned ones fit better
+HIGH_PX = 0.1  # residual from which turned images are tried although boards are where they may be
 
 
 def outside_zone(cell: Cell, pose: BoardPose) -> float:
@@ -25,18 +33,58 @@ def outside_zone(cell: Cell, pose: BoardPose) -> float:
     return max(0.0, float(beyond.max()))
 
 
+def _is_tilted_otherwise(pose: BoardPose) -> bool:
+    """Whether a board is tilted as no stand is."""
+    return pose.tilt_hypothesis is not None and not pose.tilt_hypothesis.fits
+
+
+def _are_turned(cell: Cell, seen: Observation) -> str:
+    """Say that the images are turned by 180 deg, if all boards then fit zone and stands, and the lens better.
+
+    Markers read the same when turned, and the pose absorbs most of it; what is left are the lens's distortion and its
+    principal point.
+    """
+    frames = [
+        [replace(m, corners_px=frozen(np.array(cell.camera.size) - 1.0 - m.corners_px)) for m in frame]
+        for frame in seen.frames
+    ]
+    if not frames or not seen.boards:
+        return ""
+    now, turned = [], []
+    for board in seen.boards:
+        of = assess_board(board.pose.board, frames, cell.camera, cell.board_limits, cell.tilts)
+        if of.pose is None or outside_zone(cell, of.pose) > LEAST_OUTSIDE or _is_tilted_otherwise(of.pose):
+            return ""
+        now.append(board.pose.residual_px)
+        turned.append(of.pose.residual_px)
+    if sum(turned) > BETTER * sum(now):
+        return ""
+    return (
+        f"if the images are turned by 180 deg, all fit the zone, the stands and the lens (residual {max(turned):.3f} "
+        f"instead of {max(now):.3f} px): take them as those were taken with which lens and pose were calibrated"
+    )
+
+
 def board_doubts(cell: Cell, seen: Observation) -> str:
     """Return what is doubtful about where boards were seen, and what would help; empty if nothing is."""
     found = []
     outside = {b.name: outside_zone(cell, b.pose) for b in seen.boards}
-    if words := ", ".join(f"{name} by {1e3 * far:.0f} mm" for name, far in outside.items() if far > 0.0005):
+    if words := ", ".join(
+        f"{name} by {1e3 * far:.0f} mm" for name, far in outside.items() if far > LEAST_OUTSIDE
+    ):
         found.append(f"outside the zone for boards (boards.zone_centre_mm, boards.zone_size_mm): {words}")
     if words := ", ".join(
         f"{b.name} by {np.degrees(b.pose.tilt()):.1f} deg"
         for b in seen.boards
-        if (tilt := b.pose.tilt_hypothesis) is not None and not tilt.fits
+        if _is_tilted_otherwise(b.pose)
     ):
         found.append(f"tilted as no stand is (boards.tilts_deg): {words}")
+    largest = max((b.pose.residual_px for b in seen.boards), default=0.0)
+    turned = _are_turned(cell, seen) if found or largest > HIGH_PX else ""
+    if turned and not found:
+        found.append(f"with a residual of {largest:.3f} px")
+    if not found:
+        return ""
     pose = f"the pose in {cell.camera_file.name}" if cell.calibration is None else "the calibration"
     help = f"measure a hole by tape: if the look has it elsewhere, {pose} is wrong, otherwise these keys are"
-    return f"boards were seen {' and '.join(found)}; {help}" if found else ""
+    return f"boards were seen {' and '.join(found)}; {turned or help}"

@@ -10,11 +10,17 @@ import pytest
 from arm.io.storage import data_file
 from arm.numerics.products import mul
 from arm.poses import BoardPose, TiltHypothesis
+from arm.robot.shapes import Box
 from arm.se3 import Array, apply, frozen, rot_z, transform
+from cell.config.cell import Cell
 from cell.files.task import read_task
 from cell.scene.board_doubts import board_doubts, outside_zone
 from tasks.true_look import true_look
-from vision.observation import Observation
+from vision.boards.checks import BoardLimits
+from vision.boards.pose import assess_board
+from vision.camera.model import Camera
+from vision.markers.detect import Marker
+from vision.observation import Observation, ObservedBoard
 
 TASK = read_task(data_file("scenes/task2.toml"))
 SEEN = true_look(TASK)
@@ -63,3 +69,37 @@ def test_a_tilt_that_no_stand_has_is_told_and_one_that_fits_is_not() -> None:
     )
     told = board_doubts(TASK.cell, replace(SEEN, boards=boards))
     assert "tilted as no stand is (boards.tilts_deg): 03-04 by 15.0 deg; " in told
+
+
+def _photographed(camera: Camera, cell: Cell, turned: bool) -> Observation:
+    """What a look finds in one image by a camera, perhaps turned by 180 deg, that the cell takes for its own."""
+    markers = []
+    for true in SEEN.poses:
+        for id, corners in zip(true.board.marker_ids, true.board.marker_corners(), strict=True):
+            px = camera.project_base(apply(true.T_base_board, corners))
+            if turned:
+                px = np.array(camera.size) - 1.0 - px
+            markers.append(Marker(id, frozen(px), "lines", noise=0.01**2 * np.eye(8)))
+    limits = BoardLimits()
+    assessed = [assess_board(b, [markers], cell.camera, limits, cell.tilts).pose for b in cell.boards]
+    boards = [ObservedBoard(pose, ()) for pose in assessed if pose is not None]
+    assert len(boards) == 2
+    return Observation(tuple(boards), frames=(tuple(markers),))
+
+
+def test_images_turned_by_half_a_turn_are_told_from_a_wrong_pose() -> None:
+    cell, T = TASK.cell, TASK.cell.camera.T_base_camera
+    assert board_doubts(cell, _photographed(cell.camera, cell, turned=False)) == ""
+    told = board_doubts(cell, _photographed(cell.camera, cell, turned=True))
+    assert (
+        "; if the images are turned by 180 deg, all fit the zone, the stands and the lens (residual 0.00"
+        in told
+    )
+    assert "take them as those were taken with which lens and pose were calibrated" in told
+    other = cell.camera.at(frozen(mul(T, transform(rot_z(np.pi)))))
+    told = board_doubts(cell, _photographed(other, cell, turned=False))
+    assert "the pose in lab.toml is wrong" in told
+    free = replace(cell, tilts=(), zone=replace(cell.zone, shape=Box((3.0, 3.0, 1.0))))
+    told = board_doubts(free, _photographed(cell.camera, free, turned=True))
+    assert told.startswith("boards were seen with a residual of 0.")
+    assert "; if the images are turned by 180 deg, " in told
