@@ -147,16 +147,21 @@ def unseen_scene(cell: Cell) -> Scene:
 
 def free_table_stations(task: Task, poses: Iterable[BoardPose]) -> list[Station]:
     """The task's places on the table that no board covers, in order of preference."""
+    covered = covering_boards(task, poses)
+    return [table_station(task, f"table/{n}") for n, board in enumerate(covered, start=1) if board is None]
+
+
+def covering_boards(task: Task, poses: Iterable[BoardPose]) -> list[str | None]:
+    """For each of the task's places on the table the board that covers it or is too near to it, or None."""
     if task.places is None:
         return []
     cell = task.cell
     reach = cell.gripper.opening / 2.0 + 0.025  # half an open gripper, m
-    covered = [plate_body(p.board.name, p.T_base_board, p.board.plate) for p in poses]
-    stations = []
-    for number, (x, y) in enumerate(task.places.centres, start=1):
-        if not any(_covers(plate, x, y, reach) for plate in covered):
-            stations.append(table_station(task, f"table/{number}"))
-    return stations
+    plates = [(p.board.name, plate_body(p.board.name, p.T_base_board, p.board.plate)) for p in poses]
+    return [
+        next((name for name, plate in plates if _covers(plate, x, y, reach)), None)
+        for x, y in task.places.centres
+    ]
 
 
 def _covers(plate: Body, x: float, y: float, margin: float) -> bool:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Set
 
 from cell.files.task import HOLES, Task
-from cell.scene.build import RELEASE_GAP, free_table_stations, hole_station
+from cell.scene.build import RELEASE_GAP, covering_boards, free_table_stations, hole_station
 from cell.scene.options import options_of
 from plan.cartesian.reachability import ReachTable, reach_stations
 from plan.program.setting import planned_limits
@@ -55,3 +56,29 @@ def reachable_places(task: Task, observation: Observation, speed: float | None =
         return ()
     table = _reach(task, stations, speed)
     return tuple(s for s in stations if table[s.name].ok)
+
+
+def taken_places(
+    task: Task, observation: Observation, filled: Set[str], speed: float | None = None
+) -> tuple[str, str]:
+    """Say how many of the places on the table are taken by what or out of reach, and which key would help.
+
+    Args:
+        task, observation: of them.
+        filled: places that hold a cube.
+        speed: as for `reach_of`.
+    """
+    covered = {f"table/{n}": b for n, b in enumerate(covering_boards(task, observation.poses), start=1)}
+    reached = {s.name for s in reachable_places(task, observation, speed)}
+    boards = Counter(board for name, board in covered.items() if board is not None and name not in filled)
+    held = sum(name in filled for name in covered)
+    out = sum(board is None and name not in reached | filled for name, board in covered.items())
+    counts = [f"{n} under or too near to board {board}" for board, n in boards.items()]
+    counts += [f"{n} {what}" for n, what in ((held, "with a cube"), (out, "out of reach")) if n]
+    away = [f"away from board {board}" for board in boards] + ["into reach"] * bool(out)
+    cure = f"places.origin_mm in {task.file.name} moves them"
+    more = "places.count gives more"
+    return (
+        f" of {len(covered)}: {', '.join(counts)}",
+        f"{cure} {' and '.join(away)}, {more}" if away else more,
+    )

@@ -29,7 +29,12 @@ from cell.scene.displaced import (
 )
 from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
-from cell.scene.places import hole_stations, reachable_places, unused_holes
+from cell.scene.places import (
+    hole_stations,
+    reachable_places,
+    taken_places,
+    unused_holes,
+)
 from plan.advice.changes import Request
 from plan.collision.world import World, distance_of
 from plan.failure import nearness
@@ -184,6 +189,8 @@ def _too_few(cubes: int, goals: Sequence[Station], rest: Rest) -> ImpossibleErro
     to_board, filled, unused = rest.task.to_board, set(rest.done.values()), unused_holes(rest.task)
     target = None if to_board is None else rest.observation.board(to_board.name)
     notes, cure = "", "clear the target board, or give the task file more places"
+    if to_board is None:
+        notes, cure = taken_places(rest.task, rest.observation, filled, rest.speed)
     if target is not None:
         free = {goal.name for goal in goals}
         holes = zip(target.pose.holes, target.occupancy, strict=True)

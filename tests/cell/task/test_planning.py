@@ -356,3 +356,20 @@ def test_a_cube_that_is_taken_from_its_target_board_asks_for_a_second_look() -> 
             empty = seen.with_states({"01-02/2": "empty"})
             plan = plan_recovery(Rest(task, empty, task.cell.q_start, 0.5, displaced=(cube,)), cube, (goal,))
             assert [s.cube for s in plan.steps if isinstance(s, LookStep)][:1] == ([0] if there else [None])
+
+
+def test_places_that_cannot_be_used_are_told_with_what_takes_them(task1: Task) -> None:
+    seen = true_look(task1)
+    assert task1.places is not None
+    x, y = seen.poses[0].T_base_board[:2, 3]
+    under, far = [(float(x) + 0.01 * n, float(y)) for n in range(2)], [(1.5, 0.0)]
+    task = replace(task1, places=TablePlaces((*task1.places.centres[:1], *under, *far), 0.0))
+    with pytest.raises(ImpossibleError) as refused:
+        _request(task, seen)
+    assert str(refused.value) == (
+        "4 cubes to move but only 1 free and reachable places of 4: 2 under or too near to board 01-02, 1 out of "
+        "reach; places.origin_mm in task1.toml moves them away from board 01-02 and into reach, places.count gives more"
+    )
+    task = replace(task1, places=TablePlaces(task1.places.centres[:2], 0.0))
+    with pytest.raises(ImpossibleError, match=r"places of 2: 1 with a cube; places.count gives more"):
+        request_of(Rest(task, seen, task.cell.q_start, 0.5, done={"cube 01-02/1": "table/1"}))
