@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm.errors import ExecutionStopped, ImpossibleError, InputError
+from arm.errors import ExecutionStopped, InputError
 from arm.former import former_names
 from arm.io.outputs import keep_apart
 from arm.io.storage import canonical_json, keep_unread, write_atomic
@@ -28,7 +28,7 @@ from cell.files.observation import observation_to_json, read_observation, requir
 from cell.files.task import KINDS, Task, read_task
 from cell.program.program_file import task_of_file
 from cell.scene.board_doubts import board_doubts
-from cell.scene.places import reach_of
+from cell.scene.places import nothing_to_plan, reach_of
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import (
@@ -215,7 +215,7 @@ def plan_step(
     except PlanningInterrupted as stop:
         stopped, plan = stop, stop.plan
     if plan is None:
-        raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
+        raise nothing_to_plan(task, seen)
     budgets = require_placements(task.cell, seen, plan, partial(plan_otherwise, rest))
     erring = erring_clearances(task.cell, plan, seen)
     write_plan(output, plan)

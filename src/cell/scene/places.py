@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Set
 
+from arm.errors import ImpossibleError
 from cell.files.task import HOLES, Task
 from cell.scene.build import RELEASE_GAP, covering_boards, free_table_stations, hole_station
 from cell.scene.options import options_of
@@ -81,4 +82,20 @@ def taken_places(
     return (
         f" of {len(covered)}: {', '.join(counts)}",
         f"{cure} {' and '.join(away)}, {more}" if away else more,
+    )
+
+
+def nothing_to_plan(task: Task, observation: Observation) -> ImpossibleError:
+    """The error for a source board without cubes; it says so if the target board has some."""
+    board, target = task.from_board, task.to_board
+    seen = None if target is None else observation.board(target.name)
+    there = 0 if seen is None else len(seen.holes("cube"))
+    hint = ""
+    if target is not None and there:
+        hint = (
+            f" (from_board = {list(board.marker_ids)}; board {target.name}, the to_board, holds {there}: is the task "
+            f"done, or are they swapped in {task.file.name}?)"
+        )
+    return ImpossibleError(
+        f"board {board.name} holds no cube: there is nothing to plan{hint}", board=board.name
     )

@@ -31,6 +31,7 @@ from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import options_of
 from cell.scene.places import (
     hole_stations,
+    nothing_to_plan,
     reachable_places,
     taken_places,
     unused_holes,
@@ -351,7 +352,7 @@ def plan_otherwise(rest: Rest, observation: Observation, without: Set[str]) -> P
     task = without_holes(rest.task, without)
     plan = plan_rest(replace(rest, task=task, observation=observation))
     if plan is None:
-        raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
+        raise nothing_to_plan(task, observation)
     return plan
 
 

@@ -15,7 +15,7 @@ from arm.se3 import frozen, inverse, rot_z, transform
 from cell.files.task import TablePlaces, Task, read_task
 from cell.scene.build import build_scene
 from cell.scene.displaced import DisplacedCube
-from cell.scene.places import reach_of, reachable_places
+from cell.scene.places import nothing_to_plan, reach_of, reachable_places
 from cell.task.plan_matches import check_plan
 from cell.task.planning import (
     NARROW,
@@ -373,3 +373,17 @@ def test_places_that_cannot_be_used_are_told_with_what_takes_them(task1: Task) -
     task = replace(task1, places=TablePlaces(task1.places.centres[:2], 0.0))
     with pytest.raises(ImpossibleError, match=r"places of 2: 1 with a cube; places.count gives more"):
         request_of(Rest(task, seen, task.cell.q_start, 0.5, done={"cube 01-02/1": "table/1"}))
+
+
+def test_boards_that_may_be_swapped_are_told(task2: Task) -> None:
+    assert task2.to_board is not None
+    swapped = replace(task2, from_board=task2.to_board, to_board=task2.from_board)
+    seen = true_look(task2)
+    assert str(nothing_to_plan(swapped, seen)) == (
+        "board 03-04 holds no cube: there is nothing to plan (from_board = [3, 4]; board 01-02, the to_board, holds 4: "
+        "is the task done, or are they swapped in task2.toml?)"
+    )
+    with pytest.raises(ImpossibleError, match="are they swapped"):
+        plan_otherwise(Rest(swapped, seen, task2.cell.q_start, 0.5), seen, set())
+    empty = seen.with_states({f"01-02/{n}": "empty" for n in range(1, 5)})
+    assert str(nothing_to_plan(swapped, empty)) == "board 03-04 holds no cube: there is nothing to plan"

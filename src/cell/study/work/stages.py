@@ -28,7 +28,7 @@ from cell.files.observation import require_boards
 from cell.files.study import Study
 from cell.files.task import Task
 from cell.files.world import World
-from cell.scene.places import reach_of
+from cell.scene.places import nothing_to_plan, reach_of
 from cell.session.camera_watch import camera_watch, look_in
 from cell.session.connection import WhichCell, camera_at_start
 from cell.session.speed import planning_speed
@@ -207,7 +207,7 @@ def require_plan(task: Task, seen: Observation, outcome: Outcome) -> Plan:
     require_boards(seen, task)
     plan = plan_rest(Rest(task, seen, cell.q_start, planning_speed(cell, None)))
     if plan is None:
-        raise ImpossibleError(f"board {task.from_board.name} holds no cube: there is nothing to plan")
+        raise nothing_to_plan(task, seen)
     budgets = require_placements(cell, seen, plan)
     erring = erring_clearances(cell, plan, seen)
     outcome.clearance_mm = 1e3 * min(erring or [move.clearance for move in plan.moves])
