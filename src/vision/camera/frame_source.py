@@ -107,6 +107,17 @@ def require_folder(path: Path) -> None:
         raise InputError(f"{path}: {rule}", path=str(path))
 
 
+def _folders_of_images(path: Path) -> list[Path]:
+    """Return the folders in a folder that have images, by name; those that may not be read are left out."""
+    return sorted(
+        folder
+        for folder in path.iterdir()
+        if folder.is_dir()
+        and os.access(folder, os.R_OK | os.X_OK)
+        and any(p.suffix.lower() in IMAGE_SUFFIXES for p in folder.iterdir())
+    )
+
+
 class ImageFolder:
     """Images in a folder, in the order of their names.
 
@@ -140,6 +151,10 @@ class ImageFolder:
                 f"{self.path}: has {len(fresh)} new images{used}, but {count} are needed; "
                 f"file names end in {' '.join(IMAGE_SUFFIXES)}"
             )
+            if not files and (folders := _folders_of_images(self.path)):
+                last = folders[-1]
+                more = f", one of {len(folders)} such folders in it" if len(folders) > 1 else ""
+                why += f"; are the images those of {last}{more}? give that folder"
             raise InputError(why, path=str(self.path), found=len(fresh), count=count)
         images: list[Image] = []
         for file in fresh:

@@ -87,3 +87,20 @@ def test_an_image_in_place_of_its_folder_is_told(tmp_path: Path) -> None:
         ImageFolder(tmp_path / "shot_00.png")
     with pytest.raises(InputError, match=r"lab\.toml: is a camera file; give a folder of images"):
         ImageFolder(data_file("scenes/cameras/lab.toml"))
+
+
+def test_images_one_folder_further_down_are_named(tmp_path: Path) -> None:
+    (tmp_path / "notes").mkdir()
+    with pytest.raises(InputError, match=r"\.pgm$"):
+        ImageFolder(tmp_path).grab(1)
+    for day in ("2026-11-27", "2026-11-28"):
+        (tmp_path / day).mkdir()
+        cv2.imwrite(str(tmp_path / day / "a.png"), np.zeros((4, 6), np.uint8))
+    told = (
+        rf"; are the images those of {tmp_path}/2026-11-28, one of 2 such folders in it\? give that folder$"
+    )
+    with pytest.raises(InputError, match=told):
+        ImageFolder(tmp_path).grab(1)
+    cv2.imwrite(str(tmp_path / "b.png"), np.zeros((4, 6), np.uint8))
+    with pytest.raises(InputError, match=r"has 1 new images, but 2 are needed; .*\.pgm$"):
+        ImageFolder(tmp_path).grab(2)
