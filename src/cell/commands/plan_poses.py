@@ -78,6 +78,8 @@ def plan_poses_step(
         slides = any(axis.slides for axis in product_of_exponentials(task.robot).axes)
         reading = replace(reading, joints=len(task.q_start), slides=slides)
     else:
+        if doubt := task.cell.start_doubt():
+            console.say(f"NOTE: {doubt}")
         if look is not None:
             seen = read_observation(look, task.cell)
             if task.kind != POSES:

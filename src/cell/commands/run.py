@@ -196,7 +196,9 @@ def resume_plan(
 
 
 def _note_open_items(task: Task, where: WhichCell, console: Console) -> None:
-    """Tell a person who lets a real arm move which items of the cell's first-day checklist are open."""
+    """Tell of a doubtful start, and a person who lets a real arm move which items of the checklist are open."""
+    if doubt := task.cell.start_doubt():
+        console.say(f"NOTE: {doubt}")
     if where.port is not None and may_be_real(where.port) and (note := note_of_open(task.cell)):
         console.say(note)
 

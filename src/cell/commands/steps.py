@@ -114,9 +114,10 @@ def _print_look(seen: Observation, console: Console) -> None:
 
 
 def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
-    """Print what is doubtful about where boards were seen; a refusal that follows may come from it."""
-    if doubt := board_doubts(cell, seen):
-        console.say(f"NOTE: {doubt}")
+    """Print what is doubtful about where boards were seen and the arm starts; a refusal may come from it."""
+    for doubt in (cell.start_doubt(), board_doubts(cell, seen)):
+        if doubt:
+            console.say(f"NOTE: {doubt}")
 
 
 def _foreseen(

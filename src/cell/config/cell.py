@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from arm.board import Board
 from arm.calibration_file import ArmCalibration
 from arm.controller.unit import Limits, Unit, unit_note
@@ -119,6 +121,18 @@ class Cell(CellValues, JawValues):
         if self.arm_compared.strip():
             return f"the arm's bodies were compared with the arm ({self.arm_compared.strip()}); {padded}"
         return f"the arm's bodies are assumed, nobody has compared them with the arm; {padded}"
+
+    def start_doubt(self) -> str:
+        """Say that q_start_deg may be in rad: all within pi, one with decimals, and inside the unit's limits as rad."""
+        start = np.degrees(self.q_start)
+        whole = np.allclose(start, np.rint(start), atol=1e-9)
+        if whole or np.abs(start).max() > np.pi + 0.01 or self.unit.beyond_limits(start):
+            return ""
+        given, meant = (", ".join(f"{v:.6g}" for v in angles) for angles in (start, np.degrees(start)))
+        return (
+            f"{self.file.name}: q_start_deg = [{given}]: is it in rad? Then it must be [{meant}] in deg; "
+            "as it is, the arm is within 3.2 deg of zero in all joints"
+        )
 
     @property
     def limits(self) -> Limits:

@@ -43,8 +43,9 @@ def check_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
     about_shape = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
     verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
     shape = CheckResult("arm's shape", verdict, cell.arm_shape(), help, about_shape)
+    doubt = cell.start_doubt()
     results = (
-        CheckResult("cell", OK, found, "", data),
+        CheckResult("cell", NOTE if doubt else OK, found, doubt, data),
         shape,
         _finding("lens", lens_state(cell), CALIBRATE_LENS),
         arm,

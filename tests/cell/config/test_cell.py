@@ -16,13 +16,20 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from arm.robot.gripper import HAND
 from arm.robot.tool import padded
+from cell.commands.plan_poses import plan_poses_step
+from cell.commands.run import _note_open_items
+from cell.commands.steps import _doubt
 from cell.config.cell_file import read_cell
+from cell.console import Console
 from cell.doctor.cell import check_cell
 from cell.doctor.finding import NOTE, OK
+from cell.files.pose_list import Reading
 from cell.files.task import read_task
+from cell.session.connection import WhichCell
 from cell.task.open_run import OpenRun
 from plan.collision.world import World
 from typed.command_line import a465, replace_in
+from vision.observation import Observation
 
 COMPARED = 'arm_compared = "2026-11-20, who did it"\n'
 
@@ -137,3 +144,28 @@ def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared:
     assert ("2026-11-20, who did it" in told) is compared
     assert ("nobody has compared them" in told) is not compared
     assert "padded by 10 mm" in told
+
+
+def test_a_start_that_may_be_in_rad_is_told_and_not_refused(
+    scenes: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, line = scenes / "cell.toml", "q_start_deg = [-60, -40, -80, 0, -60, 0]"
+    for right in ("[-60.5, -40, -80, 0, -60, 0]", "[0, 0, 0, 0, 0, 0]", "[-3, -2, -1, 0, -3, 0]"):
+        replace_in(file, line, line := f"q_start_deg = {right}")
+        assert read_cell(file).start_doubt() == ""
+    replace_in(file, line, "q_start_deg = [-1.0472, -0.6981, -1.3963, 0, -1.0472, 0]")
+    assert (doubt := read_cell(file).start_doubt()) == (
+        "cell.toml: q_start_deg = [-1.0472, -0.6981, -1.3963, 0, -1.0472, 0]: is it in rad? Then it must be "
+        "[-60.0001, -39.9982, -80.0021, 0, -60.0001, 0] in deg; as it is, the arm is within 3.2 deg of zero in all "
+        "joints"
+    )
+    cell, *_ = check_cell(file)[0]
+    assert (cell.verdict, cell.help) == ("note", doubt)
+    none = scenes / "none.csv"
+    with pytest.raises(InputError, match=r"no such file|cannot be read"):
+        plan_poses_step(file, none, None, scenes / "p.json", Reading(), None, True, Console())
+    assert f"NOTE: {doubt}\n" in capsys.readouterr().out
+    _note_open_items(read_task(scenes / "task2.toml"), WhichCell(), Console())
+    assert f"NOTE: {doubt}\n" in capsys.readouterr().out
+    _doubt(read_cell(file), Observation(), Console())
+    assert f"NOTE: {doubt}\n" in capsys.readouterr().out
