@@ -270,7 +270,7 @@ def _behind_a_link(file: Path, named: str) -> str:
     there = Path(os.path.realpath(file))
     if there.parent == Path(os.path.realpath(file.parent)) or not (there.parent / named).is_file():
         return ""
-    return f"{file} is a link to {there}, and it is beside that one: give {there}"
+    return f"a link leads to {there}, which has it beside it: give that file"
 
 
 def path(exists: bool = True) -> Rule[Path]:

@@ -73,15 +73,18 @@ def test_a_worth_of_clearance_needs_the_aim_that_uses_it(scenes: Path) -> None:
     assert read_task(task).clearance_worth == pytest.approx(500.0)
 
 
-def test_a_task_by_a_link_without_its_cell_beside_it_is_told_with_the_task(tmp_path: Path) -> None:
-    folder, link = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")), tmp_path / "today.toml"
+def test_a_task_by_a_link_without_its_cell_beside_it_is_told_with_the_task(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder, link = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")), Path("today.toml")
     link.symlink_to("scenes/task2.toml")
     with pytest.raises(InputError) as refused:
         read_task(link)
     there = folder.resolve() / "task2.toml"
     assert str(refused.value) == (
-        f"{link}: cell = 'cell.toml': names a file that does not exist: {tmp_path / 'cell.toml'} "
-        f"({link} is a link to {there}, and it is beside that one: give {there})"
+        "today.toml: cell = 'cell.toml': names a file that does not exist: cell.toml "
+        f"(a link leads to {there}, which has it beside it: give that file)"
     )
     (folder / "cell.toml").unlink()
     with pytest.raises(InputError, match=r"does not exist: [^ ]*$"):
