@@ -20,6 +20,7 @@ from arm.se3 import Array, frozen, orthonormalised
 
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
+_DIGITS = 2e-4  # of an eighth of a turn: as exact as four decimals in rad
 _OFF_AXIS = 2e-3  # m from the arm's axis, about which nothing stands; a place in m, read as mm, is nearer
 SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
 _SI: dict[str, Callable[[Any], Any]] = {
@@ -251,6 +252,36 @@ def standing(size: int, least: float, most: float) -> Rule[Array]:
                 f"must be {1e3 * _OFF_AXIS:g} mm or more from the arm's axis along x or y, or exactly on it"
             )
             raise node.error(rule, "is it in metres?")
+        return found
+
+    return Rule(plain.words, read)
+
+
+def turns(size: int) -> Rule[Array]:
+    """Angles in deg that a person wrote, from -360 to 360, read in rad. Eighths of a turn in rad, such as 1.5708, are
+    told: no angle in deg has these digits."""
+    plain = numbers(size, "deg", -360, 360)
+
+    def read(node: Node) -> Array:
+        found = plain.read(node)
+        eighths = np.degrees(found) / (np.pi / 4.0)
+        whole = np.rint(eighths)
+        if np.any((whole != 0.0) & (np.abs(eighths - whole) < _DIGITS)):
+            meant = ", ".join(f"{v:.6g}" for v in np.degrees(np.degrees(found)).tolist())
+            raise node.error("must be in deg, and has an eighth of a turn in rad", f"in deg: [{meant}]")
+        return found
+
+    return Rule(plain.words, read)
+
+
+def zero_or(least: float, most: float) -> Rule[float]:
+    """A length in mm that is 0 (none) or not too small to be meant, read in m. One in metres, read as mm, is told."""
+    plain = number("mm", 0.0, most)
+
+    def read(node: Node) -> float:
+        found = plain.read(node)
+        if 0.0 < node.value < least:
+            raise node.error(f"must be 0, or from {least:g} to {most:g} mm", "is it in metres?")
         return found
 
     return Rule(plain.words, read)

@@ -27,7 +27,8 @@ DICTIONARIES = (
 """OpenCV's dictionaries, listed here so that reading a cell file does not load OpenCV."""
 DICTIONARY = Rule("one of OpenCV's dictionaries", text(*DICTIONARIES).read)
 _LIMITS = BoardLimits()
-_TILTS = "a list of different angles from 0 to 45 deg, such as [0, 7, 15]"
+APART_DEG = 0.5  # of two tilts: nearer ones cannot be told apart
+_TILTS = f"a list of angles from 0 to 45 deg that differ by {APART_DEG:g} deg or more, such as [0, 7, 15]"
 
 
 def _are_names(values: Any) -> bool:
@@ -36,7 +37,7 @@ def _are_names(values: Any) -> bool:
 
 def _are_tilts(values: Any) -> bool:
     good = isinstance(values, list) and all(is_number(v) and 0.0 <= v <= 45.0 for v in values)
-    return good and len(set(values)) == len(values)
+    return good and bool(np.all(np.diff(sorted(values)) >= APART_DEG))
 
 
 class BoardKeys(Keys):

@@ -20,7 +20,7 @@ from arm.errors import A465Error, FileInputError, InputError
 from arm.io.foreign import binary, markup
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import is_number, line, number, numbers, rule_of
+from arm.io.rules import is_number, line, number, numbers, rule_of, zero_or
 from arm.io.storage import read_bytes
 from arm.se3 import Array, frozen, orthonormalised
 
@@ -87,6 +87,7 @@ JAWS_RULE = rule_of(
     lambda v: float(JAWS.get(v, v)),
 )
 _LENGTH = number("mm", 0.0, 1000.0)
+AWAY = zero_or(0.5, 1000.0)  # of an approach or a retract
 _RANGES = {
     **{f"{axis}_mm": (axis, numbers(2, "mm", -5000.0, 5000.0)) for axis in "xyz"},
     **{f"r{axis}_deg": (f"r{axis}", numbers(2, "deg", -180.0, 180.0)) for axis in "xyz"},
@@ -124,8 +125,8 @@ class EntryValues(Keys):
     free: str = key("free", line(), "")
     tilt: float = key("tilt_deg", number("deg", 0.0, 90.0), 0)
     ranges: dict[str, tuple[float, float]] = key("ranges", RANGES, {})
-    approach: float = key("approach_mm", _LENGTH, 0)
-    retract: float = key("retract_mm", _LENGTH, 0)
+    approach: float = key("approach_mm", AWAY, 0)
+    retract: float = key("retract_mm", AWAY, 0)
     within: float = key("within_mm", _LENGTH, 0)
     speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
     dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)

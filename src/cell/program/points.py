@@ -53,6 +53,8 @@ def _piece(start: Array, place: Node) -> tuple[Piece, Array]:
     return arc_through(start, np.asarray(arc.via), arc.to), arc.to
 
 
+_SHORTEST = 5e-3  # m, of the line of a wire
+
 POINTS = Rule("a list of points x, y, z in mm, and of arcs to a point", lambda n: Outline(tuple(_pieces(n))))
 """Rule of a path of lines and arcs.
 
@@ -92,4 +94,7 @@ def read_wire(path: Path) -> Wire:
     keys = WireKeys.read(root)
     if keys.bodies:
         require_names_differ(root["bodies"], keys.bodies)
+    if keys.outline is not None and keys.outline.length < _SHORTEST:
+        rule = f"is {1e3 * keys.outline.length:.3g} mm long; must be {1e3 * _SHORTEST:g} mm or longer"
+        raise root.error_at("line_mm", rule, "is it in metres?")
     return Wire(path, keys.outline, keys.bodies)

@@ -13,7 +13,7 @@ from arm.io.rules import integers, line, number, numbers, text
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen, transform
 from cell.config.bodies import PLACE, TURN, pose_of
-from cell.files.pose_list import JAWS_RULE, WAYS
+from cell.files.pose_list import AWAY, JAWS_RULE, WAYS
 from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, paths_of
 
 MOST_PLACES = 1000  # of a grid
@@ -43,8 +43,8 @@ class PoseStepKeys(FreedomKeys, ActionKeys):
     at: Array = key("at_mm", PLACE)
     rpy: Array = key("rpy_deg", TURN, [180, 0, 0])
     by: str = key("by", line(*WAYS), "transit")
-    approach: float = key("approach_mm", _LENGTH, 0)
-    retract: float = key("retract_mm", _LENGTH, 0)
+    approach: float = key("approach_mm", AWAY, 0)
+    retract: float = key("retract_mm", AWAY, 0)
     within: float = key("within_mm", _LENGTH, 0)
     count: tuple[int, ...] = key("grid.count", integers(3, 1, MOST_PLACES), [1, 1, 1])
     step: Array = key("grid.step_mm", numbers(3, "mm", -5000.0, 5000.0), [0, 0, 0])

@@ -21,6 +21,8 @@ from arm.io.rules import (
     tables,
     text,
     triple,
+    turns,
+    zero_or,
 )
 
 TEXT = """
@@ -209,3 +211,27 @@ def test_a_pose_is_rigid_with_numbers_of_this_world(tmp_path: Path) -> None:
         read(np.diag([1e200, 1.0, 1.0, 1.0]).tolist())
     with pytest.raises(FileInputError, match=r"T = .*: "):
         read(np.diag([2.0, 1.0, 1.0, 1.0]).tolist())
+
+
+@pytest.mark.parametrize("value", [[3.14159, 0, 3.14159], [0, 0, -1.5708], [0.7854, 10, 0]])
+def test_eighths_of_a_turn_in_rad_are_told_where_deg_belong(value: list[float]) -> None:
+    with pytest.raises(FileInputError, match=r"has an eighth of a turn in rad \(in deg: \[.*\]\)$"):
+        Node(Path("a.toml"), "rpy_deg", value).read(turns(3))
+
+
+@pytest.mark.parametrize(
+    "value", [[180, 0, -90], [0.5, 1.57, 3.1], [0, 0, 0], [3, 2, 1], [45.0, 0.785, -6.28]]
+)
+def test_other_angles_are_read_in_deg(value: list[float]) -> None:
+    read = Node(Path("a.toml"), "rpy_deg", value).read(turns(3))
+    np.testing.assert_allclose(np.degrees(read), value, atol=1e-12)
+
+
+def test_a_length_that_may_be_0_is_not_too_small_to_be_meant() -> None:
+    rule = zero_or(0.5, 1000.0)
+    for value, read in ((0, 0.0), (0.5, 5e-4), (60, 0.06)):
+        assert Node(Path("a.toml"), "approach_mm", value).read(rule) == pytest.approx(read)
+    with pytest.raises(
+        FileInputError, match=r"= 0.06: must be 0, or from 0.5 to 1000 mm \(is it in metres\?\)$"
+    ):
+        Node(Path("a.toml"), "approach_mm", 0.06).read(rule)

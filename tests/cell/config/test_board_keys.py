@@ -47,8 +47,9 @@ def test_tilts_and_limits_reach_the_cell_and_no_plan_rests_on_them(scenes: Path)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("[0, 7, 15] ", "[0, 7, 90] ", r"tilts_deg = \[0, 7, 90\]: must be a list of different angles"),
-        ("[0, 7, 15] ", "[7, 7] ", "must be a list of different angles from 0 to 45 deg"),
+        ("[0, 7, 15] ", "[0, 7, 90] ", r"tilts_deg = \[0, 7, 90\]: must be a list of angles"),
+        ("[0, 7, 15] ", "[0, 0.122, 0.262] ", r"tilts_deg = .*that differ by 0.5 deg or more"),
+        ("[0, 7, 15] ", "[7, 7] ", "must be a list of angles from 0 to 45 deg"),
         ("[0, 7, 15] ", "7 ", "tilts_deg = 7: must be a list"),
         ("[0, 7, 15] ", '["7"] ', "must be a list"),
         (

@@ -165,6 +165,12 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
             "zone_centre_mm = [0.47, -0.01, 0.11]",
             r"boards.zone_centre_mm = \[0.47, .*is it in metres\?",
         ),
+        (
+            "cell.toml",
+            "centre_mm = [930, 0, 600]",
+            "centre_mm = [0.93, 0, 0.6]",
+            r"walls\[0\].centre_mm = \[0.93, .*is it in metres\?",
+        ),
         ("cell.toml", "[tool]", "[tool", "is not valid TOML"),
         (
             "cell.toml",

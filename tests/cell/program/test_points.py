@@ -73,3 +73,8 @@ def test_a_wire_file_has_bodies_with_different_names(tmp_path: Path) -> None:
     file.write_text(box + box)
     with pytest.raises(InputError, match=r"bodies\[1\].name = 'bar': is used twice"):
         read_wire(file)
+    file.write_text("line_mm = [[0, 0, 0], [0, 0, 0.08], [0.07, 0, 0.15]]\n")
+    with pytest.raises(
+        InputError, match=r"line_mm.*: is 0.179 mm long; must be 5 mm or longer \(is it in metres\?"
+    ):
+        read_wire(file)
