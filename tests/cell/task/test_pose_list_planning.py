@@ -277,6 +277,15 @@ def test_what_is_for_lists_needs_one(asked: tuple[Path | str, ...], words: str, 
     assert not (tmp_path / "p.json").exists()
 
 
+def test_a_frame_is_of_the_poses_among_joint_angles(tmp_path: Path) -> None:
+    q_deg = [0, -10, -90, 0, -70, 0]
+    T = read_cell(CELL).robot().T_base_tool(np.radians(q_deg) + [0.1, 0, 0, 0, 0, 0])
+    (tmp_path / "poses.json").write_text(json.dumps([{"q_deg": q_deg}, T.ravel().tolist()]))
+    asked = "--frame", "tool", "-o", tmp_path / "plan.json"
+    said, _ = a465("plan", CELL, tmp_path / "poses.json", *asked)
+    assert "2 entries" in said
+
+
 @pytest.mark.parametrize(
     ("name", "text"),
     [

@@ -71,6 +71,15 @@ def test_a_grid_changes_in_whole_steps(scenes: Path) -> None:
     assert best.between == ((420.0, 420.0), (0.0, 0.0))
 
 
+def test_of_places_with_the_same_room_the_one_with_the_largest_margin_is_best(scenes: Path) -> None:
+    grid = {"key": "seed", "file": "task", "values": [0, 1, 2, 3]}
+    study = read_study(write_study(scenes, [{**X, "steps": 5}, grid]))
+    table = _table(study, lambda x, _: x < 450.0, lambda _, seed: float(seed == 2))
+    best = best_of(study, _points(study, table), lambda n: points_of(study, n, 1)[0])
+    assert best is not None
+    assert best.values == (420, 2)
+
+
 def test_where_nothing_was_refused_the_whole_grid_is_free(scenes: Path) -> None:
     study = read_study(write_study(scenes, [{**X, "steps": 5}, {"key": "seed", "values": ["a", "b"]}]))
     best = best_of(study, _points(study, _table(study, lambda *_: True)), lambda n: points_of(study, n, 1)[0])
