@@ -334,8 +334,11 @@ def _unit_of(root: Node, digest: str) -> Unit:
     lower = frozen(np.maximum(encoder_lower, -keys.sheet) + keys.margin)
     upper = frozen(np.minimum(encoder_upper, keys.sheet) - keys.margin)
     if not np.all(lower < upper):
+        in_deg = max(np.abs(keys.lower).max(), np.abs(keys.upper).max()) <= 360
         raise root.error_at(
-            "limits.lower_counts", "with upper_counts must not leave a joint without range; check direction"
+            "limits.lower_counts",
+            "with upper_counts must not leave a joint without range; check direction",
+            "are these degrees? counts belong here" if in_deg else "",
         )
     sheet = np.floor(keys.velocity_cap * np.abs(counts_per_rad) * 256.0 / 1e3)
     for axis, speed, most in zip(keys.axes, keys.speed_registers, sheet, strict=True):

@@ -188,6 +188,9 @@ def require_openable(task: Task, where: WhichCell) -> None:
     if time_scale is not None and port is not None:
         why = f"--time-scale {time_scale:g} is for the simulated cell; the unit on {port} has its own time"
         raise InputError(why, time_scale=time_scale)
+    if where.world is not None and port is not None:
+        why = f"--world {where.world} is of the simulated cell; there is none with --port"
+        raise InputError(why, option="--world")
     if where.contact:
         if port is not None:
             raise InputError(

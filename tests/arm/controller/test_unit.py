@@ -91,6 +91,18 @@ def test_gripper_fractions() -> None:
     assert gripper.fraction_closed(gripper.adc(0.25)) == pytest.approx(0.25, abs=1e-3)
 
 
+def test_limits_in_degrees_are_told(tmp_path: Path) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text()
+    for key, values in (
+        ("lower", [-175, -90, -109, -180, -105, -180]),
+        ("upper", [175, 90, 109, 180, 105, 180]),
+    ):
+        text = re.sub(rf"(?m)^{key}_counts = .*$", f"{key}_counts = {values}", text)
+    (tmp_path / "own.toml").write_text(text)
+    with pytest.raises(InputError, match=r"lower_counts = .*\(are these degrees\? counts belong here\)$"):
+        load_unit(tmp_path / "own.toml")
+
+
 def test_an_unknown_name_and_a_broken_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="crs93, crs97"):
         load_unit("crs95")

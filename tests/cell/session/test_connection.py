@@ -146,6 +146,14 @@ def test_what_cannot_be_opened_is_told(
         pass
 
 
+def test_a_world_is_of_the_simulated_cell(task: Task) -> None:
+    where = WhichCell("/dev/none", world=Path("task2.world.toml"), images=Path("photographs"))
+    with pytest.raises(
+        InputError, match=r"--world task2\.world\.toml is of the simulated cell; there is none"
+    ):
+        require_openable(task, where)
+
+
 def test_a_port_that_cannot_be_opened_leaves_an_empty_log(task: Task, tmp_path: Path) -> None:
     log = tmp_path / "wire.jsonl"
     opened = open_cell(task, WhichCell("/dev/mars-that-is-not-there", blind=True), log)

@@ -13,7 +13,7 @@ import numpy as np
 
 from arm.calibration_file import COVARIANCE, ArmCalibration, write_arm_calibration
 from arm.controller.unit import UNITS
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.io.storage import write_atomic
 from arm.robot.dh import A465
 from arm.robot.link_errors import LinkErrors
@@ -139,7 +139,12 @@ def hand_eye_step(data: Path, options: ChainOptions, console: Console) -> dict[s
         cell = cell_of(options.cell, without_calibration(console))
         options = replace(options, cell=cell.file)
     options = options.checked_all((data,) if cell is None else (data, cell.file, cell.camera_file))
-    return solve_hand_eye(data, read_arm_recording(data), options, console, cell=cell)
+    recording = read_arm_recording(data)
+    if cell is not None and recording.unit and recording.unit != cell.unit.name:
+        rule = f"must be {cell.unit.name!r}, the unit of {cell.file}"
+        help = f"record that arm, or give the cell of the {recording.unit}"
+        raise FileInputError(data, "unit", recording.unit, rule, help)
+    return solve_hand_eye(data, recording, options, console, cell=cell)
 
 
 def without_calibration(console: Console) -> Callable[[InputError], None]:

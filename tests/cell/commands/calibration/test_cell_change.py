@@ -123,6 +123,7 @@ def test_a_cell_to_compare_with_gives_the_first_line_the_limits_and_the_places(
     monkeypatch.setattr(chain, "next_poses", lambda *_, **__: MORE)
     own = "[tool]\nleast_certain_mm = 0.4\nleast_certain_height_mm = 0.8"
     replace_in(scenes / "cell.toml", "[tool]", own)
+    replace_in(scenes / "cell.toml", 'unit = "crs93"', f'unit = "{found.recording.unit}"')
     heard = Heard()
     result = hand_eye_step(data, ChainOptions(cell=scenes / "task2.toml"), heard)
     hand_eye_step(data, ChainOptions(cell=scenes / "cell.toml", limit_mm=0.5), Heard())

@@ -26,7 +26,7 @@ from recorded.arm_sets import LENS, NOMINAL, TARGETS, Truth, recorded, wide
 from recorded.faults import larger
 from recorded.found_chains import MORE, nao_named, refused
 from recorded.nao import as_json, nao_recording
-from typed.command_line import a465
+from typed.command_line import a465, replace_in
 from typed.heard import Heard
 
 
@@ -277,6 +277,17 @@ def test_what_is_to_be_done_with_a_calibration_is_told_as_it_is(
     hand_eye_step(data, ChainOptions(tmp_path / "out" / "c.toml"), heard)
     assert words in heard.told[-1]
     assert ("to use it" in heard.all) == words.startswith("to use it")
+
+
+def test_a_recording_of_another_unit_than_the_cells_is_refused(recording: Path, scenes: Path) -> None:
+    cell = scenes / "cell.toml"
+    replace_in(cell, 'unit = "crs93"', 'unit = "crs97"')
+    other = scenes / "recorded.json"
+    other.write_text(json.dumps({**json.loads(recording.read_text()), "unit": "crs93"}))
+    _, told = a465("calibrate", "hand-eye", other, "--cell", cell, "-o", scenes / "c.toml", code=2)
+    rule = f"must be 'crs97', the unit of {cell} (record that arm, or give the cell of the crs93)"
+    assert f"unit = 'crs93': {rule}" in told
+    assert not (scenes / "c.toml").exists()
 
 
 def test_a_cell_that_is_known_gets_the_name_from_where_it_is(
