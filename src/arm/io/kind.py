@@ -127,6 +127,12 @@ def kind_of_file(path: Path) -> str:
     return kind_of(read_any(path)) or _kind_of_table(path)
 
 
+def words_of(path: Path) -> str:
+    """Return what a file is, in words; "a file" if nothing shows it."""
+    kind = kind_of_file(path)
+    return KINDS[kind].words if kind else "a file"
+
+
 def _kind_of_table(path: Path) -> str:
     """Return the kind of a CSV file: samples as of ``a465 export``, a board file or a list of poses."""
     with suppress(FileInputError), open_file(path, "log") as stream:

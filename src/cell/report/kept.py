@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
-from arm.io.kind import KINDS, kind_of_file
+from arm.io.kind import words_of
 from cell.report.run_folder import REPORT, is_run
 
 DAY = 86400.0  # s
@@ -70,9 +70,7 @@ def kept_runs(folder: Path) -> list[KeptRun]:
     try:
         inside = [one for one in folder.iterdir() if one.is_dir() and not one.is_symlink()]
     except NotADirectoryError as error:
-        kind = kind_of_file(folder)
-        what = KINDS[kind].words if kind else "a file"
-        why = f"{folder}: is {what}; give the folder that contains runs, such as runs"
+        why = f"{folder}: is {words_of(folder)}; give the folder that contains runs, such as runs"
         raise InputError(why, folder=str(folder)) from error
     except OSError as error:
         why = f"{folder}: {error.strerror}; give the folder that contains runs, such as runs"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import InputError
-from arm.io.kind import KINDS, kind_of_file
+from arm.io.kind import words_of
 from arm.io.node import Node
 from arm.io.rules import is_number, rule_of, same
 from arm.io.storage import read_text
@@ -98,9 +98,7 @@ def read_runs(folders: Iterable[Path]) -> list[RunResult]:
     for folder in folders:
         files = sorted(folder.glob(f"*/{REPORT}")) if not (folder / REPORT).is_file() else [folder / REPORT]
         if not files and folder.is_file():
-            kind = kind_of_file(folder)
-            what = KINDS[kind].words if kind else "a file"
-            why = f"{folder}: is {what}; give folders of runs, such as runs"
+            why = f"{folder}: is {words_of(folder)}; give folders of runs, such as runs"
             raise InputError(why, folder=str(folder))
         if not files:
             why = (

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import InputError
-from arm.io.kind import KINDS, kind_of_file
+from arm.io.kind import kind_of_file, words_of
 from arm.io.storage import read_bytes
 
 Image = npt.NDArray[np.uint8]
@@ -101,9 +101,8 @@ def require_folder(path: Path) -> None:
     if not path.is_dir():
         rule = "no such folder of images"
         if path.is_file():
-            kind = kind_of_file(path)
-            what = KINDS[kind].words if kind else "a file"
-            rule = f"is {what}; give {'a folder of images' if kind else 'the folder that it is in'}"
+            where = "a folder of images" if kind_of_file(path) else "the folder that it is in"
+            rule = f"is {words_of(path)}; give {where}"
         raise InputError(f"{path}: {rule}", path=str(path))
 
 
