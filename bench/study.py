@@ -25,11 +25,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
-import fcntl
 import io
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -47,6 +45,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 from run_conditions import run_conditions
+from study_processes import abandoned, children, cpu_s, memory_mb, wait_for_end
 
 from arm.io.storage import data_file
 from cell.files.observation import observation_to_json
@@ -195,59 +194,35 @@ class _Ran(NamedTuple):
 
 def _computed(file: Path, folder: Path, how: Sequence[str], early: Sequence[int] = ()) -> _Ran:
     """Compute a study; `early`: numbers of chunks after which memory is noted."""
-    begun, cpu_s = time.monotonic(), _cluster_s()
+    begun, others_before_s = time.monotonic(), _cluster_s()
     program = subprocess.Popen([*COMMAND, file, "-o", folder, *how], stdout=subprocess.DEVNULL)
     worker_mb = program_mb = own_s = 0.0
     early_mb: list[float] = []
     while program.poll() is None:
-        program_mb = max(program_mb, _memory_mb(program.pid))
-        computing = [*_children(program.pid), *_children(os.getpid())]
-        worker_mb = max([worker_mb, *map(_memory_mb, computing)])
-        own_s = max(own_s, _cpu_s(program.pid))
+        program_mb = max(program_mb, memory_mb(program.pid))
+        computing = [*children(program.pid), *children(os.getpid())]
+        worker_mb = max([worker_mb, *map(memory_mb, computing)])
+        own_s = max(own_s, cpu_s(program.pid))
         if len(early_mb) < len(early) and len(_chunk_files(folder)) >= early[len(early_mb)]:
             early_mb.append(worker_mb)
         time.sleep(1.0 if early else 0.2)
     if program.returncode:
         raise RuntimeError(f"a465 study ended with {program.returncode}")
-    others_s = own_s + _cluster_s() - cpu_s
+    others_s = own_s + _cluster_s() - others_before_s
     return _Ran(time.monotonic() - begun, others_s, worker_mb, program_mb, tuple(early_mb))
 
 
 def _idle_share() -> float:
     """Share of a core that a cluster takes which does nothing."""
     time.sleep(3.0)
-    begun_s, cpu_s = time.monotonic(), _cluster_s()
+    begun_s, before_s = time.monotonic(), _cluster_s()
     time.sleep(_IDLE_S)
-    return (_cluster_s() - cpu_s) / (time.monotonic() - begun_s)
+    return (_cluster_s() - before_s) / (time.monotonic() - begun_s)
 
 
 def _cluster_s() -> float:
     """Seconds of CPU of the scheduler, which runs in this process beside the thread that measures."""
     return time.process_time() - time.thread_time()
-
-
-def _cpu_s(pid: int) -> float:
-    """Seconds of CPU of a process, its children left out."""
-    with contextlib.suppress(OSError):
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
-    return 0.0
-
-
-def _memory_mb(pid: int) -> float:
-    with contextlib.suppress(OSError):
-        found = re.search(r"VmHWM:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
-        return int(found[1]) / 1e3 if found else 0.0
-    return 0.0
-
-
-def _children(pid: int) -> list[int]:
-    """The processes that compute."""
-    with contextlib.suppress(OSError):
-        threads = Path(f"/proc/{pid}/task").glob("*/children")
-        found = (int(child) for thread in threads for child in thread.read_text().split())
-        return [one for one in found if "spawn_main" in Path(f"/proc/{one}/cmdline").read_text()]
-    return []
 
 
 @contextlib.contextmanager
@@ -365,51 +340,20 @@ def _kill(
     """Kill processes of a program, or itself, until it ends."""
     for _ in range(most):
         time.sleep(float(rng.uniform(1.0, 6.0)))
-        computing = _children(program.pid)
+        computing = children(program.pid)
         if program.poll() is not None:
             return
-        before = _abandoned(folder)
+        before = abandoned(folder)
         if rng.random() < 0.5 or not computing:
             program.kill()
-            _wait_for_end(computing)  # each finishes what it is at
-            killed.append(_Killed("program", len(_abandoned(folder) - before)))
+            wait_for_end(computing)  # each finishes what it is at
+            killed.append(_Killed("program", len(abandoned(folder) - before)))
             return
         victim = int(rng.choice(computing))
         with contextlib.suppress(OSError):
             os.kill(victim, signal.SIGKILL)
-            _wait_for_end([victim])
-            killed.append(_Killed("process", len(_abandoned(folder) - before)))
-
-
-def _abandoned(folder: Path) -> set[str]:
-    """Chunks that were begun, are not finished, and are held by no process."""
-    return {
-        lock.name
-        for lock in (folder / "chunks").glob("*.lock")
-        if not _held(lock) and not lock.with_suffix("").is_file()
-    }
-
-
-def _held(lock: Path) -> bool:
-    with contextlib.suppress(FileNotFoundError), lock.open() as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
-
-
-def _wait_for_end(processes: Sequence[int]) -> None:
-    deadline = time.monotonic() + 60.0
-    while any(_lives(pid) for pid in processes) and time.monotonic() < deadline:
-        time.sleep(0.01)
-
-
-def _lives(pid: int) -> bool:
-    """Whether a process computes; one that has ended, and that its parent has not asked for, does not."""
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    return False
+            wait_for_end([victim])
+            killed.append(_Killed("process", len(abandoned(folder) - before)))
 
 
 if __name__ == "__main__":

@@ -30,6 +30,9 @@ def test_arrays_and_archives_are_told(tmp_path: Path) -> None:
         read_toml(tmp_path / "a.npy")
     with pytest.raises(FileInputError, match=r"is a ZIP archive, such as an \.npz file"):
         read_json(tmp_path / "b.npz")
+    (tmp_path / "c.npz").write_bytes(b"PK\x03\x04" + bytes(100))  # UTF-8 by chance
+    with pytest.raises(FileInputError, match="is a ZIP archive"):
+        read_toml(tmp_path / "c.npz")
 
 
 def test_a_table_of_numbers_is_told_where_toml_or_json_belongs() -> None:
