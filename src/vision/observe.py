@@ -23,7 +23,7 @@ from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.drawing import Pen
 from vision.markers.detect import SEARCH_WIDTH_PX, Marker, detect_markers
-from vision.markers.exposure import darkness
+from vision.markers.exposure import darkness, whiteness
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import hole_occupancy
 from vision.targets.marker_print import MarkerPrint
@@ -63,7 +63,7 @@ def look(
     Raises:
         InputError: no image, an image of another size than the camera's, a marker that belongs to none of `boards`, or
             a marker in view twice.
-        ImpossibleError: the images are black, the camera has moved too far (`CameraWatch.steady`), or (unless
+        ImpossibleError: the images are black or white, the camera has moved too far (`CameraWatch.steady`), or (unless
             `arm_in_view`) both markers of a board are in view but its pose is refused, or not all of them are in the
             region for which the lens was calibrated. Such a board is in the cell, so
             it cannot be ignored like a missing one.
@@ -80,6 +80,8 @@ def look(
     detected = {marker.id for frame in frames for marker in frame}
     if not detected and (dark := darkness(max(images, key=np.max))):
         raise ImpossibleError(f"the images show {dark}", brightest=int(max(i.max() for i in images)))
+    if not detected and (white := whiteness(min(images, key=np.mean))):
+        raise ImpossibleError(f"the images show {white}", darkest=int(min(i.min() for i in images)))
     others = ""
     if not detected & {marker for board in boards for marker in board.marker_ids}:
         _refuse_mirrored(images[0], camera, dictionary, boards)

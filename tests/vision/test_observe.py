@@ -238,6 +238,11 @@ def test_black_photographs_are_told_as_such(brightest: int) -> None:
     images = [np.full((1200, 1920), grey, np.uint8) for grey in (0, brightest)]
     with pytest.raises(ImpossibleError, match=f"nothing brighter than {brightest} of 255: expose longer"):
         look(images, CAMERA, [A], DICTIONARY, CUBE)
+    white = [np.full((1200, 1920), 255, np.uint8)]
+    with pytest.raises(
+        ImpossibleError, match="almost nothing but white: 100 % is saturated; reduce exposure"
+    ):
+        look(white, CAMERA, [A], DICTIONARY, CUBE)
     grey = [np.full((1200, 1920), 120, np.uint8)]
     assert set(look(grey, CAMERA, [A], DICTIONARY, CUBE).missing) == {A.name}
 

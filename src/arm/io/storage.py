@@ -189,6 +189,8 @@ def read_json(path: Path) -> Any:
         if rest[:1] == ",":  # Python 3.13 points at a comma too many, older versions at what follows it
             last, rest = ",", rest[1:].lstrip()
         help = "a comma stands before a bracket that ends" if last == "," and rest[:1] in ("]", "}") else ""
+        if error.msg == "Extra data":
+            help = "a second document follows the first; one document belongs here: put several in a list, [..., ...]"
         help = "the file ends too early: was it written to its end?" if error.pos and not rest else help
         raise FileInputError(path, "", None, f"is not JSON: {error}", help) from error
     except ValueError as error:

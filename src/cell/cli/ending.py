@@ -6,6 +6,8 @@ import json
 import re
 import sys
 from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
@@ -47,8 +49,18 @@ def fail_usage(error: typer.TyperException) -> NoReturn:
     verbs = _typed() if context is None else _verbs(context)
     is_number = re.search(r"No such option: -[\d.]", words)
     help = " (the values of a list are joined by commas: --q=0,10,-80,0,-60,0)" if is_number else ""
+    if "unexpected extra argument" in words:
+        help = _spaced() or help
     why = f"{' '.join(words.split()).removesuffix('.')}{help}; see {' '.join(('a465', *verbs))} --help"
     fail(InputError(f"{' '.join(verbs)}: {why}" if verbs else why, command=verbs))
+
+
+def _spaced() -> str:
+    """Name a path with a space of which the shell made two arguments; "" if there is none."""
+    for first, second in pairwise(sys.argv[1:]):
+        if not second.startswith("-") and not Path(first).is_file() and Path(f"{first} {second}").exists():
+            return f" (a path with a space needs quotes: '{first} {second}')"
+    return ""
 
 
 def _verbs(context: Any) -> list[str]:

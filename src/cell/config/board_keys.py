@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board, seat_depth
+from arm.errors import FileInputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import is_number, no_file, number, numbers, rule_of, same, standing, text, triple
@@ -19,12 +20,13 @@ LEAST_FUNNEL = 1e-3  # smallest difference between the widths of mouth and floor
 SEAT_TOLERANCE = 1e-3  # largest deviation of a cube's depth from `CUBE_SEAT_DEPTH`, m
 MADE_WITHIN_MM = 0.1  # default manufacturing tolerance of boards
 
-DICTIONARIES = (
-    *(f"DICT_{side}X{side}_{count}" for side in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
-    *("DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12"),
-    *(f"DICT_APRILTAG_{name}" for name in ("16h5", "25h9", "36h10", "36h11")),
-)
-"""OpenCV's dictionaries, listed here so that reading a cell file does not load OpenCV."""
+DICTIONARIES = {
+    **{f"DICT_{side}X{side}_{count}": count for side in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+    **{"DICT_ARUCO_ORIGINAL": 1024, "DICT_ARUCO_MIP_36h12": 250},
+    **{"DICT_APRILTAG_16h5": 30, "DICT_APRILTAG_25h9": 35},
+    **{"DICT_APRILTAG_36h10": 2320, "DICT_APRILTAG_36h11": 587},
+}
+"""OpenCV's dictionaries and how many markers each has, listed here so that reading a cell file does not load OpenCV."""
 DICTIONARY = Rule("one of OpenCV's dictionaries", text(*DICTIONARIES).read)
 _LIMITS = BoardLimits()
 APART_DEG = 0.5  # of two tilts: nearer ones cannot be told apart
@@ -79,6 +81,11 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
         if not path.is_file():
             raise root.error_at("boards.files", no_file(path))
         board = replace(read_board(path, keys.marker_size, keys.made_within), pocket=pocket)
+        dictionary = root["boards"]["dictionary"].read(DICTIONARY)
+        most = DICTIONARIES[dictionary] - 1
+        if (last := board.marker_ids[1]) > most:
+            rule = f"must be from 0 to {most} in {dictionary}, the cell file's boards.dictionary"
+            raise FileInputError(path, "marker id", last, rule)
         taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
         if taken:
             rule = f"two boards have the marker {min(taken)}; ids must differ"

@@ -17,6 +17,7 @@ from arm.robot.link_errors import with_link_errors
 from arm.robot.model import Robot
 from arm.robot.shapes import Body
 from arm.robot.tool import FixedTool, padded
+from arm.se3 import Array
 from cell.config.camera_keys import CellCamera
 from cell.config.cell_values import CellValues, JawValues
 from cell.config.inputs import Inputs
@@ -124,20 +125,26 @@ class Cell(CellValues, JawValues):
 
     def start_doubt(self) -> str:
         """Say that q_start_deg may be in rad: all within pi, one with decimals, and inside the unit's limits as rad."""
-        start = np.degrees(self.q_start)
-        whole = np.allclose(start, np.rint(start), atol=1e-9)
-        if whole or np.abs(start).max() > np.pi + 0.01 or self.unit.beyond_limits(start):
-            return ""
-        given, meant = (", ".join(f"{v:.6g}" for v in angles) for angles in (start, np.degrees(start)))
-        return (
-            f"{self.file.name}: q_start_deg = [{given}]: is it in rad? Then it must be [{meant}] in deg; "
-            "as it is, the arm is within 3.2 deg of zero in all joints"
-        )
+        doubt = doubt_of_deg(self.q_start, self.unit)
+        return f"{self.file.name}: q_start_deg = {doubt}" if doubt else ""
 
     @property
     def limits(self) -> Limits:
         """Joint limits with the registers of this cell, at speed 1."""
         return self.unit.limits(self.speed_registers, self.acceleration_registers)
+
+
+def doubt_of_deg(q: Array, unit: Unit) -> str:
+    """Say that a configuration given in deg, now q (6,) rad, may be in rad; "" if not. See `Cell.start_doubt`."""
+    stated = np.degrees(q)
+    whole = np.allclose(stated, np.rint(stated), atol=1e-9)
+    if whole or np.abs(stated).max() > np.pi + 0.01 or unit.beyond_limits(stated):
+        return ""
+    given, meant = (", ".join(f"{v:.6g}" for v in angles) for angles in (stated, np.degrees(stated)))
+    return (
+        f"[{given}]: is it in rad? Then it must be [{meant}] in deg; as it is, the arm is within 3.2 deg of zero in "
+        "all joints"
+    )
 
 
 def tool_bodies(tool: Gripper | FixedTool) -> tuple[str, ...]:

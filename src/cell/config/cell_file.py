@@ -121,6 +121,9 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     keys = FixedToolCellKeys.read(root) if is_without_jaws(root) else CellKeys.read(root)
     flange = _flange(keys, root)
     nominal_unit, nominal_camera = flange.unit, read_camera(keys.camera)
+    if "look" in root and "camera_moved_mm" in root["look"] and keys.background is None:
+        help = "give the file of a background: a465 calibrate background makes it"
+        raise root.error_at("look.camera_moved_mm", "needs background, with which images are compared", help)
     if keys.rest_tolerance is not None:
         nominal_unit = replace(nominal_unit, rest_tolerance=keys.rest_tolerance)
     calibration = None

@@ -129,7 +129,7 @@ class EntryValues(Keys):
     retract: float = key("retract_mm", AWAY, 0)
     within: float = key("within_mm", _LENGTH, 0)
     speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
-    dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
+    dwell_s: float = key("dwell_s", number("s", 0.0, 60.0), 0)
     jaws: float | None = key("jaws", JAWS_RULE, None)
 
 

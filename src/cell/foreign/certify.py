@@ -116,6 +116,8 @@ def certify_step(
     if check.seen < place.asked.clearance:
         check = first_lost(place.world, trajectory, place.asked.clearance, check)
     _print(trajectory, place, peaks, check, console)
+    if doubt := peaks.slow():
+        console.say(f"NOTE: {trajectory_file}: {doubt}")
     refusal = refusal_of(trajectory_file, place.robot.joint_names, place.asked, peaks, check)
     plan = None
     if output is not None and refusal is None and place.sendable is not None:

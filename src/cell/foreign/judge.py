@@ -25,6 +25,9 @@ PARTS = 8  # into which what is not decided at once is cut
 SLACK = 1e-9  # of limits, relative
 SCAN, MOST_SCANNED = 0.02, 1000  # rad or m, and number of samples
 MOMENT_S = 5e-4
+# Times are probably in another unit beyond these: a factor, a share of the velocity limits, and a duration.
+MOST_SLOWER, LEAST_SHARE, LONG_S = 50.0, 1e-3, 300.0
+TIMES = "time_from_start is in s, by sec and nanosec"
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,23 @@ class Peaks:
     Attributes:
         velocity, acceleration: of each joint; acceleration None if joints move on straight lines with corners.
         beyond: by how much positions are beyond their limits, rad (m); at most 0 if they are not.
+        duration: of the trajectory, s.
     """
 
     velocity: Array
     acceleration: Array | None
     beyond: Array
+    duration: float
+
+    def slow(self) -> str:
+        """Say that the trajectory is so slow that its times may be in another unit; "" if it is not."""
+        most = float(self.velocity.max())
+        if not 0.0 < most < LEAST_SHARE or self.duration < LONG_S:
+            return ""
+        return (
+            f"it lasts {self.duration:.4g} s, and no joint needs more than {100.0 * most:.2g} % of its velocity limit: "
+            f"are its times in another unit? {TIMES}"
+        )
 
 
 def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
@@ -63,7 +78,7 @@ def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
     velocity, acceleration, _ = cubic_peaks(a, lasts)
     beyond = np.maximum(limits.lower - low.min(axis=0), high.max(axis=0) - limits.upper)
     push = None if trajectory.velocity is None else acceleration.max(axis=0) / limits.acceleration
-    return Peaks(velocity.max(axis=0) / limits.velocity, push, beyond)
+    return Peaks(velocity.max(axis=0) / limits.velocity, push, beyond, trajectory.duration)
 
 
 def certified(world: World, curve: Curve, clearance: float) -> ClearanceCertificate:
@@ -132,6 +147,8 @@ def refusal_of(
             needs = f"{100.0 * share[joint]:.0f} % of its {what} limit at speed {asked.speed:g}"
             # rounded up, so that the advice suffices
             slow, most = np.ceil(100.0 * slower) / 100.0, np.ceil(100.0 * asked.speed * slower) / 100.0
+            if slower > MOST_SLOWER:
+                also = f"it lasts {peaks.duration:.3g} s: are its times in another unit? {TIMES}; {also}"
             faster = f", or give --speed {most:g}" if most <= 1.0 else ""
             why = f"{file}: {joints[joint]} needs {needs}; make the trajectory {slow:.2f} times as slow{faster}; {also}"
             return ImpossibleError(

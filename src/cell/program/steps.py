@@ -29,7 +29,7 @@ class ActionKeys(Keys):
 
     name: str | None = key("name", line(), None)
     jaws: float | None = key("jaws", JAWS_RULE, None)
-    dwell_s: float = key("dwell_s", number("", 0.0, 60.0), 0)
+    dwell_s: float = key("dwell_s", number("s", 0.0, 60.0), 0)
     part: str | None = key("part", text(TAKE, PUT), None)
 
 

@@ -184,6 +184,7 @@ REGION = Rule(numbers(4, "px").words, _region)
 
 FARTHEST = 20.0  # m along each axis from the base to a camera; more is a pose in other units
 _FARTHEST_MM = 1e3 * FARTHEST
+LEAST_FOCAL = 0.25  # of the image's longer side: 127 deg, beyond which this model of a lens does not hold
 _NEAREST = 0.05  # m from the base: a position by tape is outside the arm
 SWAPPED = (
     0.3,
@@ -243,6 +244,7 @@ def _read(path: Path, placed: bool) -> Camera:
     if _off_centre(middle, size) > SWAPPED[0] and _off_centre(middle, size[::-1]) < SWAPPED[1]:
         rule = f"must be width and height, with cx {middle[0]:g} and cy {middle[1]:g} near the middle"
         raise root.error_at("intrinsics.size_px", rule, f"are they swapped? [{size[1]}, {size[0]}]")
+    _require_px(root, keys.K, size)
     camera = Camera(
         keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance, keys.region
     )
@@ -253,6 +255,20 @@ def _read(path: Path, placed: bool) -> Camera:
             "the order is k1 k2 p1 p2 k3; calibration views must reach the image's corners",
         )
     return camera
+
+
+def _require_px(root: Node, K: Array, size: tuple[int, int]) -> None:
+    """Require a focal length and a principal point that can be in px."""
+    (fx, fy), (cx, cy) = K.diagonal()[:2].tolist(), K[:2, 2].tolist()
+    if min(fx, fy) < LEAST_FOCAL * max(size):
+        wide = 2.0 * np.degrees(np.arctan2(max(size) / 2.0, min(fx, fy)))
+        least = f"must have a focal length of {LEAST_FOCAL * max(size):g} px or more"
+        rule = f"{least}; {min(fx, fy):g} px see {wide:.0f} deg"
+        raise root.error_at("intrinsics.K_px", rule, "is it in mm? divide it by the size of a pixel in mm")
+    if not (0.0 < cx < size[0] and 0.0 < cy < size[1]):
+        rule = f"must have its principal point cx, cy inside the image, {size[0]} x {size[1]} px; it is {cx:g}, {cy:g}"
+        help = "cx and cy count from the image's first pixel, not from its middle"
+        raise root.error_at("intrinsics.K_px", rule, help)
 
 
 def _pose_of(root: Node, keys: CameraKeys, placed: bool) -> Array:

@@ -16,6 +16,7 @@ BORDER = 4.0 / 3.0  # size of a marker of 6 modules with its white border, relat
 # On rendered 36 mm markers, corners are off by 0.017 px at best, 0.14 px at 1.2 times the exposure (half of the white
 # is saturated), 0.8 px at 2 times, and 0.09 px at a contrast of 33 grey.
 MOST_SATURATED = 0.05
+MOST_WHITE = 0.9  # of an image: what is left has no room for two markers with their surroundings
 LEAST_CONTRAST = 40.0  # grey
 
 
@@ -24,6 +25,13 @@ def darkness(image: Image) -> str | None:
     if image.max() >= DARK:
         return None
     return f"nothing brighter than {image.max()} of 255: expose longer, or write 8-bit images"
+
+
+def whiteness(image: Image) -> str | None:
+    """Describe an image, grey or BGR, as white: without a marker's black; None if it is not."""
+    if (saturated := float(np.mean(as_grey(image) >= SATURATED))) < MOST_WHITE:
+        return None
+    return f"almost nothing but white: {100.0 * saturated:.0f} % is saturated; reduce exposure or gain"
 
 
 def exposure_complaint(image: Image, markers: Sequence[Marker]) -> str | None:

@@ -192,6 +192,10 @@ def test_any_configuration_of_a_cell(monkeypatch, capsys) -> None:
     assert reports[0] == reports[1]
     assert reports[0]["verdict"] == "collides"
     assert "table" in reports[0]["closest"][0]["pair"]
+    assert run(["check", path, "--q", "-1.05,-0.7,-1.4,0,-1.05,0"], monkeypatch) == 0
+    assert "NOTE: --q [-1.05, -0.7, -1.4, 0, -1.05, 0]: is it in rad? Then" in capsys.readouterr().out
+    assert run(["check", path, "--q", "-60,-40.5,-80,0,-60,0"], monkeypatch) == 0
+    assert "NOTE" not in capsys.readouterr().out
 
 
 def test_the_table_shows_the_proved_clearance_beside_the_smallest_seen(capsys) -> None:

@@ -113,7 +113,18 @@ def test_a_cube_must_fit_its_pocket(scenes: Path, size: float, pocket: str, word
 def test_all_dictionaries_of_opencv_and_no_other() -> None:
     known = {name.lower(): getattr(cv2.aruco, name) for name in dir(cv2.aruco) if name.startswith("DICT_")}
     assert {name.lower() for name in DICTIONARIES} == known.keys()
-    assert all(hasattr(cv2.aruco, name) for name in DICTIONARIES)
+    for name, count in DICTIONARIES.items():
+        assert len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)).bytesList) == count
+
+
+def test_a_marker_that_the_dictionary_lacks_is_told_with_its_file(scenes: Path) -> None:
+    file = next((scenes / "boards").glob("*01-02.csv"))
+    replace_in(file, "1,2", "1,50")
+    rule = (
+        r"01-02.csv: marker id = 50: must be from 0 to 49 in DICT_4X4_50, the cell file's boards.dictionary"
+    )
+    with pytest.raises(InputError, match=rule):
+        read_cell(scenes / "cell.toml")
 
 
 class Folder:

@@ -23,6 +23,15 @@ def test_a_clearance_in_metres_is_told_the_unit_before_the_exception(scenes: Pat
     )
 
 
+def test_a_limit_of_the_camera_s_shift_needs_a_background(scenes: Path) -> None:
+    file = scenes / "cell.toml"
+    replace_in(file, "[look]\n", "[look]\ncamera_moved_mm = 2\n")
+    with pytest.raises(InputError, match=r"look.camera_moved_mm = 2: needs background.*calibrate background"):
+        read_cell(file)
+    file.write_text('background = "background.npz"\n' + file.read_text())
+    assert read_cell(file).camera_moved == 0.002
+
+
 def test_a_table_above_the_zone_for_its_boards_is_refused(scenes: Path) -> None:
     replace_in(scenes / "cell.toml", "top_z_mm = 0", "top_z_mm = 217")
     assert read_cell(scenes / "cell.toml").table_z == 0.217

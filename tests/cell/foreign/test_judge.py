@@ -99,6 +99,22 @@ def test_a_limit_is_told_with_what_suffices_and_with_the_clearance(
     assert refusal_of(tmp_path, list("abcdef"), asked, peaks_of(slow, limits.scaled(speed)), check) is None
 
 
+def test_times_in_another_unit_are_told_as_such(tmp_path: Path) -> None:
+    limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
+    for lasts, fast, slow in (
+        (4e-6, True, False),
+        (4.0, False, False),
+        (4000.0, False, True),
+        (40.0, False, False),
+    ):
+        of = trajectory([START, START + 0.1], [0.0, lasts])
+        peaks, check = peaks_of(of, limits), certified(world(), of.curve, 0.0)
+        refused = refusal_of(tmp_path, list("abcdef"), Asked(0.0, 1.0, True), peaks, check)
+        assert ("it lasts 4e-06 s: are its times in another unit?" in str(refused)) == fast, refused
+        assert ("it lasts 4000 s, and no joint needs more than 0.0" in peaks.slow()) == slow, peaks.slow()
+        assert bool(peaks.slow()) == slow
+
+
 def test_positions_in_degrees_are_told_as_such(tmp_path: Path) -> None:
     limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
     for factor, told in ((np.degrees(1.0), True), (4.0, False)):

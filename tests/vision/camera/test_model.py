@@ -112,6 +112,13 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
     [
         ("[1920, 1200]", "[1920]", "intrinsics.size_px"),
         ("[1920, 1200]", "[1200, 1920]", r"are they swapped\? \[1920, 1200\]"),
+        ("4746.48725, 0.0", "16.0, 0.0", r"K_px.*480 px or more; 16 px see 178 deg \(is it in mm\?"),
+        (
+            "1072.72375",
+            "0.0",
+            r"K_px.*cx, cy inside the image, 1920 x 1200 px; it is 0, 533.493 \(cx and cy count",
+        ),
+        ("533.49256", "1200.5", "intrinsics.K_px.*it is 1072.72, 1200.5"),
         ("4746.48725, 0.0", "-4746.48725, 0.0", "intrinsics.K_px"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "has no inverse"),

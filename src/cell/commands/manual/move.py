@@ -32,7 +32,7 @@ from cell.commands.manual.session import (
     scene_now,
 )
 from cell.commands.manual.teach import taught_otherwise
-from cell.config.cell import Cell
+from cell.config.cell import Cell, doubt_of_deg
 from cell.console import Console
 from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import read_place
@@ -140,6 +140,8 @@ def move_step(
     task = read_place(place)
     cell, low = task.cell, manual_speed(task.cell, speed)
     require_person(unseen, UNSEEN, "that the arm may move")
+    if goal.kind == "q" and (doubt := doubt_of_deg(np.radians(goal.values), cell.unit)):
+        console.say(f"NOTE: --q {doubt}")
     listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")
     plans: list[Plan] = []
     for line in () if listed is None else taught_otherwise(listed, cell):

@@ -18,6 +18,7 @@ from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.paths import PathMoves
 from plan.program.goals.target import Target
+from plan.program.sequence.refusals import below_table
 from plan.program.setting import Setting
 from plan.trajectory.time_estimates import straight_time, straight_times
 
@@ -127,12 +128,13 @@ class Candidates:
         free += " and anything within its ranges and tilt" if target.freedom else ""
         place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
+        under = below_table(T_base_tool[:3, 3], self.worlds.bodies.values())
         asked = AskedPose(T_base_tool, target.freedom, tuple(target.free)).to_json()
         if has_closed_form(self.robot):
             reports = explain_pose(self.robot, T_base_tool, self.limits.lower, self.limits.upper)
             best = min(reports, key=lambda report: report.miss)
             return ImpossibleError(
-                f"{head}: in the nearest of {len(reports)} branches {best.why()}; try another pose or more free "
+                f"{head}: in the nearest of {len(reports)} branches {best.why()}{under}; try another pose or more free "
                 "directions",
                 target=target.name,
                 solutions=0,
@@ -142,8 +144,8 @@ class Candidates:
                 pose=asked,
             )
         return ImpossibleError(
-            f"{head}: none of {self.ik.starts} starts of the numerical search converged; try another pose, more free "
-            "directions, or more starts",
+            f"{head}: none of {self.ik.starts} starts of the numerical search converged{under}; try another pose, more "
+            "free directions, or more starts",
             target=target.name,
             solutions=0,
             joint=None,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from arm.errors import ImpossibleError
+from arm.numerics.products import mul
+from arm.robot.shapes import Body, Box
+from arm.se3 import Array
 from plan.collision.certificate import ClearanceCertificate
 from plan.collision.world import World
 from plan.failure import (
@@ -23,6 +26,21 @@ from plan.program.goals.target import Target
 from plan.transit.straight import StraightLine
 
 
+def below_table(point: Array, bodies: Iterable[Body]) -> str:
+    """Say that a point (3,) m is below the top of a table, which stands in `bodies`; "" if it is not."""
+    for body in bodies:
+        if body.kind == "table" and isinstance(body.shape, Box):
+            at = mul(body.T_base_body[:3, :3].T, point - body.T_base_body[:3, 3])
+            below = body.shape.size[2] / 2.0 - at[2]
+            if (
+                below > 0.0
+                and abs(at[0]) <= body.shape.size[0] / 2.0
+                and abs(at[1]) <= body.shape.size[1] / 2.0
+            ):
+                return f", and it is {1e3 * below:.0f} mm below the top of {body.name}"
+    return ""
+
+
 def end_blocked(
     before: str, name: str, line: StraightLine, world: World, clearance: float
 ) -> ImpossibleError:
@@ -33,7 +51,7 @@ def end_blocked(
     return ImpossibleError(
         f"the transit from {before} to {name} {verb} too near to a body: at {where}, {pair[0]} is "
         f"{distance * 1e3:.1f} mm from {pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, "
-        "a path that begins and ends further out, or less clearance may help",
+        "a path that begins and ends further out (lift_mm), or less clearance may help",
         reason=f"{verb} with {pair[0]} too near to {pair[1]}",
         target=where,
         pair=list(pair),

@@ -18,7 +18,14 @@ from plan.collision.certificate import ClearanceCertificate
 from plan.collision.world import World
 from plan.failure import LINE_BLOCKED, OUT_OF_REACH, START_BLOCKED, Failure, failure_in
 from plan.program.goals.target import Target
-from plan.program.sequence.refusals import end_blocked, line_blocked, miss, out_of_hand, straight_blocked
+from plan.program.sequence.refusals import (
+    below_table,
+    end_blocked,
+    line_blocked,
+    miss,
+    out_of_hand,
+    straight_blocked,
+)
 from plan.scene import Scene
 from plan.transit.straight import StraightLine
 from plans.waypoints import Q_START, planned, refusal_of
@@ -35,6 +42,17 @@ def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs9
         planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
     assert caught.value.data["clearance_m"] == FAST.clearance
     assert f"(required: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
+
+
+def test_a_goal_below_a_table_is_told_how_far() -> None:
+    top = float(TABLE.T_base_body[2, 3]) + TABLE.shape.size[2] / 2.0  # type: ignore[union-attr]
+    x, y = TABLE.T_base_body[:2, 3].tolist()
+    wall = Body("wall", Box((9.0, 9.0, 9.0)), transform(), "wall")
+    assert (
+        below_table(np.array([x, y, top - 0.05]), [wall, TABLE]) == ", and it is 50 mm below the top of table"
+    )
+    for place in ((x, y, top + 1e-3), (x + 5.0, y, top - 0.05)):
+        assert below_table(np.array(place), [wall, TABLE]) == ""
 
 
 WALL = ClearanceCertificate(0.004, 0.004, ("palm", "wall"), 0.25, False, 1)
