@@ -74,7 +74,7 @@ class GripperValues(Keys):
     current_channel: int = key("gripper.current_channel", _CHANNEL)
 
 
-class UnitKeys(UnitValues, GripperValues):
+class UnitKeys(UnitValues, GripperValues, file="a unit file"):
     """Keys of a unit file."""
 
     model: str = key("model", text())

@@ -9,11 +9,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self, TypeVar, dataclass_transform, overload
+from typing import Any, ClassVar, Self, TypeVar, dataclass_transform, overload
 
 from arm.io.node import REQUIRED, Node, Rule
 
 T = TypeVar("T")
+_TOP = "above the first table"
+_FEW = 3  # places that are named of a key that stands elsewhere; one with more is too common for a hint
 
 
 @dataclass(frozen=True)
@@ -44,14 +46,24 @@ def key(name: str, rule: Rule[T], default: Any = REQUIRED) -> Any:
 class Keys:
     """Base of the declarations of a table's keys; a subclass is a frozen dataclass with keyword arguments only."""
 
-    def __init_subclass__(cls, **more: Any) -> None:
+    _FILES: ClassVar[dict[str, type[Keys]]] = {}
+
+    def __init_subclass__(cls, file: str = "", **more: Any) -> None:
+        """Declare the keys of a table; `file`: what a file of these keys is called, such as ``a cell file``."""
         super().__init_subclass__(**more)
         dataclass(frozen=True, kw_only=True)(cls)
+        if file:
+            Keys._FILES[file] = cls
 
     @classmethod
     def declared(cls) -> dict[str, Key]:
         """Return the keys by field."""
         return {f.name: f.metadata["key"] for f in fields(cls) if "key" in f.metadata}  # type: ignore[arg-type]
+
+    @classmethod
+    def names(cls) -> list[str]:
+        """Return the dotted names of the keys, ``[]`` after the name of an array of tables."""
+        return _names(cls.declared())
 
     @classmethod
     def read(cls, node: Node) -> Self:
@@ -70,7 +82,7 @@ def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
         FileInputError: a value breaks its rule, a key is missing, or a key is unknown. Every message also
             names the unknown keys.
     """
-    unknown = list(_unknown(node, [one.name for one in declared.values()]))
+    unknown = list(_unknown(node, [one.name for one in declared.values()], _names(declared)))
     hints = [f"{one.key} is not a known key" + (f": {help}" if "?" in help else "") for one, help in unknown]
     hinted = replace(node, help="; ".join(filter(None, [node.help, *hints])))
     values = {name: hinted.get(one.name, one.rule, one.default) for name, one in declared.items()}
@@ -79,16 +91,48 @@ def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
     return values
 
 
-def _unknown(node: Node, known: Sequence[str], prefix: str = "") -> Iterator[tuple[Node, str]]:
-    """Yield the unknown keys of a table, each with advice."""
+def _unknown(
+    node: Node, known: Sequence[str], every: Sequence[str], prefix: str = ""
+) -> Iterator[tuple[Node, str]]:
+    """Yield the unknown keys of a table, each with advice; `every`: the keys with those of arrays of tables."""
     beside = sorted(
         {name.removeprefix(prefix).partition(".")[0] for name in known if name.startswith(prefix)}
     )
     for name in node.value if isinstance(node.value, dict) else ():
         one = node[name]
         if "." not in name and any(k.startswith(f"{prefix}{name}.") for k in known):
-            yield from _unknown(one, known, f"{prefix}{name}.")  # a value that is no table has none
+            yield from _unknown(one, known, every, f"{prefix}{name}.")  # a value that is no table has none
         elif prefix + name not in known or "." in name:
             guess = difflib.get_close_matches(name, beside, n=1)
             before = one.key.removesuffix(name)
-            yield one, f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
+            near = f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
+            yield one, _home(name, every) or near
+
+
+def _names(declared: Mapping[str, Key]) -> list[str]:
+    every = declared.values()
+    inner = [f"{one.name}[].{name}" for one in every for kind in one.rule.tables for name in kind.names()]
+    return [*(one.name for one in every), *inner]
+
+
+def _home(name: str, known: Sequence[str]) -> str:
+    """Say where a key belongs that is in the wrong table or file; "" if no file has such a key."""
+    found = _places(name, known)
+    if not found:
+        every = ((file, _places(name, kind.names())) for file, kind in Keys._FILES.items())
+        found = [f"{place} of {file}" for file, places in every for place in places]
+    return f"it belongs {' or '.join(found)}" if 0 < len(found) <= _FEW else ""
+
+
+def _places(name: str, known: Sequence[str]) -> list[str]:
+    """Return the places in a file with these keys where a key or table of that name stands."""
+    tables = dict[str, None]()
+    for one in known:
+        table, _, last = one.rpartition(".")
+        if last == name:
+            tables[f"in [[{table[:-2]}]]" if table.endswith("[]") else f"in [{table}]" if table else _TOP] = (
+                None
+            )
+        elif table.partition(".")[0] == name:
+            tables["as a table"] = None
+    return list(tables)

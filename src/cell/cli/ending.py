@@ -7,13 +7,13 @@ import re
 import sys
 from contextlib import suppress
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NoReturn
 
 import typer
 
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli.options import refuse
+from cell.cli.usage import usage_help
 from cell.console import Console, OutputLost, say_on_stderr
 
 
@@ -33,34 +33,44 @@ def fail(error: A465Error) -> NoReturn:
         body = {"error": {"kind": kind, "message": str(error), "exit_code": code, **error.data}}
         with suppress(OutputLost):  # standard error and the exit code report it too
             Console().say(json.dumps(body, indent=2, default=str))
-    say_on_stderr(f"a465: {error.word}: {error}")
+    say_on_stderr(f"a465: {error.word}: {error}{_json_help(error)}")
     sys.exit(error.exit_code)
 
 
-def fail_usage(error: typer.TyperException) -> NoReturn:
+def _json_help(error: A465Error) -> str:
+    """Say that ``--json`` takes no file if the error is of the word after it; "" if it is not."""
+    for option, word in pairwise(sys.argv):
+        if option == "--json" and word == str(error.data.get("file")):
+            return "; --json takes no file: its object goes to standard output"
+    return ""
+
+
+def fail_usage(error: typer.TyperException, app: typer.Typer) -> NoReturn:
     """Print what is wrong with a command's name, options or arguments, in one line, and exit as `fail` does.
 
-    A group without a command prints its help instead.
+    A group without a command prints its help instead. `app` has all commands with their parameters.
     """
     words, context = error.format_message(), getattr(error, "ctx", None)
     if context is not None and words == context.get_help():
         say_on_stderr(words)
         sys.exit(InputError.exit_code)
     verbs = _typed() if context is None else _verbs(context)
-    is_number = re.search(r"No such option: -[\d.]", words)
-    help = " (the values of a list are joined by commas: --q=0,10,-80,0,-60,0)" if is_number else ""
-    if "unexpected extra argument" in words:
-        help = _spaced() or help
-    why = f"{' '.join(words.split()).removesuffix('.')}{help}; see {' '.join(('a465', *verbs))} --help"
+    help = usage_help(words, sys.argv[1:], verbs, _commands(app))
+    why = " ".join(words.split()).removesuffix(".")
+    if help:  # better than the parser's guess
+        why = f"{re.sub(r' [(]Possible options: .*[)]$', '', why)} ({help})"
+    why = f"{why}; see {' '.join(('a465', *verbs))} --help"
     fail(InputError(f"{' '.join(verbs)}: {why}" if verbs else why, command=verbs))
 
 
-def _spaced() -> str:
-    """Name a path with a space of which the shell made two arguments; "" if there is none."""
-    for first, second in pairwise(sys.argv[1:]):
-        if not second.startswith("-") and not Path(first).is_file() and Path(f"{first} {second}").exists():
-            return f" (a path with a space needs quotes: '{first} {second}')"
-    return ""
+def _commands(app: typer.Typer) -> dict[str, Any]:
+    """Return all commands by their words: one, or two of a group."""
+    every: dict[str, Any] = {}
+    for name, one in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+        every |= {f"{name} {inner}": command for inner, command in getattr(one, "commands", {}).items()} or {
+            name: one
+        }
+    return every
 
 
 def _verbs(context: Any) -> list[str]:

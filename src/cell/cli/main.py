@@ -397,4 +397,4 @@ def main() -> None:
         except A465Error as error:
             fail(error)
         except typer.TyperException as error:
-            fail_usage(error)
+            fail_usage(error, app)

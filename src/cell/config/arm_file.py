@@ -86,7 +86,7 @@ class _ArmKeys(Keys):
     acceleration: Any = key("acceleration", _ACCELERATION)
 
 
-class _FileKeys(Keys):
+class _FileKeys(Keys, file="an arm file"):
     arm: _ArmKeys = key(ARM, Rule("a table", _ArmKeys.read))
     q_start: Array = key("q_start", numbers(None))
     speed: float = key("speed", number("", 0.01, 1.0), 0.5)

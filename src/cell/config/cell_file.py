@@ -70,7 +70,7 @@ class _CommonKeys(CameraKeys, _FixedKeys, BoardKeys, CellValues, _DeviceKeys):
     )
 
 
-class CellKeys(_CommonKeys, GripperKeys, JawValues):
+class CellKeys(_CommonKeys, GripperKeys, JawValues, file="a cell file"):
     """Keys of the file of a cell with a gripper."""
 
 

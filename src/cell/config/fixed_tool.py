@@ -21,7 +21,7 @@ KIND = "tool"  # of the bodies
 _KEY = re.compile(r"tool\.(?:bodies\[(.*)\]\.)?(\w+)", re.S)  # of `config_inputs`
 
 
-class FixedToolKeys(Keys):
+class FixedToolKeys(Keys, file="a tool file"):
     """Keys of a tool file."""
 
     origin: Array = key("origin_mm", PLACE, [0, 0, 0])

@@ -78,7 +78,7 @@ class HandKeys(Keys):
     plate: tuple[float, float, float] = key("hand.plate_mm", triple("mm", 0.5, 500))
 
 
-class HandCharucoKeys(HandKeys, CharucoKeys):
+class HandCharucoKeys(HandKeys, CharucoKeys, file="a file of the gripper's target"):
     """Keys of a target with markers in the gripper."""
 
 

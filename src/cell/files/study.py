@@ -73,7 +73,7 @@ class VaryKeys(Keys):
     values: list[Any] | None = key("values", _VALUES, None)
 
 
-class StudyKeys(Keys):
+class StudyKeys(Keys, file="a study file"):
     """Keys of a study file."""
 
     task: Path = key("task", path(exists=False))

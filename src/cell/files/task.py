@@ -135,7 +135,7 @@ class TaskKeys(TaskValues):
     from_board: tuple[int, ...] = key("from_board", _IDS)
 
 
-class Task1Keys(TaskKeys):
+class Task1Keys(TaskKeys, file="a task file of clear-board"):
     """Keys of Task 1."""
 
     board_height: float = key("board_height_mm", number("mm", 15, 1000))
@@ -145,7 +145,7 @@ class Task1Keys(TaskKeys):
     yaw: float = key("places.yaw_deg", number("deg", -360, 360), 0)
 
 
-class Task2Keys(TaskKeys):
+class Task2Keys(TaskKeys, file="a task file of board-to-board"):
     """Keys of Task 2."""
 
     to_board: tuple[int, ...] = key("to_board", _IDS)

@@ -62,7 +62,7 @@ An arc is a table with its end ``to_mm``, and with ``centre_mm`` (the shorter ar
 """
 
 
-class WireKeys(Keys):
+class WireKeys(Keys, file="a wire file"):
     """Keys of a wire file."""
 
     outline: Outline | None = key("line_mm", POINTS, None)

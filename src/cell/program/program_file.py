@@ -73,7 +73,7 @@ class _FileKeys(Keys):
     file: Path = key("file", path())
 
 
-class ProgramKeys(ProgramValues):
+class ProgramKeys(ProgramValues, file="a program"):
     """Keys of a program file."""
 
     cell: Path = key("cell", path())

@@ -192,7 +192,7 @@ SWAPPED = (
 )  # principal point off the middle, of the size: more if width and height are swapped, less if not
 
 
-class CameraKeys(Keys):
+class CameraKeys(Keys, file="a camera file"):
     """Keys of a camera file."""
 
     size: tuple[int, ...] = key("intrinsics.size_px", integers(2, 16, 20000))

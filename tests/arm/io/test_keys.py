@@ -48,6 +48,36 @@ def test_the_file_is_read_by_the_declarations() -> None:
         cart.name = "another"  # type: ignore[misc]
 
 
+class Tool(Keys, file="a file for tests"):
+    """Keys of another file."""
+
+    grease: float = key("bearing.grease_mm", number("mm", 1, 5000))
+    drawn: int = key("drawn_by", integer(0, 9), 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"seats": 3}, r"seats = 3: is not a known key \(it belongs in \[frame\]\)"),
+        (
+            {"frame": {"length_mm": 1, "load_kg": 3}},
+            r"frame.load_kg = 3: .*\(it belongs above the first table\)",
+        ),
+        (
+            {"frame": {"length_mm": 1, "radius_mm": 3}},
+            r"frame.radius_mm = 3: .*\(it belongs in \[\[wheels\]\]\)",
+        ),
+        ({"frame": {"length_mm": 1, "frame": 3}}, r"frame.frame = 3: .*\(it belongs as a table\)"),
+        ({"grease_mm": 3}, r"grease_mm = 3: .*\(it belongs in \[bearing\] of a file for tests\)"),
+        ({"bearing": {}}, r"bearing = {}: .*\(it belongs as a table of a file for tests\)"),
+        ({"drawn_by": 3}, r"\(it belongs above the first table of a file for tests\)"),
+    ],
+)
+def test_a_key_in_the_wrong_table_or_file_is_told_where_it_belongs(change: dict, told: str) -> None:
+    with pytest.raises(FileInputError, match=told):
+        read({**GOOD, **change})
+
+
 def test_declarations_are_the_keys_in_order() -> None:
     declared = Cart.declared()
     assert [one.name for one in declared.values()] == [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
 import pytest
 import typer
@@ -65,17 +64,6 @@ def test_a_wrong_option_or_command_is_one_line(typed: str, words: tuple[str, ...
     assert told.count("\n") == 1
     assert all(word in told for word in words), told
     assert said == ""
-
-
-def test_a_path_with_a_space_that_the_shell_split_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("my cell").mkdir()
-    Path("my cell/task.toml").write_text("")
-    told = a465("look", "my", "cell/task.toml", code=2)[1]
-    assert "(a path with a space needs quotes: 'my cell/task.toml'); see a465 look --help" in told
-    assert "needs quotes" not in a465("look", "my", "cell/tusk.toml", code=2)[1]
 
 
 def test_a_group_without_a_command_prints_its_help() -> None:

@@ -1,0 +1,86 @@
+"""What would help somebody who typed a command line that no command takes: where the words belong that were typed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from arm.io.kind import kind_of_file
+
+MOST_OWNERS = 3  # commands that are named because they have an option; one of more says nothing
+ALIKE = {"--images": "--camera", "--camera": "--images"}  # of which a command has one
+KINDS = {"cell": "--cell", "look": "--look", "world": "--world"}  # options of files, by `arm.io.kind.KINDS`
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
+
+
+def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands: Mapping[str, Any]) -> str:
+    """Return what would help, as a sentence part; "" if nothing is known.
+
+    Args:
+        words: of the parser, such as ``No such option: --port``.
+        typed: the command line after the program's name.
+        verbs: the command, (), or two words for one of a group.
+        commands: all commands by their words, as click has them.
+    """
+    command = commands.get(" ".join(verbs))
+    if found := re.search(r"No such option: (-\S+)", words):
+        return _of_option(found[1].rstrip("."), typed, verbs, commands, command)
+    if found := re.search(r"unexpected extra arguments?(?:\(s\))? \((.*)\)", words):
+        return _of_extra(found[1].split(), typed, command)
+    if found := re.search(rf"'({_NUMBER.pattern})\s*[a-zA-Z°%]+' is not a valid (?:float|int)", words):
+        return f"give the number alone, such as {found[1]}; the help states its unit"
+    return ""
+
+
+def _of_option(
+    option: str, typed: Sequence[str], verbs: Sequence[str], commands: Mapping[str, Any], command: Any
+) -> str:
+    if re.match(r"-[\d.]", option):
+        return "the values of a list are joined by commas: --q=0,10,-80,0,-60,0"
+    if not verbs:
+        named = next((word for word in typed if word in commands), "")
+        if named and option in _options(commands[named]):
+            return f"{option} stands after the command: a465 {named} ... {option}"
+        return ""
+    name = option.lstrip("-").replace("-", "_")
+    for one in command.params if command else ():
+        if one.param_type_name == "argument" and one.name == name:
+            usage = " ".join(p.make_metavar(None) for p in command.params if p.param_type_name == "argument")
+            return f"{name} is an argument and has no option: a465 {' '.join(verbs)} {usage}"
+    if (other := ALIKE.get(option)) and command and other in _options(command):
+        return f"it is {other} here"
+    owners = [name for name, one in commands.items() if option in _options(one)]
+    return f"{option} belongs to {', '.join(owners)}" if 0 < len(owners) <= MOST_OWNERS else ""
+
+
+def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
+    if split := _split_path(typed):
+        return f"a path with a space needs quotes: '{split}'"
+    before = typed[: max((k for k, word in enumerate(typed) if word == extra[0]), default=0)]
+    option, _, first = "=".join(before[-1:] if "=" in "".join(before[-1:]) else before[-2:]).partition("=")
+    if option.startswith("--") and all(_NUMBER.fullmatch(word) for word in (first, *extra)):
+        return f"the values of a list are joined by commas: {option}={','.join((first, *extra))}"
+    options = _options(command)
+    for word in extra:
+        kind = kind_of_file(Path(word)) if Path(word).is_file() else ""
+        if (option := KINDS.get(kind)) in options:
+            return f"a {kind} is given by {option} {word}"
+        if "--unit" in options and re.fullmatch(r"crs\d+", word.lower()):
+            return f"a unit is given by --unit {word}"
+    return ""
+
+
+def _options(command: Any) -> set[str]:
+    return {option for one in (command.params if command else ()) for option in one.opts}
+
+
+def _split_path(typed: Sequence[str]) -> str:
+    """Return a path with a space of which the shell made two arguments; "" if there is none."""
+    for first, second in pairwise(typed):
+        both = f"{first} {second}"
+        if not second.startswith("-") and not Path(first).is_file() and Path(both).exists():
+            return both
+    return ""

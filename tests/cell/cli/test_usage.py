@@ -1,0 +1,52 @@
+"""A command line that no command takes is answered with where its words belong."""
+
+from pathlib import Path
+
+import pytest
+
+from typed.command_line import a465
+
+
+@pytest.mark.parametrize(
+    ("typed", "help"),
+    [
+        ("home c.toml --port mars", "(port is an argument and has no option: a465 home CELL [PORT])"),
+        ("move c.toml mars --by 0 0 50", "(the values of a list are joined by commas: --by=0,0,50)"),
+        ("move c.toml mars --by=0 0 50", "(the values of a list are joined by commas: --by=0,0,50)"),
+        ("run t.toml --resume", "No such option: --resume (--resume belongs to execute); see"),
+        ("doctor --images x", "No such option: --images (it is --camera here); see"),
+        ("new-cell hall crs93", "(a unit is given by --unit crs93)"),
+        ("--json plan t.toml", "(--json stands after the command: a465 plan ... --json)"),
+        ("run t.toml --speed 30s", "(give the number alone, such as 30; the help states its unit)"),
+        ("calibrate camera x --world y", "No such option: --world (Possible options: "),
+        ("look a.toml b.toml", "look: Got unexpected extra argument(s) (b.toml); see a465 look"),
+    ],
+)
+def test_words_are_told_where_they_belong(
+    typed: str, help: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert help in a465(*typed.split(), code=2)[1]
+
+
+def test_a_cell_file_that_is_no_argument_is_told_its_option(scenes: Path) -> None:
+    cell = str(scenes / "cell.toml")
+    assert f"(a cell is given by --cell {cell}); see" in a465("doctor", cell, code=2)[1]
+
+
+def test_json_takes_no_file(scenes: Path) -> None:
+    told = a465("plan", str(scenes / "task2.toml"), "--json", "plan.json", code=2)[1]
+    assert told.endswith(
+        "plan.json: cannot be read: No such file or directory; --json takes no file: its object goes to standard output\n"
+    )
+
+
+def test_a_path_with_a_space_that_the_shell_split_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my cell").mkdir()
+    Path("my cell/task.toml").write_text("")
+    told = a465("look", "my", "cell/task.toml", code=2)[1]
+    assert "(a path with a space needs quotes: 'my cell/task.toml'); see a465 look --help" in told
+    assert "needs quotes" not in a465("look", "my", "cell/tusk.toml", code=2)[1]
