@@ -23,7 +23,8 @@ from vision.camera.frame_source import Image, as_grey
 from vision.camera.model import Camera
 from vision.drawing import Pen
 from vision.markers.detect import SEARCH_WIDTH_PX, Marker, detect_markers
-from vision.markers.exposure import darkness, whiteness
+from vision.markers.edge_blur import SHARP_PX, marker_blur
+from vision.markers.exposure import darkness, exposure_complaint, whiteness
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import hole_occupancy
 from vision.targets.marker_print import MarkerPrint
@@ -98,6 +99,8 @@ def look(
             pose = _pose(board, frames, images, camera, dictionary, limits, tilts, boards)
         except ImpossibleError as error:
             if not arm_in_view and not hidden:
+                if why := _bad_image(images[0], frames[0], dictionary):
+                    raise ImpossibleError(f"{error}; image 1 is {why}", **error.data) from error
                 raise
             missing[board.name] = f"marker {hidden[0]} is hidden; {error}" if hidden else str(error)
             continue
@@ -194,6 +197,14 @@ def with_camera_uncertainty(pose: BoardPose, camera: Camera, shift: CameraShift)
     added = mul(mul(Ad, shift.twist_covariance), Ad.T)
     again = None if pose.repeatability is None else frozen(pose.repeatability + added)
     return replace(pose, covariance=frozen(pose.covariance + added), repeatability=again)
+
+
+def _bad_image(image: Image, markers: Sequence[Marker], dictionary: str) -> str:
+    """What is wrong with focus or exposure of an image; "" if nothing is."""
+    blur = marker_blur(image, markers, dictionary)
+    if blur is not None and blur > SHARP_PX:
+        return f"blurred by {blur:.1f} px (at most {SHARP_PX:g}): focus, or expose for a shorter time"
+    return exposure_complaint(image, markers) or ""
 
 
 def _why_missing(board: Board, hidden: Sequence[int]) -> str:

@@ -171,6 +171,20 @@ def test_bad_photographs() -> None:
         look(wrong, CAMERA, [A, B], DICTIONARY, CUBE)
 
 
+def test_a_board_that_is_refused_in_a_blurred_image_is_told_the_blur() -> None:
+    shot = two_boards()
+    strict = BoardLimits(sideways_m=1e-6)
+    with pytest.raises(ImpossibleError, match="is too uncertain to grasp") as sharp:
+        look(shot.images[:1], CAMERA, [A, B], DICTIONARY, CUBE, strict)
+    assert "blurred" not in str(sharp.value)
+    blurred = [cv2.GaussianBlur(shot.images[0], (0, 0), 4.0)]
+    with pytest.raises(
+        ImpossibleError, match=r"; image 1 is blurred by 4\.\d px \(at most 1.5\): focus, or"
+    ) as told:
+        look(blurred, CAMERA, [A, B], DICTIONARY, CUBE, strict)
+    assert told.value.data.keys() == sharp.value.data.keys()
+
+
 def test_one_marker_twice() -> None:
     camera = smaller(CAMERA, 0.5)
     shot = photograph(camera, [(A, random_pose(np.random.default_rng(2), 0.0))], np.random.default_rng(2))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import FileInputError, shortened
-from arm.io.foreign import markup, table
+from arm.io.foreign import markup, table, yaml
 from arm.io.storage import leaves, read_text, require_64_bits
 
 MOST_LINE = 100  # characters of a line that is told
@@ -39,7 +39,7 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
                 "is JSON, such as a look or a plan, and a TOML file belongs here (are two arguments swapped?)"
             )
             raise FileInputError(path, "", None, rule) from error
-        if foreign := markup(text) or table(text):
+        if foreign := markup(text) or table(text) or yaml(text):
             raise FileInputError(path, "", None, f"{foreign}, and a TOML file belongs here") from error
         raise FileInputError(
             path, "", None, f"is not valid TOML: {error}{_place(text, str(error))}"

@@ -11,7 +11,8 @@ from cell.accuracy.insertion import percent
 from cell.accuracy.placement import PlacementBudget
 from cell.console import Console
 
-UNKNOWN = "the cell has no calibration with a covariance, so the errors of the placements are not known"
+UNKNOWN = "the cell has no calibration with a covariance, so the errors of the placements are not known; "
+UNKNOWN += "accuracy.least_insertion is not checked"
 HEADER = ("cube", "to", "offset mm", "height mm", "tilt deg", "enters %", "mostly due to")
 _SHOWN = 3  # sources in a row of the table
 

@@ -271,11 +271,12 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     """
     from cell.files.world import read_world
     from cell.sim.cell import SimulatedCell
-    from cell.sim.made import require_apart
+    from cell.sim.made import require_apart, require_on_table
 
     cell = task.cell
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     require_apart(truth)
+    require_on_table(truth, cell.table_z)
     if not contact:
         work, wires = _true_work(task, truth) if isinstance(task, ProgramTask) else ((), ())
         return SimulatedCell(cell, truth, work, wires)

@@ -37,6 +37,26 @@ def require_apart(world: World) -> None:
                 raise FileInputError(world.file, f"boards[{second}].centre_mm", None, rule)
 
 
+def require_on_table(world: World, table_z: float) -> None:
+    """Refuse boards whose plate reaches below the top of the table, at `table_z` m.
+
+    Raises:
+        FileInputError: names the board and how far it is below.
+    """
+    for number, one in enumerate(world.boards):
+        plate = one.board.plate
+        (x, y, thick), centre = plate.size, plate.centre
+        ends = [(centre[0] + i * x / 2.0, centre[1] + j * y / 2.0, -thick) for i in (-1, 1) for j in (-1, 1)]
+        below = table_z - float(apply(one.T_base_board, ends)[:, 2].min())
+        if below > thick / 2.0:  # less may be a height by tape, or a tilt that is not quite the stand's
+            rule = (
+                f"puts the underside of board {one.board.name} {1e3 * below:.0f} mm below the top of the table "
+                f"(table.top_z_mm = {1e3 * table_z:g} in the cell file)"
+            )
+            help = "centre_mm is the middle of the plate's top"
+            raise FileInputError(world.file, f"boards[{number}].centre_mm", None, rule, help)
+
+
 def made_board(world: World, board: TrueBoard, pocket: tuple[float, float]) -> TrueBoard:
     """A board with its true holes, pockets (nominal mouth and floor: `pocket`, m) and prints.
 

@@ -151,10 +151,12 @@ class Camera:
             raise InputError(why, image=what)
         height, width = image.shape[:2]
         if (width, height) != self.size:
+            turned = (height, width) == self.size
             why = (
                 f"{what}: is {width} x {height} px, but the camera's calibration is for "
-                f"{self.size[0]} x {self.size[1]} px; use the full frame, or calibrate for this size"
+                f"{self.size[0]} x {self.size[1]} px; "
             )
+            why += _TURNED if turned else "use the full frame, or calibrate for this size"
             raise InputError(why, image=what, size_px=[width, height], camera_size_px=list(self.size))
 
 
@@ -184,6 +186,10 @@ REGION = Rule(numbers(4, "px").words, _region)
 
 FARTHEST = 20.0  # m along each axis from the base to a camera; more is a pose in other units
 _FARTHEST_MM = 1e3 * FARTHEST
+_TURNED = "its sides are exchanged: was it turned by 90 deg? use it as the camera takes it"
+_UPWARDS = (
+    0.5  # sine of the angle above the horizon: a camera above the table sees no board along such a line
+)
 LEAST_FOCAL = 0.25  # of the image's longer side: 127 deg, beyond which this model of a lens does not hold
 _NEAREST = 0.05  # m from the base: a position by tape is outside the arm
 SWAPPED = (
@@ -282,6 +288,11 @@ def _pose_of(root: Node, keys: CameraKeys, placed: bool) -> Array:
     if keys.T_base_camera is not None:
         if stated:
             raise root.error_at(f"pose.{stated[0]}", "must be left out where T_base_camera is given")
+        if keys.T_base_camera[2, 2] > _UPWARDS:
+            up = float(np.degrees(np.arcsin(keys.T_base_camera[2, 2])))
+            rule = f"looks {up:.0f} deg upwards, and boards are seen from above"
+            help = "its third column is the line of sight; are its y and z those of OpenGL, which looks along -z?"
+            raise root.error_at("pose.T_base_camera", rule, help)
         return keys.T_base_camera
     if "pose" not in root and not placed:
         return np.eye(4)

@@ -36,6 +36,7 @@ def test_invalid_toml_is_refused_with_its_line(tmp_path: Path) -> None:
             '<?xml version="1.0"?>\n',
             "is XML, such as a URDF (an arm file names a URDF: arm.urdf), and a TOML",
         ),
+        ("image_width: 1920\nimage_height: 1200\n", "looks like YAML, and a TOML"),
         ("<!doctype html>\n", "is an HTML page, such as a preview or a report, and a TOML"),
     ],
 )

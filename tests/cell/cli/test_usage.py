@@ -36,9 +36,8 @@ def test_a_cell_file_that_is_no_argument_is_told_its_option(scenes: Path) -> Non
 
 def test_json_takes_no_file(scenes: Path) -> None:
     told = a465("plan", str(scenes / "task2.toml"), "--json", "plan.json", code=2)[1]
-    assert told.endswith(
-        "plan.json: cannot be read: No such file or directory; --json takes no file: its object goes to standard output\n"
-    )
+    assert "plan.json: cannot be read: No such file" in told
+    assert told.endswith("; --json takes no file: its object goes to standard output\n")
 
 
 def test_a_path_with_a_space_that_the_shell_split_is_told(

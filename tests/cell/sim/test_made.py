@@ -15,7 +15,7 @@ from arm.robot.tool import FixedTool
 from arm.se3 import rotation, transform
 from cell.config.cell_file import read_cell
 from cell.files.world import World
-from cell.sim.made import cube_sizes, made_board, target_print, texture, true_tool
+from cell.sim.made import cube_sizes, made_board, require_on_table, target_print, texture, true_tool
 from pictures.rendered import changed, world_with
 from render.surface import Print
 
@@ -25,6 +25,17 @@ POCKET = (POCKET_MOUTH, POCKET_FLOOR)
 @pytest.fixture
 def world(tmp_path: Path) -> World:
     return world_with(tmp_path, "")
+
+
+def test_a_board_below_the_table_is_refused(world: World) -> None:
+    require_on_table(world, 0.0)
+    board = world.boards[0]
+    low = replace(board, T_base_board=transform(t=(0.4, 0.1, 0.002)))  # flat, of a plate 15 mm thick
+    with pytest.raises(
+        InputError, match=r"boards\[0\].centre_mm: puts the underside .* 13 mm below the top of the tab"
+    ):
+        require_on_table(replace(world, boards=(low,)), 0.0)
+    require_on_table(replace(world, boards=(low,)), -0.012)
 
 
 def test_without_keys_all_is_as_designed(world: World) -> None:

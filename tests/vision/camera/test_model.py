@@ -123,6 +123,13 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "-80.0, -1, 0, 0, 0", "has no inverse"),
         ("0.02629, 0.99788, -0.05940", "0.99788, 0.02629, -0.05940", "pose.T_base_camera"),
+        (
+            "[0.02629, 0.99788, -0.05940, 0.49209],\n  [0.99942, -0.02495, 0.02314, -0.01471],\n"
+            "  [0.02161, -0.05997, -0.99796,",
+            "[0.02629, -0.99788, 0.05940, 0.49209],\n  [0.99942, 0.02495, -0.02314, -0.01471],\n"
+            "  [0.02161, 0.05997, 0.99796,",
+            "pose.T_base_camera.*looks 86 deg upwards, and boards are seen from above .*OpenGL",
+        ),
         ("1.19294", "1192.94", "pose.T_base_camera.*1192.94 m from the base.*metres"),
         ("size_px", "size_pix", "did you mean|the file has intrinsics.size_pix"),
         ("[pose]", "region_px = [9, 0, 8, 7]\n[pose]", "intrinsics.region_px.*left < right and top < bottom"),
@@ -181,6 +188,7 @@ def test_mistakes_of_a_pose_by_tape(tmp_path: Path, old: str, new: str, told: st
 def test_an_image_of_another_size_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="photo 7") as caught:
         lab_camera().require_size(np.zeros(shape, np.uint8), "photo 7")
+    assert ("sides are exchanged: was it turned by 90 deg" in str(caught.value)) == (shape == (1920, 1200))
     if len(shape) == 2:
         assert f"{shape[1]} x {shape[0]}" in str(caught.value)
         assert "1920 x 1200" in str(caught.value)
