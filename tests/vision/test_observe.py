@@ -179,7 +179,7 @@ def test_a_board_that_is_refused_in_a_blurred_image_is_told_the_blur() -> None:
     assert "blurred" not in str(sharp.value)
     blurred = [cv2.GaussianBlur(shot.images[0], (0, 0), 4.0)]
     with pytest.raises(
-        ImpossibleError, match=r"; image 1 is blurred by 4\.\d px \(at most 1.5\): focus, or"
+        ImpossibleError, match=r"; image 1 is blurred by \d\.\d px \(at most 1.5\): focus, or"
     ) as told:
         look(blurred, CAMERA, [A, B], DICTIONARY, CUBE, strict)
     assert told.value.data.keys() == sharp.value.data.keys()

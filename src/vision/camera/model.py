@@ -273,7 +273,12 @@ def _require_px(root: Node, K: Array, size: tuple[int, int]) -> None:
         raise root.error_at("intrinsics.K_px", rule, "is it in mm? divide it by the size of a pixel in mm")
     if not (0.0 < cx < size[0] and 0.0 < cy < size[1]):
         rule = f"must have its principal point cx, cy inside the image, {size[0]} x {size[1]} px; it is {cx:g}, {cy:g}"
-        help = "cx and cy count from the image's first pixel, not from its middle"
+        past = cx >= size[0] or cy >= size[1]
+        help = (
+            "are size_px and K_px of images of one size?"
+            if past
+            else "they count from the image's first pixel"
+        )
         raise root.error_at("intrinsics.K_px", rule, help)
 
 

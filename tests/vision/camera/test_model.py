@@ -116,7 +116,7 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
         (
             "1072.72375",
             "0.0",
-            r"K_px.*cx, cy inside the image, 1920 x 1200 px; it is 0, 533.493 \(cx and cy count",
+            r"K_px.*cx, cy inside the image, 1920 x 1200 px; it is 0, 533.493 \(they count from",
         ),
         ("533.49256", "1200.5", "intrinsics.K_px.*it is 1072.72, 1200.5"),
         ("4746.48725, 0.0", "-4746.48725, 0.0", "intrinsics.K_px"),
