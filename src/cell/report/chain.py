@@ -16,7 +16,7 @@ from cell.report.html import Table, render
 
 _ROW, _LABEL, _FIGURE = (
     22,
-    74,
+    96,
     128,
 )  # of the drawing of changes: height of a row, widths of names and figures, px
 _WIDE, _BAR = 420, 110  # width of a drawing, and height of its bars, px
@@ -145,7 +145,8 @@ def _changes(changed: Sequence[Changed]) -> dict[str, Any]:
     for k, one in enumerate(changed):
         scale = 0.95 * half / max(reach[one.name.rpartition(" ")[2]], 1e-12)
         now, spread = scale * one.now, 2.0 * scale * one.sigma
-        figures = f"{one.was:+.3f} to {one.now:+.3f}"
+        was, new = (f"{round(v, 3) + 0.0:+.3f}".replace("-", "\N{MINUS SIGN}") for v in (one.was, one.now))
+        figures = f"{was} to {new}"
         rows.append((one.name, (k + 0.5) * _ROW, scale * one.was, now, now - spread, now + spread, figures))
     return {"rows": rows, "zero": _LABEL + half, "width": _WIDE, "height": _ROW * max(len(rows), 1)}
 
