@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from math import floor
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from plan.collision.bezier import curve_of_counts
 from plan.collision.certificate import ArmErrors, certify_move, moved_by_errors
 from plan.collision.world import World
 from plan.scene import Scene, scene_from_json
-from plan.verify import MoveScene, scenes_of_moves
+from plan.verify import ON_LINES, MoveScene, scenes_of_moves
 from vision.observation import Observation
 
 
@@ -68,7 +69,9 @@ def erring_clearances(
     return tuple(
         bound
         if bound >= least
-        else _proved(of, bound, cell.unit, errors, least, "arm and boards" if off else "the arm")
+        else _proved(
+            of, bound, cell.unit, errors, least, "arm and boards" if off else "the arm", _own_clearance(of, plan)
+        )
         for of, bound in zip(scenes, bounds, strict=True)
     )
 
@@ -116,7 +119,32 @@ def _bounds(scenes: Sequence[MoveScene], lost: Sequence[Array], off: Mapping[str
     return bounds
 
 
-def _proved(of: MoveScene, bound: float, unit: Unit, errors: ArmErrors, least: float, who: str) -> float:
+def _own_clearance(of: MoveScene, plan: Plan) -> bool:
+    """Whether a move is a line whose required clearance is not motion.clearance_mm: those of a task with cubes."""
+    options = plan.provenance.get("options", {})
+    for_all = options.get("line_clearance") == options.get("clearance") and options.get("look") == "never"
+    return of.move.role in ON_LINES and not for_all
+
+
+def _advice(kept: float, least: float, own_clearance: bool) -> str:
+    """Say which keys give a move that keeps `kept` the clearance `least`, mm."""
+    if not own_clearance:
+        return f"raise motion.clearance_mm by {least - kept:.1f}, or calibrate the arm again"
+    lower = floor(10.0 * kept) / 10.0
+    why = "(motion.clearance_mm does not act on an approach or retract)"
+    lowered = f"lower it to {lower:g} or less {why}, or calibrate the arm again"
+    return lowered if lower > 0.0 else f"calibrate the arm again {why}"
+
+
+def _proved(
+    of: MoveScene,
+    bound: float,
+    unit: Unit,
+    errors: ArmErrors,
+    least: float,
+    who: str,
+    own_clearance: bool,
+) -> float:
     """Certify a move with errors, which requires `least`; `bound` is what is proved of it already, m."""
     move = of.move
     certificate = certify_move(of.world(), move.path, unit, least, errors=errors)
@@ -126,8 +154,7 @@ def _proved(of: MoveScene, bound: float, unit: Unit, errors: ArmErrors, least: f
         raise ImpossibleError(
             f"{move.name!r} keeps {1e3 * move.clearance:.1f} mm, but for all errors of {who} within "
             f"{errors.sigmas:g} standard deviations only {kept:.1f} mm between {' and '.join(certificate.pair)}, and "
-            f"accuracy.least_clearance_mm is {1e3 * least:g}; raise motion.clearance_mm by "
-            f"{1e3 * least - kept:.1f}, or calibrate the arm again",
+            f"accuracy.least_clearance_mm is {1e3 * least:g}; {_advice(kept, 1e3 * least, own_clearance)}",
             step=move.name,
             pair=list(certificate.pair),
             clearance_mm=kept,

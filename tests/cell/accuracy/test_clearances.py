@@ -48,7 +48,7 @@ def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: P
     """The joints' error at rest grows until some move keeps less than is asked."""
     cell = replace(task.cell, following_error=np.radians(0.1), erring_clearance=2e-3)
     with pytest.raises(
-        ImpossibleError, match=r"within 3 standard deviations.*raise motion.clearance_mm"
+        ImpossibleError, match=r"within 3 standard deviations.*lower it to"
     ) as refused:
         erring_clearances(cell, plan)
     data = refused.value.data
@@ -59,6 +59,20 @@ def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: P
     assert 0.0 < least < 2e-3
     allowed = replace(cell, erring_clearance=least - 1e-4)
     assert len(erring_clearances(allowed, plan)) == len(list(plan.moves))
+
+
+def test_a_line_that_keeps_too_little_is_told_what_acts_on_it(task: Task, plan: Plan) -> None:
+    """Approach and retract of a task with cubes keep a clearance of their own; those of lists the cell's."""
+    cell = replace(task.cell, erring_clearance=8e-3)
+    with pytest.raises(ImpossibleError, match=r"approach or retract\), or calibrate the arm again") as refused:
+        erring_clearances(cell, plan)
+    lower = re.search(r"least_clearance_mm is 8; lower it to (\S+) or less \(motion", str(refused.value))
+    assert lower is not None
+    assert 0.0 <= refused.value.data["clearance_mm"] - float(lower[1]) < 0.1
+    options = {**plan.provenance["options"], "line_clearance": cell.clearance, "look": "never"}
+    of_list = replace(plan, provenance={**plan.provenance, "options": options})
+    with pytest.raises(ImpossibleError, match=r"is 8; raise motion.clearance_mm by \d"):
+        erring_clearances(cell, of_list)
 
 
 def test_unknown_errors_are_not_checked(task: Task, plan: Plan) -> None:
@@ -79,7 +93,7 @@ def test_a_plan_is_not_executed_by_an_arm_that_errs_too_much(tmp_path: Path) -> 
     code, said = ended("execute", tmp_path / "plan.json", task.file, cwd=tmp_path)
     assert code == 3
     assert "for all errors of the arm within 3 standard deviations" in said
-    assert re.search(r"raise motion.clearance_mm by \d+\.\d, or", said), said
+    assert re.search(r"lower it to \d\.\d or less", said), said
     assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("wire.jsonl"))
 
 
