@@ -25,6 +25,7 @@ from vision.occupancy.classify import HoleState, Occupancy
 
 HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1's board, m
 FLAT_TOLERANCE = np.radians(2.0)
+SAME_MM = 1e-4  # of sizes and places of markers in two files
 CAMERA_OFF, CAMERA_TURNED = 0.05e-3, float(np.radians(0.005))  # of the camera since a look, m and rad
 
 
@@ -88,6 +89,8 @@ def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
     """Return a board's pose, its uncertainty and its holes as JSON types."""
     return {
         "marker_ids": list(pose.board.marker_ids),
+        "marker_size_mm": round(1e3 * pose.board.marker_size, 6),
+        "second_marker_mm": [round(1e3 * v, 6) for v in pose.board.second_marker],
         "T_camera_board": (mul(inverse(T_base_camera), pose.T_base_board)).tolist(),
         "T_base_board": pose.T_base_board.tolist(),
         "covariance": pose.covariance.tolist(),
@@ -158,7 +161,7 @@ def read_observation(path: Path, cell: Cell) -> Observation:
 
     Raises:
         FileInputError: the file is not a look file, has boards that the cell does not list, or was made with another
-            pose of the camera than the cell has now, by which its boards are displaced.
+            pose of the camera or other markers than the cell has now, by which its boards are displaced.
     """
     root = replace(Node.of_json(path, "look"), help="a465 look writes this file; look again")
     require_finite(path, root.value)
@@ -181,6 +184,7 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
         raise ids.error("is not a board of the cell file")
     node = replace(entry, key=board.name)
     node["verdict"].read(text("accepted"))
+    _require_markers(node, board)
     rows = node["T_base_board"].read(numbers((4, 4)))
     try:
         T_base_board = orthonormalised(rows)
@@ -213,6 +217,19 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
         Occupancy(hole["state"].read(_STATE), reason=hole.get("reason", text(), "")) for hole in holes
     )
     return ObservedBoard(pose, tuple(occupancy))
+
+
+def _require_markers(node: Node, board: Board) -> None:
+    """Require the markers on which the pose of a look rests: their size, and where the second one is. A look of another
+    program, and one from before these were kept, may lack them."""
+    size, second = 1e3 * board.marker_size, 1e3 * np.array(board.second_marker)
+    then = node.get("marker_size_mm", _NUMBER, size)
+    if abs(then - size) > SAME_MM:
+        rule = f"must be {size:g}, which the cell has for board {board.name} now: the poses of this look rest on it"
+        raise node["marker_size_mm"].error(rule, "look again")
+    if np.abs(node.get("second_marker_mm", numbers(2), second) - second).max() > SAME_MM:
+        rule = f"must be [{second[0]:g}, {second[1]:g}], where the cell has the second marker of board {board.name} now"
+        raise node["second_marker_mm"].error(rule, "look again")
 
 
 def _require_camera(scene: Node, entry: Node, T_base_board: Array, cell: Cell) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -156,6 +157,40 @@ def test_a_look_from_before_the_camera_moved_is_told(
             read_observation(path, task.cell)
     else:
         assert len(read_observation(path, task.cell).boards) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            lambda b: replace(b, marker_size=1.01 * b.marker_size),
+            "01-02.marker_size_mm = 36.0: must be 36.36, which the cell has for board 01-02 now: the poses of this "
+            "look rest on it (look again)",
+        ),
+        (
+            lambda b: replace(b, second_marker=(0.141, 0.14)),
+            "01-02.second_marker_mm = [180.0, 140.0]: must be [141, 140], where the cell has the second marker of "
+            "board 01-02 now (look again)",
+        ),
+        (lambda b: replace(b, marker_size=b.marker_size * (1.0 + 1e-9)), ""),
+    ],
+)
+@pytest.mark.parametrize("former", [False, True])
+def test_a_look_at_markers_of_another_size_is_told(
+    task: Task, tmp_path: Path, change: Callable[[Board], Board], told: str, former: bool
+) -> None:
+    """A look from before the sizes were kept is read as before."""
+    value = observation_to_json(_seen(task), task.cell.camera.T_base_camera)
+    for board in value["scenes"][0]["boards"] if former else ():
+        del board["marker_size_mm"], board["second_marker_mm"]
+    path = tmp_path / "look.json"
+    path.write_text(json.dumps(value))
+    cell = replace(task.cell, boards=tuple(map(change, task.cell.boards)))
+    if told and not former:
+        with pytest.raises(FileInputError, match=re.escape(told)):
+            read_observation(path, cell)
+    else:
+        assert len(read_observation(path, cell).boards) == 2
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"scenes": []}', '{"scenes": [{"boards": 3}]}', "{"])
