@@ -26,7 +26,7 @@ from vision.markers.detect import SEARCH_WIDTH_PX, Marker, detect_markers
 from vision.markers.edge_blur import SHARP_PX, marker_blur
 from vision.markers.exposure import darkness, exposure_complaint, whiteness
 from vision.observation import Observation, ObservedBoard
-from vision.occupancy.classify import hole_occupancy
+from vision.occupancy.agreement import agreed_occupancy
 from vision.targets.marker_print import MarkerPrint
 
 AXIS_LENGTH = 0.05  # m, of the axes drawn
@@ -106,7 +106,7 @@ def look(
             continue
         if shift is not None:
             pose = with_camera_uncertainty(pose, camera, shift)
-        cubes = tuple(hole_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
+        cubes = tuple(agreed_occupancy(images, camera, pose, i, cube_size) for i in range(len(board.holes)))
         found.append(ObservedBoard(pose, cubes))
     half_seen = tuple(b.name for b in boards if b.name in missing and detected & set(b.marker_ids))
     return Observation(tuple(found), missing, half_seen, tuple(images), frames, shift)
