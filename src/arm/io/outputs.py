@@ -9,6 +9,7 @@ from arm.io.kind import KINDS, kind_of_file
 from arm.io.storage import read_by_the_command
 
 SUFFIXES = (".toml", ".json", ".jsonl", ".csv")  # of files that have a kind
+PAGES = (".html", ".htm")  # what a browser opens as a page
 
 
 def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "") -> None:
@@ -39,3 +40,19 @@ def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "")
     if found and found != kind:
         why = f"{output}: is {KINDS[found].words}, and something else would replace it; give another name"
         raise InputError(why, file=str(output))
+
+
+def keep_page(output: Path | None, *inputs: Path | None) -> None:
+    """Refuse to write an HTML page as `keep_apart` does, and by a name with the suffix of another format.
+
+    Raises:
+        InputError: see `keep_apart`; or the suffix is not one of a page.
+    """
+    keep_apart(output, *inputs)
+    if output is not None and (fault := page_fault(output)):
+        raise InputError(f"{output}: {fault}", file=str(output))
+
+
+def page_fault(output: Path) -> str:
+    """Return the rule that the name of a page breaks, "" if none."""
+    return "" if output.suffix.lower() in PAGES else f"must end in {' or '.join(PAGES)}, as it is an HTML page"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import ImpossibleError, InputError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_page
 from arm.io.storage import keep_unread
 from cell.console import Console
 
@@ -29,7 +29,7 @@ def preview_file(
     """
     from driver.log.read import is_log
 
-    keep_apart(output, file, task, look, image)
+    keep_page(output, file, task, look, image)
     output = output or file.with_suffix(".html")
     keep_unread(output)
     if is_log(file):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_page
 from arm.io.storage import write_atomic
 from cell.console import Console
 from cell.report import kept
@@ -30,7 +30,7 @@ def report_step(folders: Sequence[Path], output: Path | None, console: Console) 
     Raises:
         InputError: a folder has no report, a file cannot be read or written, or the page is one of a run.
     """
-    keep_apart(output)
+    keep_page(output)
     require_no_page_of_run(output)
     runs = read_runs(folders or [RUNS])
     console.table(HEADER, [run.row() for run in runs])

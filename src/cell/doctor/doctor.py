@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from arm.io.outputs import keep_page
 from cell.console import WIDTH, Console
 from cell.doctor import devices, installation
 from cell.doctor.finding import OK, VERDICTS, WRONG, CheckResult, guarded
@@ -49,6 +50,7 @@ def doctor_step(
     Raises:
         InputError: nobody answers, an answer is wrong too often, or the page cannot be written.
     """
+    keep_page(page, cell_file)
     findings: list[CheckResult] = []
     for finding in _findings(port, camera, cell_file, console, answer):
         findings.append(finding)

@@ -11,7 +11,7 @@ import numpy as np
 from arm.arguments import shown
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_apart, keep_page
 from arm.io.storage import keep_unread
 from arm.plan_file import write_plan
 from arm.robot.model import Robot
@@ -91,9 +91,9 @@ def certify_step(
         ImpossibleError: the trajectory is refuted (data: pair, distance_m, time_s), undecided, beyond a limit, or
             cannot be sent.
     """
-    for written, kind in ((output, "plan"), (page, "")):
-        keep_apart(written, trajectory_file, place_file, look, kind=kind)
-        keep_unread(written)
+    keep_apart(output, trajectory_file, place_file, look, kind="plan")
+    keep_page(page, trajectory_file, place_file, look)
+    keep_unread(output, page)
     if output is not None and page is not None and output.resolve() == page.resolve():
         raise InputError(f"--output and --page are the same file, {output}; must be two", option="--page")
     if clearance is not None and not 0.0 <= clearance <= MOST_CLEARANCE:

@@ -12,7 +12,7 @@ from arm.arguments import option_numbers
 from arm.board import Board
 from arm.controller.segments import CountPath, Segment
 from arm.errors import ImpossibleError, InputError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_page
 from arm.io.storage import keep_unread
 from arm.numerics.products import mul
 from arm.plan_file import Move, Plan
@@ -67,7 +67,7 @@ def view_step(
         ImpossibleError: the workpiece of a program is on a board, and there is no look with it.
     """
     output = output or Path(f"{file.stem}.html")
-    keep_apart(output, file, look, image)
+    keep_page(output, file, look, image)
     keep_unread(output)
     setting, drawn, q_start, _ = place_shown(file, look)
     if image is not None:

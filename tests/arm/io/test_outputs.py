@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from arm.errors import InputError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_apart, keep_page
 from arm.io.storage import data_file
 from typed.command_line import a465
 
@@ -100,3 +100,38 @@ def test_every_shipped_board_file_is_recognised() -> None:
     for file in files:
         with pytest.raises(InputError, match="is a board file"):
             keep_apart(file, kind="samples")
+
+
+def test_a_page_has_the_suffix_of_one(tmp_path: Path) -> None:
+    for name in ("day.html", "day.htm", "DAY.HTML"):
+        keep_page(tmp_path / name)
+    for name in ("day.pdf", "day", "day.html.txt"):
+        with pytest.raises(InputError, match=rf"{name}: must end in \.html or \.htm, as it is an HTML page$"):
+            keep_page(tmp_path / name)
+    keep_page(None)
+    read = tmp_path / "plan.json"
+    read.write_text("{}")
+    with pytest.raises(InputError, match="is read by this command"):
+        keep_page(read, read)
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        ("report", "runs", "-o", "day.pdf"),
+        ("preview", "plan.json", "-o", "day.pdf"),
+        ("view", "cell.toml", "-o", "day.pdf"),
+        ("reach", "task.toml", "--page", "day.pdf"),
+        ("plan", "task.toml", "--look", "look.json", "--page", "day.pdf"),
+        ("certify", "t.json", "cell.toml", "--page", "day.pdf"),
+        ("doctor", "--cell", "cell.toml", "-o", "day.pdf"),
+        ("calibrate", "camera", "photographs", "--report", "day.pdf"),
+    ],
+)
+def test_no_command_writes_a_page_as_another_format(typed: tuple[str, ...], tmp_path: Path) -> None:
+    for name in ("plan.json", "look.json", "t.json", "cell.toml", "task.toml"):
+        (tmp_path / name).touch()
+    (tmp_path / "photographs").mkdir()
+    _, told = a465(*typed, cwd=tmp_path, code=2)
+    assert "day.pdf: must end in .html or .htm, as it is an HTML page" in told
+    assert not (tmp_path / "day.pdf").exists()

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from arm.errors import InputError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_apart, page_fault
 from arm.io.storage import open_file, write_atomic
 from cell.console import Console
 from vision.camera.frame_source import IMAGE_SUFFIXES
@@ -98,6 +98,8 @@ class ResultOptions:
         if len({path.resolve() for _, path in outputs}) < len(outputs):
             rule = "is also the name of the report; give -o and --report different names"
             raise _file_error(*outputs[0], rule)
+        if report is not None and (fault := page_fault(report)):
+            raise _file_error(REPORT, report, fault)
         return replace(self, report=report)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from arm.controller.segments import CountPath, Segment
 from arm.errors import A465Error, ImpossibleError
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_page
 from arm.io.storage import keep_unread, write_atomic
 from arm.plan_file import Move
 from cell.preview.content import page_content
@@ -37,7 +37,7 @@ def refusal_shown(output: Path, file: Path, look: Path | None, plan: Path | None
     Raises:
         InputError: the page would replace one of these files.
     """
-    keep_apart(output, file, look, plan)
+    keep_page(output, file, look, plan)
     keep_unread(output)
     try:
         yield
