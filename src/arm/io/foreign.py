@@ -19,6 +19,10 @@ _BINARY = {
     b"%PDF": "a PDF document",
     b"PK\x03\x04": "a ZIP archive, such as an .npz file, a spreadsheet or a document",
     b"\x1f\x8b": "a gzip archive",
+    b"BZh": "a bzip2 archive",
+    b"\xfd7zXZ\0": "an xz archive",
+    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
+    b"Rar!\x1a\x07": "a RAR archive",
     b"\x93NUMPY": "a NumPy array",
     b"\x7fELF": "a program",
     b"\x89MCAP": "an MCAP recording",
@@ -30,6 +34,13 @@ def binary(data: bytes) -> str:
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "is UTF-16 text, such as a spreadsheet's 'Unicode text' (save it as 'CSV UTF-8')"
     return next((f"is {what}" for begin, what in _BINARY.items() if data.startswith(begin)), "")
+
+
+def archive(data: bytes) -> str:
+    """That bytes are an archive, for a message where a folder belongs; "" if their beginning is none of one."""
+    what = binary(data).partition(",")[0]
+    tar = "is a tar archive" if data[257:262] == b"ustar" else ""
+    return what if what.endswith("archive") else tar
 
 
 def markup(text: str) -> str:

@@ -88,11 +88,14 @@ def frames_of(
 ) -> AbstractContextManager[FrameSource]:
     """Open a folder of images, a camera, or the camera of the simulated cell with the arm at q_start."""
     from cell.session.cameras import open_camera
+    from cell.report.run_folder import require_no_pictures
     from cell.session.connection import camera_at_start
     from vision.camera.frame_source import ImageFolder
 
     if camera is not None:
         return open_camera(task.cell, camera)
+    if images is not None:
+        require_no_pictures(images)
     return nullcontext(ImageFolder(images) if images is not None else camera_at_start(task, world))
 
 

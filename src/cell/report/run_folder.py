@@ -12,6 +12,7 @@ from arm.errors import InputError
 from arm.io.temporary import remove_abandoned
 
 LOG, REPORT = "wire.jsonl", "report.json"
+PICTURE = "look-{}.png"  # of each look: an image with what was found drawn over it
 PAGES = ("report.html", "preview*.html")  # that a run writes
 RUNS = Path("runs")
 MOST_SHOWN = 4  # runs in a message
@@ -51,6 +52,20 @@ def require_no_page_of_run(page: Path | None) -> None:
             f"{page}: belongs to the run {page.parent}, and another page would replace it; give another name"
         )
         raise InputError(why, file=str(page))
+
+
+def require_no_pictures(images: Path) -> None:
+    """Require that a folder of images is not that of a run, whose pictures of looks are drawn over.
+
+    Raises:
+        InputError: it is.
+    """
+    if is_run(images) and any(images.glob(PICTURE.format("*"))):
+        rule = (
+            f"is the folder of a run: its {PICTURE.format('N')} are drawn over, and of different moments; "
+            "give a folder of images by the camera"
+        )
+        raise InputError(f"{images}: {rule}", folder=str(images))
 
 
 def require_new_folder(asked: Path | None) -> None:

@@ -24,7 +24,7 @@ from cell.files.observation import require_boards
 from cell.files.task import Task
 from cell.program.program_file import PROGRAM
 from cell.report.cubes import UNDECIDED, CubeRow, print_rows
-from cell.report.run_folder import REPORT
+from cell.report.run_folder import PICTURE, REPORT
 from cell.report.run_page import KeptPlan, Picture, run_page
 from cell.scene.build import cube_name
 from cell.session.camera_watch import shift_words
@@ -147,7 +147,7 @@ class OpenRun:
     def see(self, why: str, arm_in_view: bool = False) -> Observation:
         """Look from where the arm is, without requirements."""
         number = next(self._looks)
-        picture = self.folder / f"look-{number}.png"
+        picture = self.folder / PICTURE.format(number)
         self.pictures.append(Picture(why, picture))
         self.connection.mars.note("look", picture=picture.name, why=why)
         with self.console.doing("looking"):

@@ -6,16 +6,17 @@ import os
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
+from arm.io.foreign import archive
 from arm.io.kind import kind_of_file, words_of
-from arm.io.storage import read_bytes
+from arm.io.storage import open_file, read_bytes
 
 Image = npt.NDArray[np.uint8]
 """An image: 8-bit grey (h, w) or BGR (h, w, 3)."""
@@ -102,8 +103,16 @@ def require_folder(path: Path) -> None:
         rule = "no such folder of images"
         if path.is_file():
             where = "a folder of images" if kind_of_file(path) else "the folder that it is in"
-            rule = f"is {words_of(path)}; give {where}"
+            packed = archive(_beginning(path))
+            rule = f"{packed}; unpack it, and give the folder" if packed else f"is {words_of(path)}; give {where}"
         raise InputError(f"{path}: {rule}", path=str(path))
+
+
+def _beginning(path: Path) -> bytes:
+    """Return the first bytes of a file, enough to see what it is; none if it cannot be read."""
+    with suppress(FileInputError, OSError), open_file(path, "log") as stream:
+        return stream.read(512)
+    return b""
 
 
 def _folders_of_images(path: Path) -> list[Path]:

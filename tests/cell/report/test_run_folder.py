@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from arm.errors import InputError
-from cell.report.run_folder import LOG, require_new_folder, run_folder
+from arm.io.storage import data_file
+from cell.report.run_folder import LOG, require_new_folder, require_no_pictures, run_folder
+from typed.command_line import a465
 
 TAKE = """
 import sys, time
@@ -124,3 +126,18 @@ def test_of_two_that_look_at_the_same_moment_one_has_it(
         with refusal, run_folder(tmp_path / "mine", "task2"):
             pass
         assert [p.name for p in folder.iterdir()] == [LOG]
+
+
+def test_pictures_of_a_run_are_no_images_of_the_camera(tmp_path: Path) -> None:
+    (tmp_path / LOG).touch()
+    for name in ("seen-1.png", "photograph-001.png"):
+        (tmp_path / name).touch()
+    require_no_pictures(tmp_path)  # images that were put beside a log
+    (tmp_path / "look-1.png").touch()
+    rule = "is the folder of a run: its look-N.png are drawn over, and of different moments; give a folder of images"
+    with pytest.raises(InputError, match=rule):
+        require_no_pictures(tmp_path)
+    _, told = a465("look", data_file("scenes/task2.toml"), "--images", tmp_path, code=2)
+    assert rule in told
+    (tmp_path / LOG).unlink()
+    require_no_pictures(tmp_path)

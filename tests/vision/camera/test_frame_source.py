@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import cv2
@@ -104,3 +105,12 @@ def test_images_one_folder_further_down_are_named(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "b.png"), np.zeros((4, 6), np.uint8))
     with pytest.raises(InputError, match=r"has 1 new images, but 2 are needed; .*\.pgm$"):
         ImageFolder(tmp_path).grab(2)
+
+
+@pytest.mark.parametrize("form", ["zip", "tar", "gztar", "bztar", "xztar"])
+def test_an_archive_of_images_is_told(tmp_path: Path, form: str) -> None:
+    file = Path(shutil.make_archive(str(tmp_path / "photos"), form, folder(tmp_path / "seen", 2)))
+    what = {"zip": "ZIP", "tar": "tar", "gztar": "gzip", "bztar": "bzip2", "xztar": "xz"}[form]
+    rule = rf"{file.name}: is an? {what} archive; unpack it, and give the folder$"
+    with pytest.raises(InputError, match=rule):
+        ImageFolder(file)
