@@ -87,8 +87,8 @@ def frames_of(
     task: Task, images: Path | None, camera: str | None, world: Path | None
 ) -> AbstractContextManager[FrameSource]:
     """Open a folder of images, a camera, or the camera of the simulated cell with the arm at q_start."""
-    from cell.session.cameras import open_camera
     from cell.report.run_folder import require_no_pictures
+    from cell.session.cameras import open_camera
     from cell.session.connection import camera_at_start
     from vision.camera.frame_source import ImageFolder
 

@@ -105,10 +105,16 @@ def goal_entry(goal: Goal, cell: Cell, q: Array) -> dict[str, Any]:
     values = np.array(goal.values)
     if goal.kind in ("q", "turn"):
         q_deg = values if goal.kind == "q" else np.degrees(q) + values
+        if rule := cell.unit.beyond_limits(np.radians(q_deg)):
+            joint, _, must = rule.partition(" ")
+            if goal.kind == "turn":
+                reached = q_deg[cell.robot().joint_names.index(joint)]
+                rule = f"{joint} would be at {reached:.1f} deg, {must}"
+            raise InputError(f"{_option(goal)}: {rule}", option=f"--{goal.kind}", value=list(goal.values))
         return {"name": NAME, "q_deg": q_deg.tolist()}
     T = cell.robot().T_base_tool(q).copy()
     if np.abs(values).max() > FARTHEST_MM:
-        why = f"--{goal.kind}={','.join(f'{v:g}' for v in goal.values)}: must be within {FARTHEST_MM:g} mm"
+        why = f"{_option(goal)}: must be within {FARTHEST_MM:g} mm"
         raise InputError(why, option=f"--{goal.kind}", value=list(goal.values))
     if goal.kind == "to":
         T[:3, 3] = 1e-3 * values
@@ -142,6 +148,8 @@ def move_step(
     require_person(unseen, UNSEEN, "that the arm may move")
     if goal.kind == "q" and (doubt := doubt_of_deg(np.radians(goal.values), cell.unit)):
         console.say(f"NOTE: --q {doubt}")
+    if goal.kind == "q":
+        goal_entry(goal, cell, cell.q_start)  # refuses a goal beyond the limits before the port is opened
     listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")
     plans: list[Plan] = []
     for line in () if listed is None else taught_otherwise(listed, cell):
@@ -171,12 +179,16 @@ def move_step(
         return arrive(run, run.report())
 
 
+def _option(goal: Goal) -> str:
+    """Return a goal as the user typed it."""
+    return f"--{goal.kind}={','.join(f'{v:g}' for v in goal.values)}"
+
+
 def _typed(file: Path, goal: Goal, text: str) -> str:
     """Return a message about the list of a goal with what the user typed in place of the list."""
-    option = f"--{goal.kind}={','.join(f'{v:g}' for v in goal.values)}"
     small = goal.kind in TOOL and max(map(abs, goal.values)) < FEW_MM
     unit = "; the numbers are mm" if small else ""
-    return text.replace(f"{file}: entries[0]", option).replace(f"target {NAME!r}", "the goal") + unit
+    return text.replace(f"{file}: entries[0]", _option(goal)).replace(f"target {NAME!r}", "the goal") + unit
 
 
 def _entry_of(file: Path, name: str) -> PoseList:

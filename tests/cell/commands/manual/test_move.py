@@ -153,7 +153,8 @@ def test_what_is_not_certified_is_refused_and_nothing_moves(
             _move(Goal("to", (0.42, 0.0, 0.3)))
         with pytest.raises(InputError, match=r"^--by=0,0,6000: must be within 5000 mm"):
             _move(Goal("by", (0.0, 0.0, 6000.0)))
-        with pytest.raises(FileInputError, match="J2 must be from"):
+        beyond = r"^--turn=0,200,0,0,0,0: J2 would be at \d+\.\d deg, must be from \S+ to \S+ deg on crs93$"
+        with pytest.raises(InputError, match=beyond):
             _move(Goal("turn", (0.0, 200.0, 0.0, 0.0, 0.0, 0.0)))
         assert set(names_sent(emulator)) <= QUERIES
 
@@ -175,6 +176,7 @@ def test_a_goal_as_an_entry_of_a_list(here: Cell) -> None:
         (("--q=0,0,0", "--unseen"), "--q=0,0,0: must be 6 numbers separated by commas, J1 to J6 in deg"),
         (("--by=0,0,x",), "must be 3 numbers separated by commas, x, y, z in mm"),
         (("--to=0,0,nan",), "must be 3 numbers"),
+        (("--q=0,0,0,0,200,0", "--unseen"), "--q=0,0,0,0,200,0: J5 must be from -104.0 to 103.9 deg on crs93"),
         (("--turn=0,0,0,0,0,0", "--line"), "--line needs a tool position"),
         (("--list", "poses.json"), "--list LIST and --name NAME go together"),
         (("--name", "a"), "--name names an entry of a list; give --list LIST too"),
