@@ -55,4 +55,6 @@ def keep_page(output: Path | None, *inputs: Path | None) -> None:
 
 def page_fault(output: Path) -> str:
     """Return the rule that the name of a page breaks, "" if none."""
-    return "" if output.suffix.lower() in PAGES else f"must end in {' or '.join(PAGES)}, as it is an HTML page"
+    return (
+        "" if output.suffix.lower() in PAGES else f"must end in {' or '.join(PAGES)}, as it is an HTML page"
+    )

@@ -70,7 +70,13 @@ def erring_clearances(
         bound
         if bound >= least
         else _proved(
-            of, bound, cell.unit, errors, least, "arm and boards" if off else "the arm", _own_clearance(of, plan)
+            of,
+            bound,
+            cell.unit,
+            errors,
+            least,
+            "arm and boards" if off else "the arm",
+            _own_clearance(of, plan),
         )
         for of, bound in zip(scenes, bounds, strict=True)
     )

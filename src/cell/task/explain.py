@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -77,6 +78,13 @@ def _conflict(cell: Cell, failure: Failure) -> str:
     """The values of the cell file that contradict each other if the start is blocked."""
     start = f"q_start_deg = [{', '.join(f'{v:g}' for v in np.round(np.degrees(cell.q_start), 3))}]"
     other = f"the place of {failure.body}" if failure.body else "the obstacle"
+    near = failure.ways[0]
+    if failure.body is None and near.pair is not None and near.distance_mm is not None:
+        both = f"both are parts of the arm: in {cell.file.name},"
+        if near.distance_mm < 1e3 * cell.least_clearance:  # which no clearance may be below
+            return f"{both} {start} has to change"
+        lower = math.floor(10.0 * near.distance_mm) / 10.0
+        return f"{both} lower motion.clearance_mm to {lower:g} or less, or change {start}"
     if failure.body == "table":
         other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
     return f"in {cell.file.name}, {start} or {other} has to change"

@@ -104,7 +104,11 @@ def require_folder(path: Path) -> None:
         if path.is_file():
             where = "a folder of images" if kind_of_file(path) else "the folder that it is in"
             packed = archive(_beginning(path))
-            rule = f"{packed}; unpack it, and give the folder" if packed else f"is {words_of(path)}; give {where}"
+            rule = (
+                f"{packed}; unpack it, and give the folder"
+                if packed
+                else f"is {words_of(path)}; give {where}"
+            )
         raise InputError(f"{path}: {rule}", path=str(path))
 
 

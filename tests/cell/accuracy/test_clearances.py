@@ -47,9 +47,7 @@ def test_every_move_has_a_clearance_with_errors(task: Task, plan: Plan) -> None:
 def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: Plan) -> None:
     """The joints' error at rest grows until some move keeps less than is asked."""
     cell = replace(task.cell, following_error=np.radians(0.1), erring_clearance=2e-3)
-    with pytest.raises(
-        ImpossibleError, match=r"within 3 standard deviations.*lower it to"
-    ) as refused:
+    with pytest.raises(ImpossibleError, match=r"within 3 standard deviations.*lower it to") as refused:
         erring_clearances(cell, plan)
     data = refused.value.data
     assert data["clearance_mm"] < data["required_mm"] == 2.0
@@ -64,7 +62,9 @@ def test_a_plan_that_keeps_too_little_with_errors_is_refused(task: Task, plan: P
 def test_a_line_that_keeps_too_little_is_told_what_acts_on_it(task: Task, plan: Plan) -> None:
     """Approach and retract of a task with cubes keep a clearance of their own; those of lists the cell's."""
     cell = replace(task.cell, erring_clearance=8e-3)
-    with pytest.raises(ImpossibleError, match=r"approach or retract\), or calibrate the arm again") as refused:
+    with pytest.raises(
+        ImpossibleError, match=r"approach or retract\), or calibrate the arm again"
+    ) as refused:
         erring_clearances(cell, plan)
     lower = re.search(r"least_clearance_mm is 8; lower it to (\S+) or less \(motion", str(refused.value))
     assert lower is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,24 @@ def test_a_start_in_the_table_names_the_keys_of_the_cell_file(scenes: Path) -> N
     told = str(refusal(scenes, advice=False))
     assert "is inside table (required: 10 mm)" in told
     assert told.endswith(f"in cell.toml, {start} or table.top_z_mm = 0 has to change")
+
+
+@pytest.mark.parametrize(
+    ("q_start", "clearance", "told"),
+    [
+        ("-60, -40, -80, 0, -60, 0", "60", "lower motion.clearance_mm to 46.6 or less, or change {start}"),
+        ("-60, -78, -103, 0, -80, 0", "10", "{start} has to change"),  # the arm is inside itself
+    ],
+)
+def test_a_start_where_the_arm_is_too_near_to_itself_names_no_obstacle(
+    scenes: Path, q_start: str, clearance: str, told: str
+) -> None:
+    cell, start = scenes / "cell.toml", f"q_start_deg = [{q_start}]"
+    text = cell.read_text().replace("q_start_deg = [-60, -40, -80, 0, -60, 0]", start)
+    cell.write_text(re.sub("(?m)^clearance_mm = [0-9]+", f"clearance_mm = {clearance}", text))
+    refused = str(refusal(scenes, advice=False))
+    assert "the arm cannot leave its start" in refused
+    assert refused.endswith(f"; both are parts of the arm: in cell.toml, {told.format(start=start)}")
 
 
 def test_holes_out_of_reach_are_explained_by_reach_alone(

@@ -176,7 +176,10 @@ def test_a_goal_as_an_entry_of_a_list(here: Cell) -> None:
         (("--q=0,0,0", "--unseen"), "--q=0,0,0: must be 6 numbers separated by commas, J1 to J6 in deg"),
         (("--by=0,0,x",), "must be 3 numbers separated by commas, x, y, z in mm"),
         (("--to=0,0,nan",), "must be 3 numbers"),
-        (("--q=0,0,0,0,200,0", "--unseen"), "--q=0,0,0,0,200,0: J5 must be from -104.0 to 103.9 deg on crs93"),
+        (
+            ("--q=0,0,0,0,200,0", "--unseen"),
+            "--q=0,0,0,0,200,0: J5 must be from -104.0 to 103.9 deg on crs93",
+        ),
         (("--turn=0,0,0,0,0,0", "--line"), "--line needs a tool position"),
         (("--list", "poses.json"), "--list LIST and --name NAME go together"),
         (("--name", "a"), "--name names an entry of a list; give --list LIST too"),
