@@ -18,13 +18,14 @@ from cell.doctor.checklist import note_of_open
 from cell.files.cube_widths import read_widths
 from cell.files.task import Task, task_or_cell
 from cell.preview.of_plan import write_page
-from cell.program.program_file import ProgramTask, task_of_file
-from cell.report.run_folder import LOG, REPORT, run_folder
+from cell.program.program_file import PROGRAM, ProgramTask, task_of_file
+from cell.report.run_folder import LOG, REPORT, is_run, run_folder
 from cell.session.connection import WhichCell, open_cell, require_openable
 from cell.session.homed import may_be_real
 from cell.session.keyboard import HELP, aborting_keys, hint, keyboard
 from cell.session.observer import RunObserver
 from cell.session.speed import override_of, planning_speed, tool_words
+from cell.task.open_run import TO_START
 from cell.task.plan_matches import replayed, require_match, require_scene, require_start_at
 from cell.task.programs.resume import resume_program, stopped_in
 from cell.task.programs.run import ProgramRun
@@ -176,6 +177,9 @@ def resume_plan(
     plan, task = _plan_to_send(plan_file), task_of_file(task_file)
     control = Control(ceiling=override_of(plan, where.speed))
     _note_open_items(task, where, console)
+    if not plan.task.get("cubes") and (followed := _followed_beside(plan_file, task)) is not None:
+        why = f"{plan_file}: is not the plan that the run followed; resume with {followed}"
+        raise InputError(why, file=str(plan_file), followed=str(followed))
     require_match(task, plan)
     # the arm may begin anew on all of a program; of a task with cubes the rest is planned anew
     if isinstance(task, ProgramTask):
@@ -193,6 +197,21 @@ def resume_plan(
             run.widths = read_widths(plan_file.parent, nominal_width(task.cell))
             resume(run, plan)
         return run.require_confirmed()
+
+
+def _followed_beside(plan_file: Path, task: Task) -> Path | None:
+    """Return the newest plan in a run's folder that `--resume` can continue, if this file, such as the way to the
+    start, is none."""
+    whole = isinstance(task, ProgramTask) and plan_file.stem != TO_START
+    if whole or not is_run(plan_file.parent):
+        return None
+    others = {p: p.stat().st_mtime for p in plan_file.parent.glob("*.json") if p.name != REPORT}
+    for file in sorted(others, key=others.__getitem__, reverse=True):
+        with suppress(A465Error):
+            moves = read_plan(file).task
+            if moves.get("cubes") or (moves.get("kind") == PROGRAM and file.stem != TO_START):
+                return file
+    return None
 
 
 def _note_open_items(task: Task, where: WhichCell, console: Console) -> None:

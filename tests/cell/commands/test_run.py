@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,14 +10,17 @@ import numpy as np
 import pytest
 
 from arm.board import plate_name
+from arm.errors import ImpossibleError, InputError
 from arm.io.storage import data_file
 from arm.plan_file import GripperStep, Move, Plan
 from arm.robot.shapes import Body, Box
 from arm.se3 import apply, inverse, transform
 from arms.mujoco_cell import MujocoCell
+from cell.commands.run import resume_plan
 from cell.console import Console
 from cell.preview.of_log import preview_log
 from cell.scene.bodies import plate_body, stand_body
+from cell.session.connection import WhichCell
 from driver.log.read import read_log
 from tasks.small import leave_cubes, quick_scenes
 from tasks.whole_run import WholeRun, executed, homed_ms, run_whole
@@ -239,6 +243,17 @@ def test_the_log_tells_task_and_plan_and_is_shown_over_it(task2: WholeRun, tmp_p
     assert told["streams_shown"] == len(task2.plan().motions) == told["streams"] - 1  # the way to q_start
     assert told["farthest_deg"] <= 0.02
     assert sum(m["planned_s"] for m in told["motions"]) == pytest.approx(task2.plan().duration_s)
+
+
+def test_the_way_to_the_start_is_not_resumed_but_the_plan_beside_it(task2: WholeRun, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(task2.folder, tmp_path / "run"))
+    way, task, where = folder / "to-start.json", task2.task.file, WhichCell("/dev/null")
+    told = rf"^{way}: is not the plan that the run followed; resume with {folder / 'plan.json'}$"
+    with pytest.raises(InputError, match=told):
+        resume_plan(way, task, Console(), where)
+    (folder / "plan.json").unlink()
+    with pytest.raises(ImpossibleError, match="moves no cubes, so its remaining part is unknown"):
+        resume_plan(way, task, Console(), where)
 
 
 def test_without_looks_the_arm_stops_only_where_the_jaws_act(tmp_path: Path) -> None:
