@@ -78,7 +78,7 @@ def plan_poses_step(
         slides = any(axis.slides for axis in product_of_exponentials(task.robot).axes)
         reading = replace(reading, joints=len(task.q_start), slides=slides)
     else:
-        if doubt := task.cell.start_doubt():
+        for doubt in task.angle_doubts():
             console.say(f"NOTE: {doubt}")
         if look is not None:
             seen = read_observation(look, task.cell)
@@ -158,7 +158,7 @@ def plan_program_step(
     """
     keep_apart(output, program_file, look, kind="plan")
     keep_unread(output)
-    task, seen = _task_and_look(program_file, look)
+    task, seen = _task_and_look(program_file, look, console)
     explain = partial(explain_list_failure, task, seen) if advice else None
     with within(budget):
         plan = plan_of_program(task, seen, planning_speed(task.cell, speed), explain)
@@ -205,7 +205,7 @@ def reach_program_step(program_file: Path, look: Path | None, console: Console) 
         InputError: a file is wrong, or the look is missing.
         ImpossibleError: the arm cannot be at a station; names it.
     """
-    task, seen = _task_and_look(program_file, look)
+    task, seen = _task_and_look(program_file, look, console)
     stations = program_reach(task, seen, planning_speed(task.cell, None))
     console.table(
         ("step", "path mm", "x mm", "y mm", "z mm", "sampled solutions", "what limits it"),
@@ -225,13 +225,17 @@ def reach_program_step(program_file: Path, look: Path | None, console: Console) 
     }
 
 
-def _task_and_look(program_file: Path, look: Path | None) -> tuple[ProgramTask, Observation]:
-    """Read a program and the look that it needs.
+def _task_and_look(
+    program_file: Path, look: Path | None, console: Console
+) -> tuple[ProgramTask, Observation]:
+    """Read a program and the look that it needs; print which joint angles are doubtful.
 
     Raises:
         InputError: a value is wrong, or the look is missing.
     """
     task = read_program(program_file)
+    for doubt in task.angle_doubts():
+        console.say(f"NOTE: {doubt}")
     if look is None and task.board is not None:
         why = f"--look is missing: the workpiece of {program_file} is on board {task.board.name}"
         raise InputError(why, option="--look")

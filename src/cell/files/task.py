@@ -126,6 +126,10 @@ class Task(TaskValues):
         """Corners of boxes around bodies that stand on the board, beside its cubes, in its frame, (k, 3) m."""
         return NOTHING
 
+    def angle_doubts(self) -> tuple[str, ...]:
+        """Say which joint angles of the files may be in rad; see `cell.config.cell.doubt_of_deg`."""
+        return (doubt,) if (doubt := self.cell.start_doubt()) else ()
+
 
 class TaskKeys(TaskValues):
     """Keys of every task file."""

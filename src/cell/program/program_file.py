@@ -21,7 +21,7 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse
 from cell.config.arm_file import ARM, ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
-from cell.config.cell import Cell
+from cell.config.cell import Cell, doubt_of_deg
 from cell.config.cell_file import read_cell
 from cell.config.inputs import config_inputs
 from cell.files.task import NOTHING, Task, board_of, place_or_arm, read_place, require_aim, task_or_cell
@@ -121,6 +121,14 @@ class ProgramTask(Task, ProgramValues):
     def q_end(self) -> Array:
         """Configuration at the end, (6,) rad."""
         return self.cell.q_start if self.end is None else self.end
+
+    def angle_doubts(self) -> tuple[str, ...]:
+        """Say which joint angles of cell and program may be in rad: q_start_deg, end_deg, and those of steps."""
+        given = {} if self.end is None else {"end_deg": self.end}
+        given |= {f"{step.key}.joints_deg": step.q for step in self.steps if isinstance(step, JointStep)}
+        doubts = {key: doubt_of_deg(q, self.cell.unit) for key, q in given.items()}
+        own = (f"{self.file.name}: {key} = {doubt}" for key, doubt in doubts.items() if doubt)
+        return (*super().angle_doubts(), *own)
 
     @property
     def touch(self) -> Pairs:

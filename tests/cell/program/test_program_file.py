@@ -18,7 +18,7 @@ from cell.program.steps import Action, JointStep, PoseStep
 from programs.program_files import PROGRAM as TEXT
 from programs.program_files import WIRE, program
 from programs.tool_cells import tool_cell
-from typed.command_line import replace_in
+from typed.command_line import a465, replace_in
 
 
 def test_the_steps_of_a_program_are_read_in_order(tmp_path: Path) -> None:
@@ -44,6 +44,22 @@ def test_the_steps_of_a_program_are_read_in_order(tmp_path: Path) -> None:
     assert [body.name for body in task.bodies] == ["bar", "block"]
     placed = {body.name: body.T_base_body[:3, 3] for body in task.bodies_at(task.T_on_work)}
     np.testing.assert_allclose(placed["block"], [0.46 - 0.1, 0.0, 0.033 + 0.01], atol=1e-12)
+
+
+def test_joint_angles_in_rad_are_told(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    assert read_program(file).angle_doubts() == ()
+    replace_in(file, "end_deg = [0, 0, -45, 0, -45, 0]", "end_deg = [-1.05, -0.7, -1.4, 0, -1.05, 0]")
+    replace_in(file, "joints_deg = [0, 0, -45, 0, -45, 0]", "joints_deg = [0.5, -0.7, -1.4, 0, -1.05, 0]")
+    end, joints = read_program(file).angle_doubts()
+    assert end.startswith(
+        "program.toml: end_deg = [-1.05, -0.7, -1.4, 0, -1.05, 0]: is it in rad? Then it must"
+    )
+    assert joints.startswith(
+        "program.toml: steps[2].joints_deg = [0.5, -0.7, -1.4, 0, -1.05, 0]: is it in rad?"
+    )
+    said, _ = a465("reach", file, code=3, cwd=tmp_path)
+    assert f"NOTE: {end}\nNOTE: {joints}\n" in said
 
 
 def test_a_change_of_a_file_or_of_a_key_is_named(tmp_path: Path) -> None:
