@@ -50,6 +50,7 @@ def require_threads_provable(
         if thread.ring not in rings:
             shown = ", ".join(sorted(rings)) or "it has none"
             raise node.error_at("threaded", f"must be a body of the tool whose shape is a torus: {shown}")
+        _require_ring_at_tool(node, step, rings[thread.ring], robot)
         if not thread.bodies or any(body_to_json(body) not in jsons for body in thread.bodies):
             rule = "must be a wire file with bodies that is also a file of [[bodies]]: the ring is proved clear of them"
             raise node.error_at("line_of", rule)
@@ -76,6 +77,29 @@ def require_threads_provable(
             raise node.error_at("threaded", rule)
 
 
+def _require_ring_at_tool(node: Node, step: PathStep, ring: Body, robot: Robot) -> None:
+    """Refuse a ring whose axis passes the tool frame's origin, which is on the line, further off than its radius."""
+    if not isinstance(ring.shape, Torus):
+        return
+    T_tool_ring = _in_tool(ring, robot)
+    axis, offset = T_tool_ring[:3, 2], T_tool_ring[:3, 3]
+    off, radius = float(norm(offset - mul(offset, axis) * axis)), ring.shape.radius
+    if off - _off_line(step) > radius:
+        mm = f"its axis passes it by {1e3 * off:.1f} mm, its radius is {1e3 * radius:g} mm"
+        rule = f"must be about the origin of the tool frame, which follows the line: {mm}"
+        raise node.error_at("threaded", rule, "is origin_mm of the tool's file right, and in mm?")
+
+
+def _in_tool(body: Body, robot: Robot) -> Array:
+    """Return the pose of a body of the tool in the tool frame."""
+    return mul(inverse(mul(robot.T_joint_end, robot.T_end_tool)), body.T_joint_body)
+
+
+def _off_line(step: PathStep) -> float:
+    """Return how far the tool frame's origin may be off the line by the step's ranges, m."""
+    return float(norm([max(map(abs, step.ranges.get(axis, (0.0,)))) for axis in "xyz"]))
+
+
 def _first_outside(thread: ThreadedLine) -> Array | None:
     """Return the first place of a line (3,) that is in none of its bodies; None if there is none."""
     for a, b in pairwise(thread.points):
@@ -99,9 +123,8 @@ def _require_free_end(
         for body in robot.bodies
         if body.name == thread.ring and isinstance(body.shape, Torus)
     )
-    T_tool_ring = mul(inverse(mul(robot.T_joint_end, robot.T_end_tool)), ring.T_joint_body)
-    slack = float(norm(T_tool_ring[:3, 3]))  # m, by which the ring's centre may be off the path
-    slack += float(norm([max(map(abs, step.ranges.get(axis, (0.0,)))) for axis in "xyz"]))
+    # m, by which the ring's centre may be off the path
+    slack = float(norm(_in_tool(ring, robot)[:3, 3])) + _off_line(step)
     length = step.outline.length
     along = np.linspace(0.0, length / 2.0, 2 + int(length / 2.0 / _PATH_STEP))
     places = step.outline.at(along)

@@ -67,3 +67,18 @@ def test_a_threaded_path_from_the_foot_is_told_before_it_is_planned(
         f"{file}: steps[0].threaded = 'ring 1': cannot be on its path: 20 mm from its start, at (0, 0, -20) mm, it is "
         f"in 'foam' (a path with threaded begins at the free end: {given})"
     )
+
+
+@pytest.mark.parametrize("tool", ["-135, 0, 13", "-135, 20, 60"])
+def test_a_ring_that_is_not_about_the_tool_frame_is_told(tmp_path: Path, tool: str) -> None:
+    """Within the ring, and anywhere along its axis, the frame may be."""
+    folder = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "hoop"
+    replace_in(folder / "tools/hoop.toml", "origin_mm = [-135, 0, 13]", f"origin_mm = [{tool}]")
+    assert read_program(folder / "b.toml").threads
+    replace_in(folder / "tools/hoop.toml", f"origin_mm = [{tool}]", "origin_mm = [-0.135, 0, 0.013]")
+    told = (
+        r"steps\[0\].threaded = 'ring 1': must be about the origin of the tool frame, which follows the line: its axis "
+        r"passes it by 134\.9 mm, its radius is 34\.71 mm \(is origin_mm of the tool's file right, and in mm\?\)$"
+    )
+    with pytest.raises(InputError, match=told):
+        read_program(folder / "b.toml")
