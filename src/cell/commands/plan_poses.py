@@ -21,8 +21,9 @@ from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
+from cell.program.doubts.depths import depths
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
-from cell.program.planning import plan_of_program
+from cell.program.planning import T_base_work, plan_of_program
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import Action
 from cell.session.budget import within
@@ -159,6 +160,8 @@ def plan_program_step(
     keep_apart(output, program_file, look, kind="plan")
     keep_unread(output)
     task, seen = _task_and_look(program_file, look, console)
+    for doubt in depths(task, T_base_work(task, seen)):
+        console.say(f"NOTE: {doubt}")
     explain = partial(explain_list_failure, task, seen) if advice else None
     with within(budget):
         plan = plan_of_program(task, seen, planning_speed(task.cell, speed), explain)

@@ -168,6 +168,8 @@ class PathStep:
         steady: whether the tool keeps one speed, at most `speed`.
         clearance_of: names of bodies whose clearance is maximised if that is the aim; all if empty.
         threaded: the line that stays in a ring of the tool; None for none.
+        source: key of `SOURCES` that the step has.
+        extended: by how much its start and its end are prolonged, m.
     """
 
     key: str
@@ -183,6 +185,8 @@ class PathStep:
     steady: bool
     clearance_of: frozenset[str]
     threaded: ThreadedLine | None
+    source: str
+    extended: tuple[float, float]
 
     def legs(self) -> tuple[Array, ...]:
         """Return the poses (k, 4, 4) between the corners at which the arm stops, each with both its ends."""
@@ -248,7 +252,11 @@ def _path(
     if keys.steady:
         _require_steady(node, keys, poses)
     values = {key: getattr(keys, key) for key in ("back", "steady", "clearance_of", *FreedomKeys.declared())}
-    return PathStep(node.key, name, outline, poses, **values, threaded=threaded)
+    source = next(one for one in SOURCES if one in node)
+    before, after = np.maximum(keys.extend, 0.0).tolist()
+    return PathStep(
+        node.key, name, outline, poses, **values, threaded=threaded, source=source, extended=(before, after)
+    )
 
 
 def _require_steady(node: Node, keys: PathKeys, poses: PathPoses) -> None:

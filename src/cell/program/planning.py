@@ -12,6 +12,7 @@ from arm.numerics.products import mul
 from arm.plan_file import Plan, touching_pairs
 from arm.robot.thread import Thread
 from arm.se3 import Array, apply, frozen
+from cell.program.doubts.hints import hint
 from cell.program.parts.handled import Handled, Parts, parts_of, standing_on
 from cell.program.parts.plan_check import begins_at, require_parts, scene_of_parts
 from cell.program.path_speeds import with_kept_speeds
@@ -30,7 +31,6 @@ from vision.observation import Observation
 
 LEAST_DWELL_S = 1e-3  # at rest, so that the arm stops for its jaws
 _START = "start"
-_AT_BASE = 2e-3  # m from the origin of the base, where no workpiece stands
 
 
 def T_base_work(task: ProgramTask, observation: Observation) -> Array:
@@ -308,17 +308,9 @@ def _along(step: PathStep, name: str, T_base_work: Array) -> list[Target]:
 def _located(task: ProgramTask, error: ImpossibleError) -> ImpossibleError:
     """Return the error with the file and, if it names a target, its step."""
     target = str(error.data.get("target", ""))
-    names = {name_of(step, repeat): step.key for repeat in range(task.repeat) for step in task.steps}
-    key = next((names[name] for name in (target, target.partition(", leg ")[0]) if name in names), "")
+    names = {name_of(step, repeat): step for repeat in range(task.repeat) for step in task.steps}
+    step = next((names[name] for name in (target, target.partition(", leg ")[0]) if name in names), None)
+    key = "" if step is None else step.key
     data = {k: v for k, v in error.data.items() if k != "step"}
-    hint = _in_metres(task)
-    return ImpossibleError(f"{task.file}: {f'{key}: ' if key else ''}{error}{hint}", step=key, **data)
-
-
-def _in_metres(task: ProgramTask) -> str:
-    """Ask for the unit of a workpiece that is beside the origin of the base, as one in metres is; "" of any other."""
-    origin = task.T_on_work[:3, 3]
-    if task.board is not None or not 0.0 < np.abs(origin).max() < _AT_BASE:
-        return ""
-    shown = ", ".join(f"{1e3 * value:g}" for value in origin.tolist())
-    return f"; work.origin_mm = [{shown}] is less than {1e3 * _AT_BASE:g} mm from that of the base: is it in metres?"
+    why = f"{task.file}: {f'{key}: ' if key else ''}{error}{hint(task, step, error)}"
+    return ImpossibleError(why, step=key, **data)

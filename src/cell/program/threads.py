@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.io.node import Node
 from arm.numerics.products import mul, norm
-from arm.robot.model import Robot
+from arm.robot.model import LinkBody, Robot
 from arm.robot.shapes import Body, Box, Sphere, Torus, body_to_json
 from arm.robot.thread import ray_names
 from arm.se3 import Array, apply, frozen, inverse, transform
@@ -77,7 +77,7 @@ def require_threads_provable(
             raise node.error_at("threaded", rule)
 
 
-def _require_ring_at_tool(node: Node, step: PathStep, ring: Body, robot: Robot) -> None:
+def _require_ring_at_tool(node: Node, step: PathStep, ring: LinkBody, robot: Robot) -> None:
     """Refuse a ring whose axis passes the tool frame's origin, which is on the line, further off than its radius."""
     if not isinstance(ring.shape, Torus):
         return
@@ -90,7 +90,7 @@ def _require_ring_at_tool(node: Node, step: PathStep, ring: Body, robot: Robot) 
         raise node.error_at("threaded", rule, "is origin_mm of the tool's file right, and in mm?")
 
 
-def _in_tool(body: Body, robot: Robot) -> Array:
+def _in_tool(body: LinkBody, robot: Robot) -> Array:
     """Return the pose of a body of the tool in the tool frame."""
     return mul(inverse(mul(robot.T_joint_end, robot.T_end_tool)), body.T_joint_body)
 

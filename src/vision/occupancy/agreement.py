@@ -54,8 +54,8 @@ def _change(images: Sequence[Image], camera: Camera, pose: BoardPose, index: int
         if view is None:
             return False
         width, sway = (max(1, round(size * view.px_per_m())) for size in (PATCH, 2.0 * SWAY))
-        grey = cv2.blur(view.grey, (width, width))
-        grey /= max(float(np.mean(grey)), 1.0)
+        grey = np.asarray(cv2.blur(view.grey, (width, width)), dtype=np.float32)
+        grey = grey / max(float(np.mean(grey)), 1.0)
         if number:
             if (np.maximum(grey - high, low - grey) > least).any():
                 return True
