@@ -72,7 +72,7 @@ def look_step(
     task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:
         seen = look_and_save(task, frames, picture, console, "at the cell")
-    result = observation_to_json(seen, task.cell.camera.T_base_camera)
+    result = observation_to_json(seen, task.cell.camera)
     if output is not None:
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)

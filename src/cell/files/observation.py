@@ -20,6 +20,7 @@ from arm.poses import BoardPose, TiltHypothesis
 from arm.se3 import Array, angle_between, inverse, orthonormalised
 from cell.config.cell import Cell
 from cell.files.task import Task
+from vision.camera.model import Camera
 from vision.observation import Observation, ObservedBoard
 from vision.occupancy.classify import HoleState, Occupancy
 
@@ -77,12 +78,12 @@ def _require_flat(task: Task, stated: float, seen: ObservedBoard) -> None:
         )
 
 
-def observation_to_json(seen: Observation, T_base_camera: Array) -> dict[str, Any]:
-    """Return the JSON of ``a465 look``: one scene, with the reasons for missing boards."""
-    boards = [_board_to_json(b, T_base_camera) for b in seen.boards]
-    camera = {} if seen.camera_shift is None else {"camera": seen.camera_shift.to_json()}
-    scene = {"boards": boards, "missing": dict(seen.missing), "half_seen": list(seen.half_seen), **camera}
-    return {"scenes": [scene]}
+def observation_to_json(seen: Observation, camera: Camera) -> dict[str, Any]:
+    """Return the JSON of ``a465 look`` by a camera: one scene, with the reasons for missing boards."""
+    boards = [_board_to_json(b, camera.T_base_camera) for b in seen.boards]
+    shift = {} if seen.camera_shift is None else {"camera": seen.camera_shift.to_json()}
+    left = {"missing": dict(seen.missing), "half_seen": list(seen.half_seen)}
+    return {"scenes": [{"boards": boards, "lens": camera.lens_digest, **left, **shift}]}
 
 
 def pose_to_json(pose: BoardPose, T_base_camera: Array) -> dict[str, Any]:
@@ -161,13 +162,18 @@ def read_observation(path: Path, cell: Cell) -> Observation:
 
     Raises:
         FileInputError: the file is not a look file, has boards that the cell does not list, or was made with another
-            pose of the camera or other markers than the cell has now, by which its boards are displaced.
+            pose or lens of the camera or other markers than the cell has now, by which its boards are displaced.
     """
     root = replace(Node.of_json(path, "look"), help="a465 look writes this file; look again")
     require_finite(path, root.value)
     scenes = root["scenes"].items()
     if not scenes:
         raise root["scenes"].error("must have a scene")
+    if (
+        scenes[0].get("lens", text(), cell.camera.lens_digest) != cell.camera.lens_digest
+    ):  # older ones lack it
+        rule = f"was made with other intrinsics than {cell.camera_file} has now: the poses of this look rest on them"
+        raise FileInputError(path, "", None, rule, "look again")
     entries = scenes[0]["boards"].items()
     found = tuple(_board_from_json(entry, cell.boards) for entry in entries)
     for entry, seen in zip(entries, found, strict=True):

@@ -148,7 +148,7 @@ def test_a_look_with_boards_of_any_dictionary(scenes: Path, dictionary: str) -> 
     shot = photograph(lab_camera(), [(board, T)], np.random.default_rng(3), dictionary=dictionary)
     seen = look_and_save(task, Folder(shot.images), None, Console(True), "at it")
     file = scenes / "look.json"
-    file.write_text(canonical_json(observation_to_json(seen, task.cell.camera.T_base_camera)))
+    file.write_text(canonical_json(observation_to_json(seen, task.cell.camera)))
     (found,) = read_observation(file, task.cell).boards
     xi = twist_between(found.pose.T_base_board, T)
     assert np.linalg.norm(xi[:3]) < 0.3e-3

@@ -57,7 +57,7 @@ def _seen(task: Task) -> Observation:
 
 def test_round_trip(task: Task, tmp_path: Path) -> None:
     path, seen = tmp_path / "look.json", _seen(task)
-    path.write_text(canonical_json(observation_to_json(seen, task.cell.camera.T_base_camera)))
+    path.write_text(canonical_json(observation_to_json(seen, task.cell.camera)))
     again = read_observation(path, task.cell)
     assert again.missing == seen.missing
     for a, b in zip(again.boards, seen.boards, strict=True):
@@ -72,7 +72,7 @@ def test_round_trip(task: Task, tmp_path: Path) -> None:
 
 def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
     camera = task.cell.camera
-    for entry in observation_to_json(_seen(task), camera.T_base_camera)["scenes"][0]["boards"]:
+    for entry in observation_to_json(_seen(task), camera)["scenes"][0]["boards"]:
         product = camera.T_base_camera @ np.array(entry["T_camera_board"])
         assert product == pytest.approx(np.array(entry["T_base_board"]), abs=1e-12)
         assert len(entry["holes"]) == 4
@@ -119,7 +119,7 @@ def test_the_json_speaks_of_camera_and_base(task: Task) -> None:
 def test_damage_is_told(
     task: Task, tmp_path: Path, change: Callable[[dict[str, Any]], Any], message: str
 ) -> None:
-    value = json.loads(canonical_json(observation_to_json(_seen(task), task.cell.camera.T_base_camera)))
+    value = json.loads(canonical_json(observation_to_json(_seen(task), task.cell.camera)))
     change(value["scenes"][0]["boards"][0])
     path = tmp_path / "look.json"
     path.write_text(json.dumps(value))
@@ -143,7 +143,7 @@ def test_a_look_from_before_the_camera_moved_is_told(
     task: Task, tmp_path: Path, by: float, turn: float, shift: Any, told: str
 ) -> None:
     before = task.cell.camera.T_base_camera @ transform(rotation((np.radians(turn), 0, 0)), (by, 0, 0))
-    value = observation_to_json(_seen(task), before)
+    value = observation_to_json(_seen(task), task.cell.camera.at(before))
     (scene,) = value["scenes"]
     if shift == "none":
         for board in scene["boards"]:
@@ -157,6 +157,19 @@ def test_a_look_from_before_the_camera_moved_is_told(
             read_observation(path, task.cell)
     else:
         assert len(read_observation(path, task.cell).boards) == 2
+
+
+def test_a_look_through_another_lens_is_told(task: Task, tmp_path: Path) -> None:
+    camera, path = task.cell.camera, tmp_path / "look.json"
+    value = observation_to_json(_seen(task), replace(camera, K=camera.K + np.diag([1e-3, 0.0, 0.0])))
+    path.write_text(json.dumps(value))
+    with pytest.raises(
+        FileInputError, match=r"look.json: was made with other intrinsics than .*lab.toml has now"
+    ):
+        read_observation(path, task.cell)
+    del value["scenes"][0]["lens"]  # of before it was kept, or of another program
+    path.write_text(json.dumps(value))
+    assert len(read_observation(path, task.cell).boards) == 2
 
 
 @pytest.mark.parametrize(
@@ -180,7 +193,7 @@ def test_a_look_at_markers_of_another_size_is_told(
     task: Task, tmp_path: Path, change: Callable[[Board], Board], told: str, former: bool
 ) -> None:
     """A look from before the sizes were kept is read as before."""
-    value = observation_to_json(_seen(task), task.cell.camera.T_base_camera)
+    value = observation_to_json(_seen(task), task.cell.camera)
     for board in value["scenes"][0]["boards"] if former else ():
         del board["marker_size_mm"], board["second_marker_mm"]
     path = tmp_path / "look.json"

@@ -188,4 +188,7 @@ def test_every_way_to_end_the_program_is_heard(number: signal.Signals) -> None:
 
 def test_a_world_without_a_board_of_the_task_is_no_cell_for_it(scenes: Path) -> None:
     told = a465("look", str(scenes / "task2.toml"), "--world", str(scenes / "task1.world.toml"), code=2)[1]
-    assert f"{scenes / 'task1.world.toml'}: boards: have no board 03-04, which {scenes / 'task2.toml'} needs" in told
+    assert (
+        f"{scenes / 'task1.world.toml'}: boards: have no board 03-04, which {scenes / 'task2.toml'} needs"
+        in told
+    )
