@@ -20,6 +20,7 @@ from arm.se3 import Array, frozen, orthonormalised
 
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
+_LEAST_MM = 0.5  # from a flange to a tool that is not in it; a tool in m, read as mm, is nearer
 _DIGITS = 2e-4  # of an eighth of a turn: as exact as four decimals in rad
 _OFF_AXIS = 2e-3  # m from the arm's axis, about which nothing stands; a place in m, read as mm, is nearer
 SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
@@ -252,6 +253,20 @@ def standing(size: int, least: float, most: float) -> Rule[Array]:
                 f"must be {1e3 * _OFF_AXIS:g} mm or more from the arm's axis along x or y, or exactly on it"
             )
             raise node.error(rule, "is it in metres?")
+        return found
+
+    return Rule(plain.words, read)
+
+
+def carried(most: float) -> Rule[Array]:
+    """A place in mm in the frame that carries it, such as a tool's on the flange, read in m: in its origin, or not too
+    near to it to be meant. One in metres, read as mm, is told."""
+    plain = numbers(3, "mm", -most, most)
+
+    def read(node: Node) -> Array:
+        found = plain.read(node)
+        if 0.0 < np.linalg.norm(found) < _LEAST_MM / 1e3:
+            raise node.error(f"must be [0, 0, 0], or {_LEAST_MM:g} mm or more from there", "is it in metres?")
         return found
 
     return Rule(plain.words, read)

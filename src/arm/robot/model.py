@@ -25,6 +25,9 @@ from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere
 from arm.robot.urdf import SAME_NAME, read_disabled_collisions, read_urdf, with_followers
 from arm.se3 import Array, frozen, transform
 
+_LONGEST = 20.0  # m, mesh of a link: a long track; one in mm without a scale is longer
+_SCALE = 'is it in mm? then the URDF gives it scale="0.001 0.001 0.001"'
+
 
 @dataclass(frozen=True)
 class LinkBody:
@@ -173,7 +176,8 @@ def load_robot(
         geometry = pin.buildGeomFromUrdfString(full, ready, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
-    wanted = len(ElementTree.fromstring(text).findall("./link/collision"))
+    root = ElementTree.fromstring(text)
+    wanted = len(root.findall("./link/collision"))
     if wanted != geometry.ngeoms:
         rule = f"only {geometry.ngeoms} were read; use cylinders, spheres, boxes and meshes"
         raise FileInputError(urdf, "collision", f"{wanted} bodies", rule)
@@ -218,7 +222,9 @@ def load_robot(
         end_frame=end_frame,
         T_end_tool=tool,
         bodies=bodies,
-        disabled_collisions=read_disabled_collisions(srdf or urdf, srdf_text, by_link(bodies)),
+        disabled_collisions=read_disabled_collisions(
+            srdf or urdf, srdf_text, by_link(bodies), [link.get("name", "") for link in root.findall("link")]
+        ),
         digest=sha256(identity),
         urdf=text,
         srdf=srdf_text,
@@ -273,8 +279,13 @@ def _link_body(urdf: Path, geometry: Any, link: str, name: str) -> LinkBody:
         case "Capsule":
             ours = Capsule(float(shape.radius), 2.0 * float(shape.halfLength))
         case mesh if mesh.startswith("BVHModel"):
+            vertices = shape.vertices()
+            longest = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
+            if longest > _LONGEST:
+                rule = f"is {longest:.4g} m long; the mesh of a link may be at most {_LONGEST:g} m long"
+                raise FileInputError(urdf, f"link {name}", str(geometry.meshPath), rule, _SCALE)
             try:
-                ours = convex(shape.vertices())
+                ours = convex(vertices)
             except InputError as error:
                 rule = f"has no hull: {error}"
                 raise FileInputError(urdf, f"link {name}", str(geometry.meshPath), rule) from error

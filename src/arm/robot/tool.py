@@ -16,11 +16,16 @@ from arm.errors import InputError
 from arm.former import former_names
 from arm.io.storage import data_file, read_text, sha256
 from arm.numerics.products import mul
+from arm.robot.description import joint_motion
 from arm.robot.gripper import HAND, SHIPPED_URDF
 from arm.robot.model import LinkBody, Robot, by_link, load_robot
 from arm.robot.shapes import Body, shape_to_json
 from arm.robot.urdf import bodies_of
 from arm.se3 import Array, frozen
+
+_ENDLESS = 'are these degrees? a joint that turns without end is type="continuous"'
+# of a joint's range from 0, by the kind of the joint: two turns, and longer than the tracks of arms
+_MOST = {"revolute": (4.0 * np.pi, "rad", _ENDLESS), "prismatic": (100.0, "m", "is it in mm?")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +171,7 @@ def urdf_limits(
         margin: subtracted from each end of the range, rad (m).
 
     Raises:
-        InputError: a joint has no range, or a limit is not positive.
+        InputError: a joint has no range, its range is in deg or mm, or a limit is not positive.
     """
     names = robot.joint_names
     if isinstance(acceleration, Mapping):
@@ -181,9 +186,14 @@ def urdf_limits(
         np.asarray(robot.model.velocityLimit if velocity is None else velocity, dtype=float), lower.shape
     )
     push = np.broadcast_to(np.asarray(acceleration, dtype=float), lower.shape)
-    for name, low, high, v, a in zip(names, lower, upper, fast, push, strict=True):
+    joints = list(robot.model.joints)[1:]
+    for name, joint, low, high, v, a in zip(names, joints, lower, upper, fast, push, strict=True):
         if not (low < high and np.isfinite(high - low)):
             why = f"joint {name}: range {low:g} to {high:g} must be finite and not empty"
+            raise InputError(why, joint=name)
+        most, unit, doubt = _MOST[joint_motion(joint, name)[0]]
+        if max(-low, high) > most:
+            why = f"joint {name}: range {low:g} to {high:g} must be within +-{most:.4g} {unit} ({doubt})"
             raise InputError(why, joint=name)
         if not (0.0 < v < np.inf and 0.0 < a < np.inf):
             raise InputError(

@@ -7,9 +7,11 @@ Packages are searched in the caller's folders, in the folders above the URDF, an
 
 from __future__ import annotations
 
+import difflib
 import os
+import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
 from urllib.parse import unquote
@@ -25,6 +27,7 @@ Pairs = frozenset[frozenset[str]]
 SAME_NAME = " (joint)"
 
 _TURNS = 2.0 * np.pi  # rad, range of a continuous joint in each direction
+_ALIKE = 0.8  # of a misspelt name and the one that is meant; 0.89 of 'uper' and 'upper'
 _SCHEMES = ("package://", "model://")
 # and the folder of packages in each entry
 _ROS_PATHS = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
@@ -187,7 +190,9 @@ def _mimic_number(urdf: Path, joint: str, mimic: ElementTree.Element, key: str, 
         raise FileInputError(urdf, f"joint {joint}: {key}", value, "must be a number") from error
 
 
-def read_disabled_collisions(srdf: Path, text: str, bodies: Mapping[str, Sequence[str]]) -> Pairs:
+def read_disabled_collisions(
+    srdf: Path, text: str, bodies: Mapping[str, Sequence[str]], links: Collection[str]
+) -> Pairs:
     """Return the pairs of bodies of an SRDF's disabled collisions: all bodies of one link with all of the other.
 
     ``disable_default_collisions`` disables a link against all others; ``enable_collisions`` enables a pair again
@@ -197,9 +202,11 @@ def read_disabled_collisions(srdf: Path, text: str, bodies: Mapping[str, Sequenc
         srdf: the file, for messages.
         text: its text; "" if there is none.
         bodies: names of the bodies of each link.
+        links: names of all links of the URDF, with those that have no bodies.
 
     Raises:
-        FileInputError: not XML, not an SRDF, or a pair without its links.
+        FileInputError: not XML, not an SRDF, a pair without its links, or a name like one of `links` that is none.
+            Quite other names may be there: of a tool's bodies, and of a hand that this URDF does not have.
     """
     if not text:
         return frozenset()
@@ -211,15 +218,16 @@ def read_disabled_collisions(srdf: Path, text: str, bodies: Mapping[str, Sequenc
         raise FileInputError(srdf, "", None, f"is not an SRDF: it begins with <{root.tag}>, must be <robot>")
     if root.find("link") is not None or root.find("joint") is not None:
         raise FileInputError(srdf, "", None, "is a URDF: an SRDF has no <link> and no <joint>")
-    links = {
+    known = {*links, *bodies, *(name for named in bodies.values() for name in named)}
+    pairs = {
         frozenset((alone, other))
-        for alone in (_named(srdf, e, "link") for e in root.findall("disable_default_collisions"))
+        for alone in (_named(srdf, e, "link", known) for e in root.findall("disable_default_collisions"))
         for other in bodies
         if other != alone
     }
-    links -= {_pair(srdf, e) for e in root.findall("enable_collisions")}
-    links |= {_pair(srdf, e) for e in root.findall("disable_collisions")}
-    return bodies_of(links, bodies)
+    pairs -= {_pair(srdf, e, known) for e in root.findall("enable_collisions")}
+    pairs |= {_pair(srdf, e, known) for e in root.findall("disable_collisions")}
+    return bodies_of(pairs, bodies)
 
 
 def bodies_of(links: Iterable[frozenset[str]], bodies: Mapping[str, Sequence[str]]) -> Pairs:
@@ -232,12 +240,16 @@ def bodies_of(links: Iterable[frozenset[str]], bodies: Mapping[str, Sequence[str
     )
 
 
-def _pair(srdf: Path, element: ElementTree.Element) -> frozenset[str]:
-    return frozenset(_named(srdf, element, key) for key in ("link1", "link2"))
+def _pair(srdf: Path, element: ElementTree.Element, known: Collection[str]) -> frozenset[str]:
+    return frozenset(_named(srdf, element, key, known) for key in ("link1", "link2"))
 
 
-def _named(srdf: Path, element: ElementTree.Element, key: str) -> str:
+def _named(srdf: Path, element: ElementTree.Element, key: str, known: Collection[str]) -> str:
     name = element.get(key)
     if not name:
         raise FileInputError(srdf, element.tag, None, f"has no {key}; must name links of the URDF")
+    guess = difflib.get_close_matches(name, sorted(known), n=1, cutoff=_ALIKE)
+    if guess and name not in known and re.sub(r"\d", "", name) != re.sub(r"\d", "", guess[0]):
+        help = f"did you mean {guess[0]!r}?"
+        raise FileInputError(srdf, f"{element.tag} {key}", name, "is no link of the URDF", help)
     return name

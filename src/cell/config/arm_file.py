@@ -5,6 +5,7 @@ docs/adding.md has the keys. Positions of joints are in rad, or in m where a joi
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from arm.robot.model import Robot, load_robot
 from arm.robot.shapes import Body
 from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import Array
-from cell.config.bodies import PLACE, TURN, pose_of, read_body
+from cell.config.bodies import ON_FLANGE, TURN, pose_of, read_body
 from cell.config.inputs import Inputs, config_inputs
 from plan.options import LEAST_CLEARANCE, PlanOptions
 
@@ -56,6 +57,18 @@ class ArmFile:
         """Factor on velocities."""
         return self.options.speed
 
+    def shown_only(self) -> str:
+        """Say which links of the URDF have a <visual> and no <collision>, so that nothing checks them; "" if none."""
+        links = ElementTree.fromstring(self.robot.urdf).findall("link")
+        bare = [
+            str(link.get("name"))
+            for link in links
+            if link.find("visual") is not None and link.find("collision") is None
+        ]
+        have = "has" if len(bare) == 1 else "have"
+        told = f"{', '.join(bare)} {have} a <visual> and no <collision>, and nothing checks a <visual>"
+        return f"{self.file.name}: arm.urdf: {told}" if bare else ""
+
 
 _NAMES = rule_of(
     "two names of links or bodies",
@@ -73,7 +86,7 @@ class _ArmKeys(Keys):
     urdf: Path = key("urdf", path())
     srdf: Path | None = key("srdf", path(), None)
     end_frame: str = key("end_frame", line())
-    tool_mm: Array = key("tool_mm", PLACE, [0, 0, 0])
+    tool_mm: Array = key("tool_mm", ON_FLANGE, [0, 0, 0])
     tool_rpy: Array = key("tool_rpy_deg", TURN, [0, 0, 0])
     tool_bodies: tuple[Body, ...] = key("tool_bodies", tables(lambda node: read_body(node, "tool")), [])
     locked: dict[str, Any] = key("locked", table(), {})
@@ -112,6 +125,9 @@ def read_arm_file(path: Path) -> ArmFile:
         limits = urdf_limits(robot, arm.acceleration)
     except InputError as error:
         raise node.error(str(error)) from error
+    if not any(body.link and body.joint for body in robot.bodies):
+        rule = "no link that moves has a <collision>: nothing of the arm would be checked"
+        raise node.error_at("urdf", rule, "a <visual> is not checked; give the links a <collision> too")
     if keys.q_start.shape != (len(robot.joint_names),):
         raise root.error_at("q_start", f"must be a number for each joint: {', '.join(robot.joint_names)}")
     beyond = beyond_limits(robot.joint_names, keys.q_start, limits)

@@ -10,7 +10,7 @@ import numpy as np
 from arm.errors import InputError
 from arm.io.keys import Keys, key, read_values
 from arm.io.node import Node
-from arm.io.rules import line, number, numbers, path, text, triple, turns
+from arm.io.rules import carried, line, number, numbers, path, text, triple, turns
 from arm.numerics.products import mul
 from arm.robot.mesh import read_mesh_points
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus, convex
@@ -20,6 +20,7 @@ MESH_UNITS = {"mm": 1e-3, "m": 1.0}
 FARTHEST_MM, LARGEST_MM = 5000, 10000
 _LENGTH = number("mm", 1, LARGEST_MM)
 PLACE = numbers(3, "mm", -FARTHEST_MM, FARTHEST_MM)
+ON_FLANGE = carried(FARTHEST_MM)  # of a tool
 TURN = turns(3)
 SHAPE = text("box", "cylinder", "sphere", "capsule", "torus", "mesh")
 

@@ -14,7 +14,7 @@ from arm.io.rules import tables
 from arm.robot.shapes import Body
 from arm.robot.tool import FixedTool
 from arm.se3 import Array
-from cell.config.bodies import PLACE, TURN, pose_of, read_body, require_names_differ
+from cell.config.bodies import ON_FLANGE, TURN, pose_of, read_body, require_names_differ
 from cell.config.inputs import Inputs
 
 KIND = "tool"  # of the bodies
@@ -24,7 +24,7 @@ _KEY = re.compile(r"tool\.(?:bodies\[(.*)\]\.)?(\w+)", re.S)  # of `config_input
 class FixedToolKeys(Keys, file="a tool file"):
     """Keys of a tool file."""
 
-    origin: Array = key("origin_mm", PLACE, [0, 0, 0])
+    origin: Array = key("origin_mm", ON_FLANGE, [0, 0, 0])
     rpy: Array = key("rpy_deg", TURN, [0, 0, 0])
     bodies: tuple[Body, ...] = key("bodies", tables(lambda node: read_body(node, KIND)))
 

@@ -8,6 +8,7 @@ import pytest
 from arm.errors import FileInputError
 from arm.io.node import Node
 from arm.io.rules import (
+    carried,
     covariance_matrix,
     exceeds,
     flag,
@@ -235,3 +236,13 @@ def test_a_length_that_may_be_0_is_not_too_small_to_be_meant() -> None:
         FileInputError, match=r"= 0.06: must be 0, or from 0.5 to 1000 mm \(is it in metres\?\)$"
     ):
         Node(Path("a.toml"), "approach_mm", 0.06).read(rule)
+
+
+def test_a_tool_is_on_the_flange_or_not_too_near_to_it_to_be_meant() -> None:
+    rule = carried(5000)
+    for value in ([0, 0, 0], [0, 0, 0.5], [-135, 0, 13]):
+        read = Node(Path("a.toml"), "tool_mm", value).read(rule)
+        assert read == pytest.approx(np.array(value) / 1e3)
+    for value in ([0, 0, 0.08], [-0.135, 0, 0.013]):
+        with pytest.raises(FileInputError, match=r"must be \[0, 0, 0\], or 0.5 mm .* \(is it in metres\?\)$"):
+            Node(Path("a.toml"), "tool_mm", value).read(rule)

@@ -117,6 +117,10 @@ def test_collision_meshes_become_their_hulls_and_capsules_are_capsules(mesh: str
     (tmp_path / "two" / "meshes" / "box.obj").write_text(BOX_OBJ.replace("0.3", "0.0"))
     with pytest.raises(FileInputError, match=r"link foot = .*box.obj.*has no hull.*one plane"):
         load_robot(urdf, "rod", np.eye(4))
+    in_mm = BOX_OBJ.replace("0.1", "100").replace("0.2", "200").replace("0.3", "300")
+    (tmp_path / "two" / "meshes" / "box.obj").write_text(in_mm)
+    with pytest.raises(FileInputError, match=r"link foot = .*box.obj': is 300 m long; .* \(is it in mm\? "):
+        load_robot(urdf, "rod", np.eye(4))
     (tmp_path / "two" / "meshes" / "box.obj").unlink()
     with pytest.raises(FileInputError, match="could not be found"):
         load_robot(urdf, "rod", np.eye(4))

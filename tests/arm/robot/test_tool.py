@@ -73,6 +73,37 @@ def test_limits_come_from_the_urdf(ur: Robot) -> None:
         urdf_limits(ur, 1.0, margin=3.0)
 
 
+def test_a_range_in_degrees_or_millimetres_is_told(tmp_path: Path) -> None:
+    """A screw of two turns each way and a track of 40 m are none."""
+    joints = [(*joint[:4], -2.0, 2.0) for joint in UR_LIKE[:3]]
+    text = urdf(joints)
+    for new, told in (
+        (
+            'lower="-2.0" upper="126"',
+            r"joint q1: range -2 to 126 must be within \+-12.57 rad \(are these degrees\? ",
+        ),
+        ('lower="-12.5" upper="12.5"', ""),
+    ):
+        limited = text.replace('lower="-2.0" upper="2.0"', new, 1)
+        assert limited != text
+        robot = load_robot(_written(tmp_path, limited), "l3", np.eye(4))
+        if told:
+            with pytest.raises(InputError, match=told):
+                urdf_limits(robot, 1.0)
+        else:
+            assert urdf_limits(robot, 1.0).upper[0] == 12.5
+    for high, fits in ((40.0, True), (1200.0, False)):
+        slides = [("0 0 0.05", "0 0 0", "0 1 0", "prismatic", 0.0, high), *joints[1:]]
+        robot = load_robot(_written(tmp_path, urdf(slides)), "l3", np.eye(4))
+        if fits:
+            assert urdf_limits(robot, 1.0).upper[0] == 40.0
+        else:
+            with pytest.raises(
+                InputError, match=r"joint q1: range 0 to 1200 must be within \+-100 m \(is it in mm\?\)"
+            ):
+                urdf_limits(robot, 1.0)
+
+
 def test_a_continuous_joint_has_a_turn_each_way(ur: Robot) -> None:
     limits = urdf_limits(ur, 1.0)
     assert limits.upper[4] == pytest.approx(2 * np.pi)

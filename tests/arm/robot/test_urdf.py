@@ -95,6 +95,34 @@ def test_a_given_srdf_must_exist(tmp_path: Path) -> None:
         load_robot(path, LAST, np.eye(4), srdf=tmp_path / "other.srdf")
 
 
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [
+        ('<disable_collisions link1="l0" link2="forarm"/>', "disable_collisions link2"),
+        ('<enable_collisions link1="forarm" link2="l1"/>', "enable_collisions link1"),
+        ('<disable_default_collisions link="forarm"/>', "disable_default_collisions link"),
+    ],
+)
+def test_a_misspelt_link_of_an_srdf_is_told(tmp_path: Path, line: str, key: str) -> None:
+    """Its pair would stay checked. Links beside the chain may be named, and a hand that the URDF does not have."""
+    path = written(tmp_path, 3, f"<robot>{line}</robot>")
+    text = path.read_text()
+    path.write_text(text.replace('"l2"', '"forearm"'))
+    with pytest.raises(FileInputError) as refusal:
+        load_robot(path, LAST, np.eye(4))
+    told = f"{path.with_suffix('.srdf')}: {key} = 'forarm': is no link of the URDF (did you mean 'forearm'?)"
+    assert str(refusal.value) == told
+    beside = (
+        '<link name="forarm"/><joint name="m" type="fixed"><parent link="l0"/><child link="forarm"/></joint>'
+    )
+    path.write_text(path.read_text().replace("</robot>", f"{beside}</robot>"))
+    load_robot(path, LAST, np.eye(4))
+    path.write_text(text)
+    for other in ("hand", "l9"):
+        path.with_suffix(".srdf").write_text(f"<robot>{line.replace('forarm', other)}</robot>")
+        load_robot(path, LAST, np.eye(4))
+
+
 def test_what_is_given_as_an_srdf_must_be_one(tmp_path: Path) -> None:
     path, other = written(tmp_path), tmp_path / "other.srdf"
     for text, rule in (("<foo/>", "begins with <foo>"), (path.read_text(), "is a URDF")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import transform
 from cell.config.arm_file import read_arm_file
 from plans.other_arms import scara_files
-from typed.command_line import replace_in
+from typed.command_line import a465, replace_in
 
 
 @pytest.fixture
@@ -66,6 +67,7 @@ def test_locked_joints_and_pairs(file: Path) -> None:
         ("neighbours_may_touch", "neighbors_may_touch", "arm.neighbors_may_touch = True: is not a known key"),
         ("tool_mm", 'disabled_collisions = [["base", "cap"]]\ntool_mm', "pairs: 'cap' is not a link or body"),
         ("tool_mm", 'locked = { j9 = 0.0 }\ntool_mm', "scara.urdf: no joint or frame named 'j9'"),
+        ("tool_mm = [0, 0, 80]", "tool_mm = [0, 0, 0.08]", "arm.tool_mm = [0, 0, 0.08]: must be [0, 0, 0], or 0.5 mm"),
         ("tool_mm", 'locked = { j4 = "in" }\ntool_mm', "arm.locked.j4 = 'in'"),
     ],
 )  # fmt: skip
@@ -101,3 +103,38 @@ def test_only_what_is_said_may_touch(file: Path) -> None:
     replace_in(file, 'urdf = "scara.urdf"', 'urdf = "scara.urdf"\nsrdf = "may touch.srdf"')
     with_srdf = read_arm_file(file).robot.disabled_collisions
     assert len(with_srdf) == len(bare) + 2
+
+
+def test_an_arm_of_which_nothing_would_be_checked_is_refused(file: Path) -> None:
+    """A URDF of a CAD exporter may have <visual> alone; the tool and the base do not stand for the arm."""
+    urdf = file.with_suffix(".urdf")
+    text = urdf.read_text()
+    base, rest = text.split("</link>", 1)
+    urdf.write_text(f"{base}</link>{rest.replace('collision>', 'visual>')}")
+    with pytest.raises(InputError) as refusal:
+        read_arm_file(file)
+    assert str(refusal.value) == (
+        f"{file}: arm.urdf = 'scara.urdf': no link that moves has a <collision>: nothing of the arm would be checked "
+        "(a <visual> is not checked; give the links a <collision> too)"
+    )
+
+
+def test_links_that_are_only_shown_are_told(file: Path) -> None:
+    assert read_arm_file(file).shown_only() == ""
+    urdf, plan = file.with_suffix(".urdf"), file.with_name("plan.json")
+    before, quill = urdf.read_text().split('<link name="quill">')
+    urdf.write_text(f'{before}<link name="quill">{quill.replace("collision>", "visual>")}')
+    told = "scara.toml: arm.urdf: quill has a <visual> and no <collision>, and nothing checks a <visual>"
+    assert read_arm_file(file).shown_only() == told
+    points = [
+        {"positions": [0.6, 0.7 + x, 0.02, 0.0], "time_from_start": {"sec": x, "nanosec": 0}} for x in (0, 1)
+    ]
+    trajectory = {"joint_names": ["j1", "j2", "j3", "j4"], "points": points}
+    file.with_name("t.json").write_text(json.dumps(trajectory))
+    for words in (
+        ("plan", file, file.with_name("poses.json"), "-o", plan),
+        ("check", plan, file),
+        ("certify", file.with_name("t.json"), file, "--clearance-mm", "1"),
+    ):
+        said, _ = a465(*words)
+        assert f"NOTE: {told}" in said

@@ -126,6 +126,11 @@ def test_wrong_cells_are_refused(tmp_path: Path, old: str, new: str, message: st
             "rpy_deg = [180, 0]",
             r"tool.toml: rpy_deg = \[180, 0\]: must be 3 numbers",
         ),
+        (
+            "[-135, 0, 13]",
+            "[-0.135, 0, 0.013]",
+            r"tool.toml: origin_mm = .*: must be \[0, 0, 0\], or 0.5 mm or more",
+        ),
         ("rpy_deg", "yaw_deg", r"tool.toml: yaw_deg.*: is not a known key"),
     ],
 )
