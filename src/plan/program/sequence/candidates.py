@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from arm.errors import ImpossibleError
-from arm.se3 import Array
+from arm.numerics.products import mul
+from arm.se3 import Array, rot_x, rot_y, transform
 from plan.collision.missing_srdf import self_collision_help
 from plan.kinematics.closed_form import has_closed_form
 from plan.kinematics.ik import explain_pose
@@ -18,13 +19,15 @@ from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.goals.paths import PathMoves
 from plan.program.goals.target import Target
-from plan.program.sequence.refusals import below_table
+from plan.program.sequence.refusals import below_table, lean
 from plan.program.setting import Setting
 from plan.trajectory.time_estimates import straight_time, straight_times
 
 # Continuous joints give thousands of solutions. Of more than _MANY, the _NEAR nearest (in time) to the best solution of
 # the previous group are kept, and of these the _RANKED that are reached first.
 _MANY, _NEAR, _RANKED = 1024, 512, 256
+
+_LEANING = np.radians(0.05)  # of a pose: more than its digits
 
 
 class Candidates:
@@ -134,8 +137,8 @@ class Candidates:
             reports = explain_pose(self.robot, T_base_tool, self.limits.lower, self.limits.upper)
             best = min(reports, key=lambda report: report.miss)
             return ImpossibleError(
-                f"{head}: in the nearest of {len(reports)} branches {best.why()}{under}; try another pose or more free "
-                "directions",
+                f"{head}: in the nearest of {len(reports)} branches {best.why()}{under}{self._other_way(target)}; "
+                "try another pose or more free directions",
                 target=target.name,
                 solutions=0,
                 joint=None if best.outside > 0.0 else best.joint,
@@ -143,14 +146,31 @@ class Candidates:
                 outside_m=best.outside,
                 pose=asked,
             )
+        why = f"none of {self.ik.starts} starts of the numerical search converged"
+        help = "try another pose, more free directions, or more starts"
+        if not target.freedom and (angle := lean(self.robot, T_base_tool, target.free)) > _LEANING:
+            why = (
+                "all joints that turn have parallel axes, so the tool keeps its tilt, and the pose leans from it by "
+                f"{np.degrees(angle):.1f} deg"
+            )
+            help = "give a pose with that tilt, or free rx and ry"
         return ImpossibleError(
-            f"{head}: none of {self.ik.starts} starts of the numerical search converged{under}; try another pose, more "
-            "free directions, or more starts",
+            f"{head}: {why}{under}; {help}",
             target=target.name,
             solutions=0,
             joint=None,
             pose=asked,
         )
+
+    def _other_way(self, target: Target) -> str:
+        """Say that a target is in reach with its z axis the other way round; "" if it is not."""
+        if target.free not in ((), ("rx",), ("ry",), ("rz",)):  # what has a closed form
+            return ""
+        for axis, half_turn in (("x", rot_x(np.pi)), ("y", rot_y(np.pi))):
+            turned = mul(target.poses[0], transform(half_turn))
+            if len(solve_ik(self.robot, turned, self.limits.lower, self.limits.upper, target.free, self.ik)):
+                return f"; with its z axis reversed, turned by 180 deg about its {axis} axis, it is in reach"
+        return ""
 
     def free(self, group: range, solutions: Solutions) -> Solutions:
         """Return those solutions of the first target of a group that are clear of all bodies that are never moved.

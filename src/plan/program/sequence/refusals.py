@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ImpossibleError
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
+from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array
 from plan.collision.certificate import ClearanceCertificate
@@ -22,8 +23,11 @@ from plan.failure import (
     Failure,
     Rejected,
 )
+from plan.kinematics.product_of_exponentials import product_of_exponentials
 from plan.program.goals.target import Target
 from plan.transit.straight import StraightLine
+
+_PARALLEL = 1e-6  # sine between axes that are parallel
 
 
 def below_table(point: Array, bodies: Iterable[Body]) -> str:
@@ -39,6 +43,27 @@ def below_table(point: Array, bodies: Iterable[Body]) -> str:
             ):
                 return f", and it is {1e3 * below:.0f} mm below the top of {body.name}"
     return ""
+
+
+def lean(robot: Robot, T_base_tool: Array, free: Collection[str]) -> float:
+    """Return the angle, rad, by which a pose (4, 4) leans from every pose of an arm whose turning joints have parallel
+    axes, such as a SCARA, so that its tool keeps its tilt; 0 for another arm, or with more than one free rotation.
+    """
+    chain = product_of_exponentials(robot)
+    directions = [axis.direction for axis in chain.axes if not axis.slides]
+    turns = [name[1] for name in free if name.startswith("r")]
+    if not directions or len(turns) > 1:
+        return 0.0
+    axis = directions[0]
+    if any(np.abs(np.cross(axis, other)).max() > _PARALLEL for other in directions):
+        return 0.0
+    ours = mul(chain.T_base_tool_0[:3, :3].T, axis)  # the same at every configuration
+    asked = mul(T_base_tool[:3, :3].T, axis)
+    if not turns:
+        return float(np.arctan2(norm(np.cross(ours, asked)), np.dot(ours, asked)))
+    # a free rotation keeps the angle to its own axis
+    here, there = (np.arccos(np.clip(v["xyz".index(turns[0])], -1.0, 1.0)) for v in (ours, asked))
+    return abs(float(here - there))
 
 
 def end_blocked(

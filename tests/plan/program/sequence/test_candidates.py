@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder, Sphere
 from arm.robot.tool import urdf_limits
-from arm.se3 import Array, transform
+from arm.se3 import Array, rot_x, transform
 from arms import made_up
 from plan.kinematics.numeric_ik import SearchOptions, Solutions, solve_ik
 from plan.options import PlanOptions
@@ -149,3 +150,51 @@ def test_a_configuration_that_is_too_near_is_told_as_such(robot: Robot, crs97: U
     low = refusal_of(robot, crs97, [TABLE], Target("low", q=q))
     assert "target 'low': the configuration is too near to a body: " in str(low)
     assert str(low).endswith("choose another one")
+
+
+@pytest.mark.parametrize(
+    ("pose", "free", "told"),
+    [
+        (transform(t=(0.42, 0.0, 0.25)), (), True),
+        (transform(t=(0.42, 0.0, 0.25)), "rz", True),
+        (transform(t=(1.42, 0.0, 0.25)), (), False),
+        (down(1.42, 0.0, 0.25), (), False),
+    ],
+)
+def test_a_pose_with_its_z_axis_the_wrong_way_is_told(
+    robot: Robot, crs97: Unit, pose: Array, free: str, told: bool
+) -> None:
+    candidates = candidates_of(robot, crs97, Target("a", pose, free=free), beside(0.06), PlanOptions())
+    with pytest.raises(ImpossibleError) as refused:
+        candidates.solve(HOME)
+    there = [
+        f"; with its z axis reversed, turned by 180 deg about its {axis} axis, it is in reach; try"
+        for axis in "xy"
+    ]
+    assert any(words in str(refused.value) for words in there) == told
+
+
+@pytest.mark.parametrize("free", [(), "rz"])
+def test_a_pose_that_leans_from_what_a_scara_can_is_told(tmp_path: Path, free: str) -> None:
+    joints = [
+        ("0 0 0.4", "0 0 0", "0 0 1", "revolute", -2.5, 2.5),
+        ("0.3 0 0", "0 0 0", "0 0 1", "revolute", -2.4, 2.4),
+        ("0.25 0 0", "0 0 0", "0 0 1", "prismatic", -0.2, 0.2),
+        ("0 0 0", "0 0 0", "0 0 -1", "revolute", -6.0, 6.0),
+    ]
+    robot = made_up.arm(tmp_path, joints)
+    limits = urdf_limits(robot, 4.0)
+    T = robot.T_base_tool([0.3, 0.8, 0.0, 0.2])
+    far = transform(t=(2.0, 0.0, 0.0))
+    told = {}
+    for name, pose in (("leaning", T @ transform(rot_x(np.radians(-10.0)))), ("far", far @ T)):
+        setting = Setting(Scene(robot, robot, (), ()), virtual_unit(robot, limits), limits, PlanOptions())
+        worlds = AttachmentWorlds(setting.scene, [Target("a", pose, free=free)])
+        with pytest.raises(ImpossibleError) as refused:
+            Candidates(setting, worlds, [range(1)], SearchOptions(starts=8)).solve(np.zeros(4))
+        told[name] = str(refused.value)
+    assert (
+        "is out of reach: all joints that turn have parallel axes, so the tool keeps its tilt, and the pose leans from "
+        "it by 10.0 deg; give a pose with that tilt, or free rx and ry"
+    ) in told["leaning"]
+    assert "none of 8 starts of the numerical search converged; try another pose" in told["far"]

@@ -11,7 +11,7 @@ from arm.controller.unit import Unit
 from arm.errors import ImpossibleError
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box, Cylinder
-from arm.se3 import transform
+from arm.se3 import rot_x, transform
 from plan.advice.changes import ChangeOptions, MoveBodies, Request
 from plan.advice.search import advise
 from plan.collision.certificate import ClearanceCertificate
@@ -21,6 +21,7 @@ from plan.program.goals.target import Target
 from plan.program.sequence.refusals import (
     below_table,
     end_blocked,
+    lean,
     line_blocked,
     miss,
     out_of_hand,
@@ -42,6 +43,11 @@ def test_a_refused_way_names_the_clearance_that_was_asked_for(robot: Robot, crs9
         planned(robot, crs97, [TABLE, *cage], Target("other side", down(0.3, 0.35, 0.2)), q_start=turned)
     assert caught.value.data["clearance_m"] == FAST.clearance
     assert f"(required: {FAST.clearance * 1e3:g} mm)" in str(caught.value)
+
+
+def test_only_an_arm_with_parallel_axes_keeps_its_tilt(robot: Robot) -> None:
+    T = robot.T_base_tool(np.radians([-60, -35, -85, 0, -60, 0]))
+    assert lean(robot, T @ transform(rot_x(0.3)), ()) == 0.0
 
 
 def test_a_goal_below_a_table_is_told_how_far() -> None:
