@@ -167,11 +167,8 @@ def test_a_pose_with_its_z_axis_the_wrong_way_is_told(
     candidates = candidates_of(robot, crs97, Target("a", pose, free=free), beside(0.06), PlanOptions())
     with pytest.raises(ImpossibleError) as refused:
         candidates.solve(HOME)
-    there = [
-        f"; with its z axis reversed, turned by 180 deg about its {axis} axis, it is in reach; try"
-        for axis in "xy"
-    ]
-    assert any(words in str(refused.value) for words in there) == told
+    there = r"; with its z axis reversed, turned by 180 deg about its [xy] axis, it is in reach; try another"
+    assert bool(re.search(there, str(refused.value))) == told
 
 
 @pytest.mark.parametrize("free", [(), "rz"])
