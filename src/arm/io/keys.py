@@ -103,7 +103,12 @@ def _unknown(
         if "." not in name and any(k.startswith(f"{prefix}{name}.") for k in known):
             yield from _unknown(one, known, every, f"{prefix}{name}.")  # a value that is no table has none
         elif prefix + name not in known or "." in name:
-            guess = difflib.get_close_matches(name, beside, n=1)
+            absent = [
+                other for other in beside if other not in node.value
+            ]  # more likely than one that is there
+            guess = difflib.get_close_matches(name, absent, n=1) or difflib.get_close_matches(
+                name, beside, n=1
+            )
             before = one.key.removesuffix(name)
             near = f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
             yield one, _home(name, every) or near

@@ -126,3 +126,18 @@ def test_declarations_are_the_keys_in_order() -> None:
 def test_an_unknown_key_is_named_also_where_another_is_missing_or_wrong(change: dict, message: str) -> None:
     with pytest.raises(FileInputError, match=message):
         read({**GOOD, **change})
+
+
+class Motion(Keys):
+    """Two keys that are alike."""
+
+    begin: float = key("from_deg", number("deg", -360, 360))
+    end: float = key("to_deg", number("deg", -360, 360))
+
+
+def test_an_unknown_key_is_likelier_one_that_is_missing_than_one_that_is_there() -> None:
+    for there, meant in (("to_deg", "from_deg"), ("from_deg", "to_deg")):
+        with pytest.raises(FileInputError, match=rf"{meant}: is missing; .* did you mean {meant}\?\)$"):
+            Motion.read(Node(Path("a.toml"), "", {there: 1, "q_deg": 2}))
+    with pytest.raises(FileInputError, match=r"to_dg = 2: is not a known key \(did you mean to_deg\?\)$"):
+        Motion.read(Node(Path("a.toml"), "", {"from_deg": 1, "to_deg": 1, "to_dg": 2}))
