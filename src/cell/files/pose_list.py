@@ -227,9 +227,12 @@ def _of_text(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
         raise file.error(f"{foreign}; a list of poses is CSV, JSON or .npy")
     count = 0
     for row, words in enumerate(text.splitlines(), start=1):
-        cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].strip()) if c]
+        # a spreadsheet may quote every cell
+        cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].replace('"', "").strip()) if c]
         if not cells:
             continue
+        if not count and cells[0].lower() == "time_s":
+            raise file.error("is a table of samples, as a465 export writes it, and no list of poses")
         if not count and not any(map(_is_number, cells)):
             _require_units(Node(file.file, f"row {row}", None), cells, reading)
             continue  # the names of the columns
@@ -249,14 +252,16 @@ def _require_units(node: Node, names: Sequence[str], reading: Reading) -> None:
     """Refuse columns that are named in another unit than their numbers would be read in."""
     for kind, given, units in (("angles", reading.angles, ANGLES), ("lengths", reading.lengths, LENGTHS)):
         for name in names:
-            unit = name.strip('"').lower().rpartition("_")[2]
+            unit = name.lower().rpartition("_")[2]
             if given is not None and unit in units and unit != given:
                 rule = f"is in {unit} by its name, but numbers are read in {given}; give --{kind} {unit}"
                 raise replace(node, value=name).error(rule)
 
 
 def _has_decimal_commas(row: str) -> bool:
-    """Whether semicolons or tabs separate numbers with decimal commas, as some spreadsheets write them."""
+    """Whether semicolons, tabs or quotes separate numbers with decimal commas, as some spreadsheets write them."""
+    if any(re.fullmatch(r"\s*[-+]?\d+,\d+\s*", cell) for cell in re.findall(r'"([^"]*)"', row)):
+        return True
     cells = [cell.strip() for cell in re.split(r"[;\t]", row.partition("#")[0]) if cell.strip()]
     pairs = [bool(re.fullmatch(r"[-+]?\d+,\d+", cell)) for cell in cells]
     whole = (re.fullmatch(r"[-+]?\d+", cell) for cell in cells)

@@ -77,6 +77,8 @@ def test_json_npy_and_csv_of_the_same_poses_are_the_same_list(tmp_path: Path) ->
         rows = array.reshape(5, -1).tolist()
         text = "a,b,c\n# poses\n\n" + "\n".join("; ".join(map(repr, row)) for row in rows)
         assert same(read_pose_list(written(tmp_path, text, "p.csv"), FLANGE), wanted)
+        quoted = "\n".join(",".join(f'"{value!r}"' for value in row) for row in rows)
+        assert same(read_pose_list(written(tmp_path, f'"a","b"\n{quoted}', "p.csv"), FLANGE), wanted)
     keyed = [{"T_base_flange": T.ravel().tolist()} for T in poses]
     assert same(read_pose_list(written(tmp_path, keyed)), wanted)
     mm = stack.copy()
@@ -154,6 +156,10 @@ WRONG = [
     ("x,y\n\n1 2 3 4 5 six\n", r"row 3 = 'six': must be a number"),
     ("-30,5;-20,0;-90,0;0;-60,0;10,0\n", r"row 1 = '-30,5;.*': has decimal commas: decimals have a point"),
     ("a;b\n0\t-0,5\t1\t2\t3\t4 # six\n", r"row 2 = .*: has decimal commas"),
+    ('"0,5","1","2","3","4","5"\n', r"row 1 = .*: has decimal commas"),
+    ('"1","2","3","4","5","six"\n', r"row 1 = 'six': must be a number"),
+    ('time_s,J1_rad,J2_rad,step\n0.0,0.5,0.5,"go on"\n', "list.json: is a table of samples, as a465 export writes it"),
+    ('"Time_s";"a"\n0;1\n', "is a table of samples, as a465 export writes it, and no list of poses"),
     ("1 2 3 4 5 nan\n", r"row 1.*: must be finite numbers"),
     ("just words\n", "must have at least one pose or configuration"),
     ("{", "is not JSON"),
