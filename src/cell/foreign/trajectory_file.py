@@ -125,6 +125,9 @@ def _message(node: Node) -> Node:
                 "multi_dof_joint_trajectory", "moves what this arm has not; must have no points"
             )
         node = node[inside[0]] if inside else node
+        if isinstance(node.value, list):
+            what = f"is a list of {len(node.value)}, as in a moveit_msgs/DisplayTrajectory; must be one trajectory"
+            raise node.error(what, f"give a file with {node.key}[0] alone" if node.value else "")
     if "points" not in node:
         raise node.error("must be a trajectory_msgs/JointTrajectory with joint_names and points")
     return node

@@ -138,6 +138,18 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
         read_trajectory(_written(tmp_path, {"steps": []}), JOINTS)
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_display_trajectory_is_told(tmp_path: Path, count: int) -> None:
+    shown = {"model_id": "a", "trajectory": [{"joint_trajectory": _GOOD}] * count, "trajectory_start": {}}
+    told = (
+        rf"trajectory.*: is a list of {count}, as in a moveit_msgs/DisplayTrajectory; must be one trajectory "
+        r"\(give a file with trajectory\[0\] alone\)$"
+    )
+    with pytest.raises(InputError, match=told):
+        read_trajectory(_written(tmp_path, shown), JOINTS)
+    assert len(read_trajectory(_written(tmp_path, shown["trajectory"][0]), JOINTS).times) == 3  # type: ignore[index]
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [
