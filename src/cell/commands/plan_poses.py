@@ -24,7 +24,7 @@ from cell.files.task import POSES, place_or_arm
 from cell.program.doubts.depths import depths
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
 from cell.program.planning import T_base_work, plan_of_program
-from cell.program.program_file import ProgramTask, read_program
+from cell.program.program_file import ProgramTask, is_program, read_program
 from cell.program.steps import Action
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
@@ -71,6 +71,9 @@ def plan_poses_step(
     keep_apart(output, place_file, poses_file, look, kind="plan")
     keep_unread(output)
     seen, explain = None, None
+    if is_program(place_file):
+        why = f"{place_file} is a program file, which has its steps itself: leave out {poses_file}, or give a cell file"
+        raise InputError(why, file=str(place_file))
     task = place_or_arm(place_file)
     if isinstance(task, ArmFile):
         if look is not None:

@@ -195,6 +195,10 @@ def test_a_file_of_another_kind_is_told_as_that_with_what_belongs_there(tmp_path
             ("run", cell),
             "is a cell file, and a task or a program file belongs here (a task file names it: cell =",
         ),
+        (
+            ("plan", scenes / "pen/drawing.toml", tmp_path / "look.json"),
+            f"is a program file, which has its steps itself: leave out {tmp_path / 'look.json'}, or give a cell file",
+        ),
         (("reach", cell, "--look", task), "is a cell file, and a task file belongs here"),
         (("plan", task, "--look", cell), "is a cell file, and a look belongs here"),
         (("execute", task), "is a task file, and a plan belongs here"),
