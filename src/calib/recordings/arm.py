@@ -23,7 +23,7 @@ from arm.io.rules import covariance_matrix, line, number, numbers
 from arm.io.storage import write_atomic
 from arm.robot.dh import DhTable
 from arm.se3 import Array, frozen
-from calib.recordings.points import refuse_repeats, seen_points, target_points
+from calib.recordings.points import metres, refuse_repeats, seen_points, target_points
 from vision.camera.model import Camera
 from vision.markers.recorded import read_recorded_camera
 
@@ -72,8 +72,9 @@ def read_arm_recording(path: Path) -> ArmRecording:
     """
     root = Node.of_json(path, "recording")
     dh = root["dh"]
-    d = dh["d_m"].read(numbers(None))
-    others = [dh[key].read(numbers(len(d))) for key in ("a_m", "alpha_rad", "theta_offset_rad")]
+    d = metres(dh["d_m"], None)
+    a = metres(dh["a_m"], len(d))
+    angles = [dh[key].read(numbers(len(d))) for key in ("alpha_rad", "theta_offset_rad")]
     camera = read_recorded_camera(root["camera"])
     if "covariance" in root["camera"]:
         camera = replace(camera, lens_covariance=root["camera"]["covariance"].read(covariance_matrix(9)))
@@ -89,7 +90,7 @@ def read_arm_recording(path: Path) -> ArmRecording:
     refuse_repeats(poses, joints, pixels)
     return ArmRecording(
         camera,
-        DhTable(d, *others),
+        DhTable(d, a, *angles),
         points,
         root["target"]["kind"].read(line()) if "kind" in root["target"] else "target",
         joints,

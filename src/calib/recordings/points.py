@@ -16,7 +16,24 @@ from arm.se3 import Array
 
 SAME_READING, SAME_POINT = 1e-6, 1e-3  # rad and px: closer than any arm and noise repeat
 _UNSEEN = -1e6  # px
+_LONGEST = 10.0  # m, of the parts of an arm and its targets; in mm even small ones are longer
 _ON_A_LINE = 1e-3  # smallest ratio of a target's width to its length
+
+
+def metres(node: Node, shape: int | tuple[int | None, ...] | None) -> Array:
+    """Read lengths in m of an arm or a target; a length in mm is told.
+
+    Args:
+        node: a list of them.
+        shape: see `arm.io.rules.numbers`.
+
+    Raises:
+        InputError: not numbers of this shape, or longer than any arm.
+    """
+    found = node.read(numbers(shape))
+    if np.abs(found).max() > _LONGEST:
+        raise node.error(f"must be within {_LONGEST:g} m", "are these mm?")
+    return found
 
 
 def target_points(node: Node, fewest: int, called: str) -> Array:
@@ -28,9 +45,9 @@ def target_points(node: Node, fewest: int, called: str) -> Array:
         called: name of the points in the file.
 
     Raises:
-        InputError: too few points, or all on one line, which does not determine a pose.
+        InputError: too few points, or all on one line, which does not determine a pose; or they are in mm.
     """
-    points = node.read(numbers((None, 3)))
+    points = metres(node, (None, 3))
     _require_spread(node, points, fewest, called)
     return points
 

@@ -123,6 +123,12 @@ def test_a_recording_of_an_arm_is_sent_to_its_own_command(tmp_path):
             lambda v: v["camera"].update(size_px=[0, 480]),
             "camera.size_px = [0, 480]: must be width and height in px",
         ),
+        (
+            lambda v: v["board"].update(
+                vertices_sole_m=[[1e3 * x for x in vertex] for vertex in v["board"]["vertices_sole_m"]]
+            ),
+            "board.vertices_sole_m: must be within 10 m (are these mm?)",
+        ),
         (lambda v: v["board"].update(vertices_sole_m=[[0, 0, 0]] * 3), "must have at least 4 vertices"),
         (
             lambda v: v.update(gravity_m_s2=[-9.81e3, 0, 0]),

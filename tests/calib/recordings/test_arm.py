@@ -69,6 +69,10 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
     assert np.isnan(read(tmp_path, value).pixels[:, 4]).all()
 
 
+def in_mm(table, key):
+    table[key] = (1e3 * np.array(table[key])).tolist()
+
+
 @pytest.mark.parametrize(
     ("break_it", "said"),
     [
@@ -79,6 +83,10 @@ def test_corners_that_were_not_seen_are_null(tmp_path):
         ),
         (lambda v: v["dh"].pop("alpha_rad"), "dh.alpha_rad: is missing"),
         (lambda v: v["dh"]["a_m"].pop(), "dh.a_m: must be 6 finite numbers"),
+        (lambda v: in_mm(v["target"], "points_m"), "target.points_m: must be within 10 m\n"),
+        (lambda v: in_mm(v["dh"], "d_m"), "dh.d_m: must be within 10 m\n"),
+        (lambda v: in_mm(v["dh"], "a_m"), "dh.a_m: must be within 10 m\n"),
+        (lambda v: in_mm(v["dh"], "a_m"), ": must be within 10 m (are these mm?)"),
         (lambda v: v["target"]["points_m"].pop(), "target.points_m: must have at least 4 points"),
         (
             lambda v: v["target"].update(points_m=[[0.01 * k, 0.02 * k, 0] for k in range(4)]),
