@@ -108,10 +108,10 @@ def _calibrate(folder: Path, seed: int) -> None:
     uncalibrated = Path("scenes/uncalibrated")
     photos = ("--target", "charuco", "--count", TARGET_COUNT, "-o", "photographs")
     _a465(folder, "render", uncalibrated / "task2.toml", "--world", world, *photos)
-    _a465(folder, "calibrate", "camera", "photographs", "-o", camera)
+    _a465(folder, "calibrate", "camera", "photographs", "-o", "lens.toml")
     tape = (folder / uncalibrated / "camera.toml").read_text()
-    with (folder / camera).open("a") as file:
-        file.write("\n" + tape[tape.index("[pose]") : tape.index("[calibration]")])
+    pose = tape[tape.index("[pose]") : tape.index("[calibration]")]
+    (folder / camera).write_text(f"{(folder / 'lens.toml').read_text()}\n{pose}")
     collect = ("--collect", REALISTIC / "task2.toml", "--world", world)
     output = ("-o", REALISTIC / "calibration.toml", "--apply")
     _a465(folder, "calibrate", "hand-eye", "recorded.json", *collect, *output)

@@ -123,9 +123,16 @@ def read_target(path: Path) -> Target:
     """Read a target file: kind, squares = [columns, rows], square_mm, and of a ChArUco board marker_mm and dictionary.
 
     Raises:
-        FileInputError: a value breaks its rule.
+        FileInputError: a value breaks its rule, or it is the file of a target in the gripper.
     """
     root = Node.of_toml(path, "target")
+    if "hand" in root:
+        what = (
+            "is a target in the gripper, by its [hand], and a target that is held in no gripper belongs here"
+        )
+        raise root.error(
+            what, "a465 calibrate hand-eye takes it; for the same print give a file without [hand]"
+        )
     is_charuco = root.get("kind", KIND, "charuco") == "charuco"
     return target_of((CharucoKeys if is_charuco else CheckerboardKeys).read(root), root)
 

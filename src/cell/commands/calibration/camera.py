@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import InputError
+from arm.io.kind import read_any
+from arm.io.outputs import keep_apart
 from arm.io.storage import sha256
 from calib.camera.calibrate import calibrate_camera
 from calib.camera.flat_views import Lift
@@ -26,6 +28,7 @@ from vision.targets.target import Target, TargetFinder, read_target
 
 HOLDABLE = NAMES[4:]
 NEAREST_MM = 20.0  # working distance: no lens of a cell looks at less, and a distance in m is less
+NARROWEST_PX = 16.0  # part of an image: nothing of an arm is as small, and fractions of the image are smaller
 _LIFT = re.compile(r"(.+)=([^=]+?)(?:\+-([^=]+))?")
 _MM = re.compile(r"\d{1,9}(?:\.\d+)?")
 
@@ -102,6 +105,9 @@ class LensOptions(ResultOptions):
         if not (0.0 <= left < right <= size[0] and 0.0 <= top < bottom <= size[1]):
             rule = f"must be left, top, right and bottom of a part of the image of {size[0]} x {size[1]} px"
             raise option_error("--work-region", list(self.work_region), rule)
+        if min(right - left, bottom - top) < NARROWEST_PX:
+            rule = f"must be {NARROWEST_PX:g} px or more wide and high: the unit is px; are these fractions?"
+            raise option_error("--work-region", list(self.work_region), rule)
         return self.work_region
 
     def lifts(self, names: Sequence[str]) -> dict[str, Lift]:
@@ -164,6 +170,7 @@ def camera_step(
     """
     limits, work, hold = options.limits(), options.work(), options.held()
     output, options = options.output, options.checked((options.target,))
+    _require_replaceable(output)
     target = read_target(options.target) if options.target is not None else Target()
     if live:
         from cell.commands.calibration.camera_live import open_source, take_views
@@ -187,6 +194,16 @@ def camera_step(
     elif output is None and calibration.accepted:
         console.say("no camera file was written; give -o FILE to write one")
     return lens_json(calibration)
+
+
+def _require_replaceable(output: Path | None) -> None:
+    """Refuse an output that is a file of another kind, or the file of a placed camera, whose pose would be lost."""
+    keep_apart(output, kind="camera")
+    there = read_any(output) if output is not None and output.is_file() else None
+    if isinstance(there, dict) and "pose" in there:
+        rule = "has a [pose], which a calibration of the lens does not find, so that it would be lost"
+        help = "give another file, and copy [pose] to its end"
+        raise option_error("-o", str(output), f"{rule}; {help}")
 
 
 def _images(folder: Path) -> list[Path]:

@@ -208,6 +208,35 @@ def test_what_is_written_is_no_photograph_no_folder_and_not_twice_the_same(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_pose_and_a_file_of_another_kind_are_not_replaced(photographs: Path, tmp_path: Path) -> None:
+    """A lens alone may be calibrated again."""
+    placed, cell = tmp_path / "camera.toml", tmp_path / "cell.toml"
+    write_camera(placed, lab_camera())
+    shutil.copy(data_file("scenes/cell.toml"), cell)
+    before = placed.read_bytes(), cell.read_bytes()
+    for output, told in (
+        (
+            placed,
+            f"-o {placed}: has a [pose], which a calibration of the lens does not find, so that it would be lost",
+        ),
+        (cell, f"{cell}: is a cell file, and something else would replace it; give another name"),
+    ):
+        said = a465("calibrate", "camera", tmp_path / "none", "-o", output, code=2)[1]
+        assert told in said
+    assert (placed.read_bytes(), cell.read_bytes()) == before
+    write_camera(placed, lab_camera(), placed=False)
+    assert "none: no such folder" in a465("calibrate", "camera", tmp_path / "none", "-o", placed, code=2)[1]
+
+
+def test_a_target_in_the_gripper_is_told(tmp_path: Path) -> None:
+    hand = data_file("scenes/targets/hand.toml")
+    told = a465("calibrate", "camera", tmp_path, "--target", hand, code=2)[1]
+    assert (
+        "hand.toml: is a target in the gripper, by its [hand], and a target that is held in no gripper belongs here "
+        "(a465 calibrate hand-eye takes it; for the same print give a file without [hand])"
+    ) in told
+
+
 def test_photographs_are_read_as_the_sensor_has_them(photographs: Path, tmp_path: Path) -> None:
     image = read_grey(photographs / "target-001.png")
     coded = cv2.imencode(".jpg", image)[1].tobytes()
@@ -290,8 +319,13 @@ def test_a_wrong_lift_is_told_before_targets_are_looked_for(tmp_path: Path) -> N
             r"500.0, 100.0, 900.0\]: must be .*: left 500 must be less than right 100",
         ),
         ((100.0, 500.0, 500.0, 500.0), "top 500 must be less than bottom 500"),
+        (
+            (0.0, 0.0, 1.0, 1.0),
+            r"must be 16 px or more wide and high: the unit is px; are these fractions\?$",
+        ),
+        ((0.0, 0.0, 900.0, 15.0), "16 px or more wide and high"),
     ],
 )
-def test_an_inverted_region_is_called_so(region: tuple[float, float, float, float], why: str) -> None:
+def test_an_inverted_or_tiny_region_is_called_so(region: tuple[float, float, float, float], why: str) -> None:
     with pytest.raises(InputError, match=why):
         LensOptions(work_region=region).region((960, 600))
