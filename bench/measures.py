@@ -287,7 +287,7 @@ def _planned(case: Case) -> tuple[float | None, dict[str, Any], str]:
                 SimulatedCell(cell, case.world), case.camera, lambda: counts, cell.dictionary
             ).grab(cell.photographs),
         )
-        write_atomic(look, canonical_json(observation_to_json(seen, cell.camera.T_base_camera)) + "\n")
+        write_atomic(look, canonical_json(observation_to_json(seen, cell.camera)) + "\n")
         with redirect_stderr(StringIO()):
             said = plan_step(task.file, look, plan, 0.5, Console(as_json=True))
     except ImpossibleError as error:

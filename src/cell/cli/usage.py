@@ -66,7 +66,7 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
     options = _options(command)
     for word in extra:
         kind = kind_of_file(Path(word)) if Path(word).is_file() else ""
-        if (option := KINDS.get(kind)) in options:
+        if (option := KINDS.get(kind, "")) in options:
             return f"a {kind} is given by {option} {word}"
         if "--unit" in options and re.fullmatch(r"crs\d+", word.lower()):
             return f"a unit is given by --unit {word}"
