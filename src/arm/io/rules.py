@@ -15,7 +15,7 @@ import numpy as np
 
 from arm.errors import A465Error
 from arm.io.node import Node, Rule
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
 from arm.se3 import Array, frozen, orthonormalised
 
 T = TypeVar("T")
@@ -265,7 +265,7 @@ def carried(most: float) -> Rule[Array]:
 
     def read(node: Node) -> Array:
         found = plain.read(node)
-        if 0.0 < np.linalg.norm(found) < _LEAST_MM / 1e3:
+        if 0.0 < norm(found) < _LEAST_MM / 1e3:
             raise node.error(f"must be [0, 0, 0], or {_LEAST_MM:g} mm or more from there", "is it in metres?")
         return found
 

@@ -75,10 +75,10 @@ def test_a_ring_that_is_not_about_the_tool_frame_is_told(tmp_path: Path, tool: s
     folder = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "hoop"
     replace_in(folder / "tools/hoop.toml", "origin_mm = [-135, 0, 13]", f"origin_mm = [{tool}]")
     assert read_program(folder / "b.toml").threads
-    replace_in(folder / "tools/hoop.toml", f"origin_mm = [{tool}]", "origin_mm = [-0.135, 0, 0.013]")
+    replace_in(folder / "tools/hoop.toml", f"origin_mm = [{tool}]", "origin_mm = [-13.5, 0, 1.3]")  # cm
     told = (
         r"steps\[0\].threaded = 'ring 1': must be about the origin of the tool frame, which follows the line: its axis "
-        r"passes it by 134\.9 mm, its radius is 34\.71 mm \(is origin_mm of the tool's file right, and in mm\?\)$"
+        r"passes it by 121\.5 mm, its radius is 34\.71 mm \(is origin_mm of the tool's file right, and in mm\?\)$"
     )
     with pytest.raises(InputError, match=told):
         read_program(folder / "b.toml")

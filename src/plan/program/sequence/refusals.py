@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from arm.errors import ImpossibleError
+from arm.numerics.angles import arccos, arctan2
 from arm.numerics.products import mul, norm
 from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
@@ -60,9 +61,9 @@ def lean(robot: Robot, T_base_tool: Array, free: Collection[str]) -> float:
     ours = mul(chain.T_base_tool_0[:3, :3].T, axis)  # the same at every configuration
     asked = mul(T_base_tool[:3, :3].T, axis)
     if not turns:
-        return float(np.arctan2(norm(np.cross(ours, asked)), np.dot(ours, asked)))
+        return float(arctan2(norm(np.cross(ours, asked)), (ours * asked).sum()))
     # a free rotation keeps the angle to its own axis
-    here, there = (np.arccos(np.clip(v["xyz".index(turns[0])], -1.0, 1.0)) for v in (ours, asked))
+    here, there = (arccos(np.clip(v["xyz".index(turns[0])], -1.0, 1.0)) for v in (ours, asked))
     return abs(float(here - there))
 
 

@@ -68,7 +68,7 @@ def test_what_changed_is_drawn_before_and_after(found: HandEye, same: Cell) -> N
     section = page[page.index("<h2>Before and after</h2>") :]
     section = section[: section.index("</section>")]
     assert "Circle: cell.toml with it." in section
-    assert f"{j2 - 0.3:+.3f} to {j2:+.3f}" in section
+    assert f"{j2 - 0.3:+.3f} to {j2:+.3f}".replace("-", "\N{MINUS SIGN}") in section
     was = [float(v) for v in re.findall(r'<circle cx="([-\d.]+)" r="4"', section)]
     now = [float(v) for v in re.findall(r'<circle cx="([-\d.]+)" r="3"', section)]
     assert was[:3] == [0.0] * 3
