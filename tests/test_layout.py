@@ -22,7 +22,6 @@ DECIDES_NOTHING = {
     "cell/cli/tools.py": "declares commands and their options; the steps behind them are tested",
     "cell/commands/calibration/options.py": "declares options that the calibrations share",
     "cell/commands/check.py": "hands a file to check_scene or to plan.verify",
-    "cell/commands/plan_poses.py": "reads, calls the planner, writes and prints",
     "cell/commands/preview.py": "hands a file to of_plan or to of_log",
     "cell/commands/render.py": "calls the renderer and writes images",
     "cell/commands/steps.py": "reads, calls observe, reach and plan, writes and prints",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -17,9 +17,10 @@ from cell.accuracy.clearances import erring_clearances
 from cell.commands.manual.teach import taught_otherwise
 from cell.commands.steps import move_to_json, warn_of
 from cell.config.arm_file import ArmFile
+from cell.config.cell import Cell, doubt_of_deg
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
-from cell.files.pose_list import Reading, read_pose_list
+from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
 from cell.program.doubts.depths import depths
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
@@ -38,6 +39,14 @@ from vision.observation import Observation
 
 _IN_JAWS = "objects in the jaws are unknown and not checked for collisions"
 _PARTS = "parts are checked for collisions as the program has them; whether the jaws hold one is not checked"
+
+
+def _angle_doubts(poses: PoseList, cell: Cell) -> Iterator[str]:
+    """Say of the first configuration in deg that may be in rad that it may be."""
+    for entry in poses.entries:
+        if entry.in_deg and entry.q is not None and (doubt := doubt_of_deg(entry.q, cell.unit)):
+            yield f"NOTE: {poses.file.name}: {entry.key} = {doubt}"
+            return
 
 
 def plan_poses_step(
@@ -100,8 +109,9 @@ def plan_poses_step(
             "not read: give a pose as 12 or 16 numbers a row"
         )
         raise InputError(why, option="--frame", file=str(poses_file))
-    for line in () if isinstance(task, ArmFile) else taught_otherwise(poses, task.cell):
-        console.say(line)
+    if not isinstance(task, ArmFile):
+        for line in (*_angle_doubts(poses, task.cell), *taught_otherwise(poses, task.cell)):
+            console.say(line)
     with within(budget):
         plan = plan_pose_list(place, poses, back, explain)
     erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan, seen)

@@ -82,6 +82,10 @@ def run_task(
     _note_open_items(task, where, console)
     speed = planning_speed(task.cell, where.speed)
     with opened(task, console, where, speed, folder, Control(), confirm, watcher) as run:
+        if run.connection.simulated is not None:
+            from cell.sim.made import require_boards_of
+
+            require_boards_of(task, run.connection.simulated.world)
         run.advice, run.budget = advice, budget
         run.recovery = Recovery(task, task.cell.recovery_attempts)
         before = run.try_look("before anything moves")

@@ -58,7 +58,10 @@ def look_step(
     camera: str | None = None,
 ) -> dict[str, Any]:
     """``a465 look``: images from a camera, a folder, or the simulated cell with the arm at q_start."""
+    from cell.files.world import read_world
     from cell.session.cameras import require_one_camera
+    from cell.session.connection import world_file
+    from cell.sim.made import require_boards_of
     from cell.task.look import look_and_save
 
     require_one_camera(images, camera)
@@ -71,6 +74,8 @@ def look_step(
         keep_unread(written)
     task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:
+        if images is None and camera is None:
+            require_boards_of(task, read_world(world_file(task, world), task.cell.boards[0].marker_size))
         seen = look_and_save(task, frames, picture, console, "at the cell")
     result = observation_to_json(seen, task.cell.camera)
     if output is not None:

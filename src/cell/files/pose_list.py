@@ -146,6 +146,7 @@ class Entry(EntryValues):
         T: pose, 4x4, in the base frame, m; None if the entry is no pose.
         q: configuration (n,), rad (m), or None.
         taught: what ``a465 teach`` recorded beside the configuration; empty if nothing.
+        in_deg: whether the file gives the configuration in deg.
     """
 
     key: str
@@ -154,6 +155,7 @@ class Entry(EntryValues):
     T: Array | None = None
     q: Array | None = None
     taught: Mapping[str, Any] = field(default_factory=dict)
+    in_deg: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +291,8 @@ def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
         if reading.angles is None:
             raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg")
         q = reading.q(node, values, reading.angles)
-        return Entry(key=node.key, name=f"configuration {number}", q=q, **_USUAL)
+        name, in_deg = f"configuration {number}", reading.angles == "deg"
+        return Entry(key=node.key, name=name, q=q, in_deg=in_deg, **_USUAL)
     if reading.frame is None:
         why = "is a pose without a frame; give --frame flange (as in ctu_crs) or --frame tool (finger tips)"
         raise bare.error(why)
@@ -378,7 +381,5 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
     elif kind.startswith("q_"):
         named, q = "configuration", reading.q(node[kind], getattr(keys, kind), kind.removeprefix("q_"))
     named = keys.name or f"{named} {place}"
-    record = keys.taught
-    return Entry(
-        key=node.key, name=named, frame=frame, T=T, q=q, taught=record, **keys.values_of(EntryValues)
-    )
+    at = {"key": node.key, "name": named, "frame": frame, "T": T, "q": q, "in_deg": kind == "q_deg"}
+    return Entry(**at, taught=keys.taught, **keys.values_of(EntryValues))

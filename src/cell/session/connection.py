@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import FileInputError, InputError
+from arm.errors import InputError
 from arm.numerics.products import mul
 from arm.robot.shapes import Body
 from arm.se3 import rotation, transform
@@ -266,8 +266,8 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     """The simulated cell of a task and its world file, as the plant of an emulated unit.
 
     Raises:
-        InputError: there is no world file, it is wrong, it lacks a board of the task, or two of its boards stand in
-            one place; `contact`, and MuJoCo is not installed.
+        InputError: there is no world file, it is wrong, or two of its boards stand in one place; `contact`, and MuJoCo
+            is not installed.
     """
     from cell.files.world import read_world
     from cell.sim.cell import SimulatedCell
@@ -277,11 +277,6 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     require_apart(truth)
     require_on_table(truth, cell.table_z)
-    there = {one.board.marker_ids for one in truth.boards}
-    for board in task.boards:
-        if board.marker_ids not in there:
-            rule = f"have no board {board.name}, which {task.file} needs"
-            raise FileInputError(truth.file, "boards", None, rule, "--world WORLD gives another world file")
     if not contact:
         work, wires = _true_work(task, truth) if isinstance(task, ProgramTask) else ((), ())
         return SimulatedCell(cell, truth, work, wires)

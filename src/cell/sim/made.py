@@ -12,6 +12,7 @@ from arm.robot.gripper import Gripper
 from arm.robot.tool import FixedTool
 from arm.se3 import apply, frozen, rotation, transform
 from cell.config.cell import Cell
+from cell.files.task import Task
 from cell.files.world import TrueBoard, World
 from render.surface import Print, Texture
 
@@ -55,6 +56,19 @@ def require_on_table(world: World, table_z: float) -> None:
             )
             help = "centre_mm is the middle of the plate's top"
             raise FileInputError(world.file, f"boards[{number}].centre_mm", None, rule, help)
+
+
+def require_boards_of(task: Task, world: World) -> None:
+    """Refuse a world without a board of a task that is to be seen or carried out in it.
+
+    Raises:
+        FileInputError: names the board.
+    """
+    there = {one.board.marker_ids for one in world.boards}
+    for board in task.boards:
+        if board.marker_ids not in there:
+            rule = f"have no board {board.name}, which {task.file} needs"
+            raise FileInputError(world.file, "boards", None, rule, "--world WORLD gives another world file")
 
 
 def made_board(world: World, board: TrueBoard, pocket: tuple[float, float]) -> TrueBoard:
