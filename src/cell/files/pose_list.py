@@ -381,5 +381,5 @@ def _entry(node: Node, place: int, reading: Reading) -> Entry:
     elif kind.startswith("q_"):
         named, q = "configuration", reading.q(node[kind], getattr(keys, kind), kind.removeprefix("q_"))
     named = keys.name or f"{named} {place}"
-    at = {"key": node.key, "name": named, "frame": frame, "T": T, "q": q, "in_deg": kind == "q_deg"}
-    return Entry(**at, taught=keys.taught, **keys.values_of(EntryValues))
+    usual = {"taught": keys.taught, **keys.values_of(EntryValues)}
+    return Entry(key=node.key, name=named, frame=frame, T=T, q=q, in_deg=kind == "q_deg", **usual)
