@@ -129,6 +129,12 @@ def _home(name: str, known: Sequence[str]) -> str:
     return f"it belongs {' or '.join(found)}" if 0 < len(found) <= _FEW else ""
 
 
+def _inside(table: str, known: Sequence[str]) -> list[str]:
+    """Return the keys of a table, without those of tables in it."""
+    inside = (one.removeprefix(f"{table}.") for one in known if one.startswith(f"{table}."))
+    return sorted({one.partition(".")[0] for one in inside})
+
+
 def _places(name: str, known: Sequence[str]) -> list[str]:
     """Return the places in a file with these keys where a key or table of that name stands."""
     tables = dict[str, None]()
@@ -139,5 +145,5 @@ def _places(name: str, known: Sequence[str]) -> list[str]:
                 None
             )
         elif table.partition(".")[0] == name:
-            tables["as a table"] = None
+            tables[f"as the table [{name}] (its keys: {', '.join(_inside(name, known))})"] = None
     return list(tables)

@@ -67,9 +67,12 @@ class Tool(Keys, file="a file for tests"):
             {"frame": {"length_mm": 1, "radius_mm": 3}},
             r"frame.radius_mm = 3: .*\(it belongs in \[\[wheels\]\]\)",
         ),
-        ({"frame": {"length_mm": 1, "frame": 3}}, r"frame.frame = 3: .*\(it belongs as a table\)"),
+        (
+            {"frame": {"length_mm": 1, "frame": 3}},
+            r"frame.frame = 3: .*\(it belongs as the table \[frame\] \(its keys: length_mm, seats\)\)",
+        ),
         ({"grease_mm": 3}, r"grease_mm = 3: .*\(it belongs in \[bearing\] of a file for tests\)"),
-        ({"bearing": {}}, r"bearing = {}: .*\(it belongs as a table of a file for tests\)"),
+        ({"bearing": {}}, r"belongs as the table \[bearing\] \(its keys: grease_mm\) of a file for tests"),
         ({"drawn_by": 3}, r"\(it belongs above the first table of a file for tests\)"),
     ],
 )
