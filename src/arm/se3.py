@@ -158,7 +158,11 @@ def orthonormalised(T: npt.ArrayLike, tolerance: float = 1e-3) -> Array:
     if M.shape != (4, 4) or not np.isfinite(M).all() or not np.allclose(M[3], (0.0, 0.0, 0.0, 1.0)):
         raise A465Error("must be a finite 4x4 matrix with last row 0 0 0 1", matrix=M.tolist())
     singular_values = np.linalg.svd(M[:3, :3], compute_uv=False)
-    if np.abs(singular_values - 1.0).max() > tolerance or np.linalg.det(M[:3, :3]) < 0.0:
+    near = np.abs(singular_values - 1.0).max() <= tolerance
+    if near and np.linalg.det(M[:3, :3]) < 0.0:
+        why = "the upper left 3x3 part is mirrored, with determinant -1: one axis is reversed; a tool that points down "
+        raise A465Error(f"{why}has two, such as z and y: rows 1 0 0, 0 -1 0, 0 0 -1", matrix=M.tolist())
+    if not near:
         raise A465Error(
             "the upper left 3x3 part is not a rotation: singular values "
             f"{np.round(singular_values, 6).tolist()} must be 1 to within {tolerance:g}, determinant positive",

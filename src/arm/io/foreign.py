@@ -62,5 +62,7 @@ def table(text: str) -> str:
     """That a text is rows of numbers, such as a board file or a list of poses, for a message; "" if it is not."""
     lines = (line.partition("#")[0] for line in text[:10_000].split("\n"))
     rows = [line for line in lines if line.strip()][:_ROWS]
+    if text.startswith("time_s,"):
+        return "is a table of samples, as a465 export writes it"
     is_table = len(rows) == _ROWS and all(map(_ROW.fullmatch, rows))
     return "is a table of numbers (CSV), such as a board file or a list of poses" if is_table else ""

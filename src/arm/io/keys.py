@@ -126,6 +126,8 @@ def _home(name: str, known: Sequence[str]) -> str:
     if not found:
         every = ((file, _places(name, kind.names())) for file, kind in Keys._FILES.items())
         found = [f"{place} of {file}" for file, places in every for place in places]
+    if len(found) > _FEW:
+        found = [one for one in found if one.endswith("of a cell file")]
     return f"it belongs {' or '.join(found)}" if 0 < len(found) <= _FEW else ""
 
 

@@ -9,6 +9,8 @@ from arm.io.kind import KINDS, kind_of_file
 from arm.io.storage import read_by_the_command
 
 SUFFIXES = (".toml", ".json", ".jsonl", ".csv")  # of files that have a kind
+_ENDS = {"plan": ".json", "look": ".json", "trajectory": ".json", "samples": ".csv"}  # of what commands write
+_OTHERS = {".html", ".htm", ".csv", ".json", ".toml", ".mcap", ".png", ".pdf"}  # suffixes of other formats
 PAGES = (".html", ".htm")  # what a browser opens as a page
 
 
@@ -23,9 +25,15 @@ def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "")
 
     Raises:
         InputError: `output` is a folder, the same file as one of `inputs`, even by another name, or a file of another
-            kind.
+            kind; or its suffix is that of another format than the kind has.
     """
-    if output is None or not output.exists():
+    if output is None:
+        return
+    ends = _ENDS.get(kind or "", "")
+    if ends and output.suffix.lower() in _OTHERS - {ends}:
+        why = f"must end in {ends}, as it is {KINDS[kind or ''].words}"
+        raise InputError(f"{output}: {why}", file=str(output))
+    if not output.exists():
         return
     for path in inputs:
         if path is not None and path.exists() and output.samefile(path):

@@ -342,6 +342,10 @@ def port_fault(url: str) -> str:
         return f"has quotes in its value, which are no part of a name; must be {url[1:-1]}"
     if url.startswith("socket://") and not re.fullmatch(r"socket://[^/:]+:\d{1,5}/?(\?.*)?", url):
         return "must be socket://HOST:PORT, such as socket://127.0.0.1:4650"
+    if url.startswith("socket:") and "://" not in url:
+        return f"must be socket://{url.removeprefix('socket:').lstrip('/')}"
+    if found := re.fullmatch(r"(/.*):(9600|19200|38400|57600|115200)", url):
+        return f"must be {found[1]}: the line's speed is fixed, and no part of the name"
     if "://" in url and not url.startswith("socket://"):
         return "must be a device, or socket://HOST:PORT"
     if re.fullmatch(r"[\w.-]+:\d{1,5}", url):

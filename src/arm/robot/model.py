@@ -20,7 +20,7 @@ import pinocchio as pin
 from arm.arguments import number, rigid, shown
 from arm.errors import FileInputError, InputError
 from arm.io.storage import LARGEST, data_file, read_text, sha256
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
 from arm.robot.urdf import SAME_NAME, read_disabled_collisions, read_urdf, with_followers
 from arm.se3 import Array, frozen, transform
@@ -195,6 +195,11 @@ def load_robot(
         reference[full.joints[full.getJointId(names[name])].idx_q] = value
     links = [str(full.frames[g.parentFrame].name) for g in geometry.geometryObjects]
     ids = [full.getJointId(names[name]) for name in locked]
+    for placed, name in zip(full.jointPlacements[1:], list(full.names)[1:], strict=True):
+        away = float(norm(placed.translation))
+        if away > _LONGEST:
+            rule = f"is {away:.0f} m from the joint before it; must be within {_LONGEST:g} m (is it in mm?)"
+            raise FileInputError(urdf, f"joint {str(name).removesuffix(SAME_NAME)}: origin", None, rule)
     model, geometry = pin.buildReducedModel(full, geometry, ids, reference)
     for k in range(1, model.njoints):
         model.names[k] = str(model.names[k]).removesuffix(SAME_NAME)

@@ -12,7 +12,25 @@ from arm.io.kind import kind_of_file
 
 MOST_OWNERS = 3  # commands that are named because they have an option; one of more says nothing
 ALIKE = {"--images": "--camera", "--camera": "--images"}  # of which a command has one
-KINDS = {"cell": "--cell", "look": "--look", "world": "--world"}  # options of files, by `arm.io.kind.KINDS`
+# Options of files, by `arm.io.kind.KINDS`.
+KINDS = {"cell": "--cell", "task": "--task", "look": "--look", "world": "--world"}
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+WRITTEN = (".html", ".json", ".csv", ".toml", ".mcap")
+# What other programs call what a command of ours does.
+ALSO = {
+    **{
+        "resume": "execute PLAN --resume",
+        "simulate": "run TASK",
+        "goto": "move CELL",
+        "verify": "check PLAN TASK",
+    },
+    **dict.fromkeys(("abort", "halt", "estop"), "stop"),
+    **dict.fromkeys(("open", "close", "grip", "grasp"), "gripper open|close|WIDTH CELL"),
+    **dict.fromkeys(("init", "new", "create"), "new-cell FOLDER"),
+    **dict.fromkeys(("show", "visualize", "visualise", "plot"), "preview PLAN TASK"),
+    **dict.fromkeys(("plan-poses", "plan-list"), "plan CELL LIST"),
+    **dict.fromkeys(("capture", "photo", "photograph"), "snap CELL"),
+}
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
 
 
@@ -26,6 +44,8 @@ def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands:
         commands: all commands by their words, as click has them.
     """
     command = commands.get(" ".join(verbs))
+    if (found := re.search(r"No such command '(.+?)'", words)) and found[1].lower() in ALSO:
+        return f"it is a465 {ALSO[found[1].lower()]}"
     if found := re.search(r"No such option: (-\S+)", words):
         return _of_option(found[1].rstrip("."), typed, verbs, commands, command)
     if found := re.search(r"unexpected extra arguments?(?:\(s\))? \((.*)\)", words):
@@ -68,9 +88,19 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
         kind = kind_of_file(Path(word)) if Path(word).is_file() else ""
         if (option := KINDS.get(kind, "")) in options:
             return f"a {kind} is given by {option} {word}"
+        if kind == "plan" and "PLAN" not in _metavars(command):
+            return f"a plan is executed by a465 execute {word} TASK"
+        if "--images" in options and Path(word).suffix.lower() in IMAGES:
+            return f"--images takes the folder of the images: --images {Path(word).parent}"
+        if "--output" in options and Path(word).suffix.lower() in WRITTEN and not Path(word).exists():
+            return f"what is written is given by -o {word}"
         if "--unit" in options and re.fullmatch(r"crs\d+", word.lower()):
             return f"a unit is given by --unit {word}"
     return ""
+
+
+def _metavars(command: Any) -> set[str]:
+    return {str(one.metavar) for one in (command.params if command else ())}
 
 
 def _options(command: Any) -> set[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from itertools import zip_longest
+from itertools import combinations, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +65,9 @@ def look_step(
     from cell.task.look import look_and_save
 
     require_one_camera(images, camera)
+    if world is not None and (images is not None or camera is not None):
+        option = "--images" if images is not None else "--camera"
+        raise InputError(f"--world is of the simulated cell; there is none with {option}", option="world")
     if picture is not None and picture.suffix.lower() != ".png":
         raise InputError(
             f"--picture {picture}: must end in .png, as it is a PNG", option="picture", file=str(picture)
@@ -82,6 +85,8 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     _doubt(task.cell, seen, console)
+    if images is not None and (copies := _copies(seen)):
+        console.say(f"NOTE: {images}: {copies}")
     require_boards(seen, task)
     if task.kind not in KINDS:
         return result | {"placements": []}
@@ -126,6 +131,18 @@ def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
     for doubt in (cell.start_doubt(), board_doubts(cell, seen)):
         if doubt:
             console.say(f"NOTE: {doubt}")
+
+
+def _copies(seen: Observation) -> str:
+    """Say that an image of a look is another one's copy; "" if none is."""
+    images = seen.images
+    for second, first in combinations(range(len(images) - 1, -1, -1), 2):
+        if np.array_equal(images[first], images[second]):
+            return (
+                f"images {first + 1} and {second + 1} of {len(images)} are the same to the bit, so their noise is not "
+                "measured; give images that were taken one by one"
+            )
+    return ""
 
 
 def _foreseen(

@@ -9,7 +9,7 @@ import numpy as np
 
 from arm.io.keys import Keys, key
 from arm.io.node import Node
-from arm.io.rules import numbers, triple, turns
+from arm.io.rules import carried, triple, turns
 from arm.io.storage import sha256
 from arm.numerics.products import mul
 from arm.robot.model import LinkBody, Robot
@@ -73,7 +73,7 @@ class HandKeys(Keys):
     """Keys of ``[hand]``, and the print's tolerance."""
 
     size_within: float = key("size_within_percent", SIZE_RULE, 100.0 * SIZE_WITHIN)
-    centre: Array = key("hand.centre_mm", numbers(3, "mm", -500, 500))
+    centre: Array = key("hand.centre_mm", carried(500))
     rpy: Array = key("hand.rpy_deg", turns(3))
     plate: tuple[float, float, float] = key("hand.plate_mm", triple("mm", 0.5, 500))
 

@@ -29,7 +29,7 @@ ANGLES = {"rad": 1.0, "deg": float(np.radians(1.0))}
 LENGTHS = {"m": 1.0, "mm": 1e-3}
 WAYS = ("transit", "line")
 JAWS = {"open": 0.0, "close": 1.0}
-FARTHEST = 5.0  # largest coordinate in the base frame, m
+FARTHEST, NEAREST = 5.0, 2e-3  # largest coordinate in the base frame, and least largest one, m
 MOST = 5000  # entries
 PRINTED = 1e-3  # tolerance of a rotation matrix that was printed with few digits
 _POSES = {12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}  # by their count of numbers
@@ -309,6 +309,13 @@ def _pose(node: Node, values: Array, lengths: str) -> Array:
         rule = f"is a position in {lengths}; must be within {FARTHEST:g} m of the base"
         help = 'for positions in mm give --lengths mm, or "lengths": "mm" in the file'
         raise replace(node, value=values[3:12:4].tolist()).error(rule, help)
+    if lengths == "mm" and 0.0 < np.abs(T[:3, 3]).max() < NEAREST:
+        rule = (
+            f"is a position in {lengths}; must be {1e3 * NEAREST:g} mm or more from the base along one axis"
+        )
+        raise replace(node, value=values[3:12:4].tolist()).error(
+            rule, "is it in m? then leave out --lengths mm"
+        )
     try:
         return orthonormalised(T, tolerance=PRINTED)
     except A465Error as error:

@@ -11,6 +11,7 @@ import numpy as np
 from arm.arguments import shown
 from arm.controller.unit import Limits
 from arm.errors import ImpossibleError, InputError
+from arm.io.kind import kind_of_file
 from arm.io.outputs import keep_apart, keep_page
 from arm.io.storage import keep_unread
 from arm.plan_file import write_plan
@@ -91,6 +92,9 @@ def certify_step(
         ImpossibleError: the trajectory is refuted (data: pair, distance_m, time_s), undecided, beyond a limit, or
             cannot be sent.
     """
+    if trajectory_file.suffix == ".toml" and kind_of_file(place_file) == "trajectory":
+        why = f"{place_file} is a trajectory, which comes first: give a465 certify {place_file} {trajectory_file}"
+        raise InputError(why, file=str(place_file))
     keep_apart(output, trajectory_file, place_file, look, kind="plan")
     keep_page(page, trajectory_file, place_file, look)
     keep_unread(output, page)

@@ -92,6 +92,9 @@ def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
         InputError: the requested folder is not empty, or cannot be made.
     """
     require_new_folder(asked)
+    if asked is not None and asked.suffix.lower() in (".html", ".htm", ".json", ".pdf"):
+        rule = f"is the folder of the run, in which its page will be {asked.with_suffix('') / 'report.html'}"
+        raise InputError(f"{asked}: {rule}; give a folder", folder=str(asked))
     try:
         folder = asked or _next(name)
         made = asked is None or not asked.exists()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.numerics.products import mul
 from arm.robot.shapes import Body
 from arm.se3 import rotation, transform
@@ -277,6 +277,12 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     truth = read_world(world_file(task, world), cell.boards[0].marker_size)
     require_apart(truth)
     require_on_table(truth, cell.table_z)
+    if truth.camera is not None and truth.camera.size != cell.camera.size:
+        (w, h), (width, height) = truth.camera.size, cell.camera.size
+        rule = (
+            f"takes {w} x {h} px, and the cell's camera {width} x {height}: the lens may differ, not its size"
+        )
+        raise FileInputError(truth.file, "camera", None, rule)
     if not contact:
         work, wires = _true_work(task, truth) if isinstance(task, ProgramTask) else ((), ())
         return SimulatedCell(cell, truth, work, wires)

@@ -215,7 +215,8 @@ def _require_room(one: Handled, part: Body, near: Sequence[_Near], clearance: fl
         bodies = [body_to_json(body) for body in (part, other.body)]
         pair = {"pair": [one.part, name], "distance_m": other.distance, "bodies": bodies}
         if other.below and other.distance < -CONTACT:
-            why = f"is {-distance:.1f} mm inside {name}; raise the step, or correct part.box_mm or part.at_mm"
+            why = f"is {-distance:.1f} mm inside {name}; raise the step, or correct part.box_mm, "
+            why += "part.at_mm or grid.step_mm"
             raise ImpossibleError(f"{head} {why}", **{**data, **pair})
         if one.put and not other.below:
             what = f"{distance:.1f} mm from" if distance > 0.0 else f"{-distance:.1f} mm inside"

@@ -212,6 +212,8 @@ class Candidates:
             f"; all: {listed}; rotate the pose, free more directions, or allow that contact on the lines to "
             "it"
         )
+        if target.q is None:
+            help = below_table(target.poses[0][:3, 3], self.worlds.bodies.values()) + help
         which = f"all {len(solutions)} solutions are too near to a body; at best"
         if target.q is not None:
             which, help = "the configuration is too near to a body:", own or "; choose another one"
