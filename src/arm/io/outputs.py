@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from arm.errors import InputError
@@ -29,12 +30,16 @@ def keep_apart(output: Path | None, *inputs: Path | None, kind: str | None = "")
     """
     if output is None:
         return
+    if output.exists():
+        _require_replaceable(output, inputs, kind)
     ends = _ENDS.get(kind or "", "")
     if ends and output.suffix.lower() in _OTHERS - {ends}:
         why = f"must end in {ends}, as it is {KINDS[kind or ''].words}"
         raise InputError(f"{output}: {why}", file=str(output))
-    if not output.exists():
-        return
+
+
+def _require_replaceable(output: Path, inputs: Sequence[Path | None], kind: str | None) -> None:
+    """Require that a file which is there may be replaced; see `keep_apart`."""
     for path in inputs:
         if path is not None and path.exists() and output.samefile(path):
             raise read_by_the_command(output)

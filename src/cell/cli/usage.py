@@ -15,7 +15,7 @@ ALIKE = {"--images": "--camera", "--camera": "--images"}  # of which a command h
 # Options of files, by `arm.io.kind.KINDS`.
 KINDS = {"cell": "--cell", "task": "--task", "look": "--look", "world": "--world"}
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-WRITTEN = (".html", ".json", ".csv", ".toml", ".mcap")
+WRITTEN = (".html", ".json", ".csv", ".mcap")
 # What other programs call what a command of ours does.
 ALSO = {
     **{

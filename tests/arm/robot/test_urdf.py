@@ -315,3 +315,14 @@ def test_an_srdf_is_found_where_packages_have_it(tmp_path: Path, folder: str) ->
     pair = '<disable_collisions link1="l0" link2="l2" reason="Never"/>'
     (tmp_path / folder / "arm.srdf").write_text(f"<robot>{pair}</robot>")
     assert load_robot(path, LAST, np.eye(4)).disabled_collisions == {frozenset(("l0", "l2"))}
+
+
+def test_a_joint_that_is_far_from_the_one_before_is_asked_its_unit(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    text = urdf(SEVEN)
+    place = text[text.index('xyz="', text.index("<joint")) :].split('"')[1]
+    path.write_text(text.replace(f'xyz="{place}"', 'xyz="0 0 520"', 1))
+    with pytest.raises(
+        FileInputError, match=r"joint \w+: origin: is 520 m from the joint before it; .*is it in mm"
+    ):
+        load_robot(path, LAST, np.eye(4))

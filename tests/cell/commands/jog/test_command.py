@@ -235,13 +235,27 @@ def _alive(child: int) -> bool:
         return False
 
 
+def _rest(emulator: Emulator) -> None:
+    """Wait until the arm has stood still for as long as a step ends in."""
+    until, at = time.monotonic() + 20.0, None
+    while (now := emulator.counts()) != at and time.monotonic() < until:
+        at = now
+        time.sleep(max(2.0 / SCALE, 0.3))
+
+
 @pytest.mark.slow
 def test_a_person_moves_the_arm_step_by_step_and_ends_it(here: Cell, tmp_path: Path) -> None:
     with _jogging(here, tmp_path) as (person, emulator):
         start = np.array(emulator.counts())
         for key in (UP, UP, b"2", DOWN, b"z", UP):
+            before = emulator.counts()
             person.types(key)
-            time.sleep(1.2 / SCALE)
+            if key in (
+                UP,
+                DOWN,
+            ):  # a key that comes while the step before is under way goes on with that step
+                person.until(lambda before=before: emulator.counts() != before)
+            _rest(emulator)
         person.types(b"q")
         assert person.ended() == 0
         turned = np.degrees(here.unit.positions(emulator.counts()) - here.unit.positions(start))
