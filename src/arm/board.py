@@ -204,7 +204,8 @@ def _pair(path: Path, number: int, line: str, what: str) -> tuple[float, float]:
     try:
         first, second = (float(part) for part in line.split(","))
     except ValueError:
-        raise FileInputError(path, f"line {number}", line, f"must be {what}") from None
+        help = "a comma stands between them" if "," not in line else ""
+        raise FileInputError(path, f"line {number}", line, f"must be {what}", help) from None
     if not np.isfinite([first, second]).all():
         raise FileInputError(path, f"line {number}", line, f"must be {what}, finite")
     return first, second

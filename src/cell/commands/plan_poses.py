@@ -23,6 +23,7 @@ from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
 from cell.program.doubts.depths import depths
+from cell.program.doubts.hints import in_metres
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
 from cell.program.planning import T_base_work, plan_of_program
 from cell.program.program_file import ProgramTask, is_program, read_program
@@ -229,7 +230,7 @@ def reach_program_step(program_file: Path, look: Path | None, console: Console) 
         ("step", "path mm", "x mm", "y mm", "z mm", "sampled solutions", "what limits it"),
         [(s.step, 1e3 * s.place, *(1e3 * v for v in s.position), s.solutions, s.reason()) for s in stations],
     )
-    require_reach(stations)
+    require_reach(stations, in_metres(task))
     return {
         "stations": [
             {

@@ -72,8 +72,8 @@ def look_step(
         raise InputError(
             f"--picture {picture}: must end in .png, as it is a PNG", option="picture", file=str(picture)
         )
-    for written in (output, picture):
-        keep_apart(written, task_file, world, kind="look")
+    for written, kind in ((output, "look"), (picture, "")):
+        keep_apart(written, task_file, world, kind=kind)
         keep_unread(written)
     task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:

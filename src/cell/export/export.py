@@ -67,6 +67,11 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
         InputError: the file cannot be exported, a format or option does not apply to it, a library is missing, or the
             output cannot be written.
     """
+    suffix = "" if asked.output is None or asked.form is not None else asked.output.suffix.lower()
+    for form, ends in (("trajectory", ".json"), ("mcap", ".mcap")):
+        if suffix == ends:
+            why = f"{asked.output}: is of --format {form}, which is not given; without it a table (.csv) is written"
+            raise InputError(why, file=str(asked.output))
     if is_log(file):
         _refuse_options(file, "a log", asked, ("planned", "unit", "cell"), tuple(SUFFIXES))
         return _log_step(file, asked, console)

@@ -18,6 +18,7 @@ from arm.numerics.products import mul
 from arm.plan_file import Move, Plan
 from arm.se3 import Array, transform
 from cell.config.arm_file import ArmFile
+from cell.config.cell import doubt_of_deg
 from cell.console import Console
 from cell.files.observation import read_observation
 from cell.files.task import task_or_cell
@@ -73,6 +74,9 @@ def view_step(
     if image is not None:
         drawn["photograph"] = photograph_for(drawn, image, file)
     q = q_start if angles is None else _configuration(setting, angles)
+    given = "--q" if angles is not None else f"{file.name}: q_start_deg ="
+    if not is_virtual(setting.unit) and (doubt := doubt_of_deg(q, setting.unit)):
+        console.say(f"NOTE: {given} {doubt}")
     closest = world_of(setting).distance(q)
     if closest.value <= 0.0:
         drawn["refused"] = Refused(nearness(closest.pair, closest.value, 0.0), 0.0, closest.pair)
@@ -177,6 +181,9 @@ def _configuration(setting: Setting, text: str) -> Array:
     q = given if own else np.radians(given)
     outside = np.flatnonzero((q < setting.limits.lower) | (q > setting.limits.upper))
     if len(outside):
-        why = f"q = {text!r}: {names[outside[0]]} is beyond its limits"
+        joint = int(outside[0])
+        low, high = setting.limits.lower[joint], setting.limits.upper[joint]
+        within = f"{low:g} to {high:g}" if own else f"{np.degrees(low):.1f} to {np.degrees(high):.1f} deg"
+        why = f"q = {text!r}: {names[joint]} must be from {within}"
         raise InputError(why, option="--q", joint=names[outside[0]])
     return q

@@ -168,7 +168,7 @@ def world_file(task: Task, world: Path | None) -> Path:
     if not path.exists():  # its reader reports anything else
         why = f"{path}: no such world file"
         if world is None:
-            why += "; give --world for the simulated cell, or --port for the real one"
+            why += "; give --world for the simulated cell, or --port, --images or --camera for the real one"
         if world is None and task.file == task.cell.file:
             why += f"; {task.file} is a cell file, and worlds stand beside the task files that name it"
         raise InputError(why, file=str(path))

@@ -130,3 +130,15 @@ def test_copies_of_one_photograph_are_told(at: Path, tmp_path: Path) -> None:
     shutil.copy(images[0], images[1])
     said, _ = a465("look", "task2.toml", "--images", str(tmp_path / "one"))
     assert "one: images 1 and 2 of 5 are the same to the bit, so their noise is not measured" in said
+
+
+def test_a_look_writes_its_picture_beside_it(at: Path) -> None:
+    a465("look", "task2.toml", "-o", "new.json", "--picture", "new.png")
+    assert Path("new.json").exists()
+    assert Path("new.png").exists()
+
+
+@pytest.mark.parametrize("name", ["plan.trajectory.json", "plan.mcap"])
+def test_an_export_by_the_suffix_of_another_format_is_told_the_option(name: str, at: Path) -> None:
+    told = a465("export", "plan.json", "-o", name, code=2)[1]
+    assert f"{name}: is of --format {'mcap' if 'mcap' in name else 'trajectory'}, which is not given" in told

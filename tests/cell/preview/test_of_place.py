@@ -56,7 +56,7 @@ def test_programs_and_their_work(tmp_path: Path) -> None:
 @pytest.mark.parametrize("angles", ["0,0,0", "a", "0,0,0,0,0,nan", "0,200,0,0,0,0"])
 def test_wrong_angles_are_refused(tmp_path: Path, angles: str) -> None:
     with pytest.raises(
-        InputError, match=r"q ?=.*(must be 6 numbers .*, J1, .* in deg|J2 is beyond its limits)"
+        InputError, match=r"q ?=.*(must be 6 numbers .*, J1, .* in deg|J2 must be from -88.7 to 89.0 deg)"
     ):
         _viewed(tmp_path, CELL, angles)
     assert not (tmp_path / "page.html").exists()

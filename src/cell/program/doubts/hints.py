@@ -27,10 +27,12 @@ _SIZES = {  # keys of a step, or of its file, by which a path is as large as it 
 
 def hint(task: ProgramTask, step: Step | None, error: ImpossibleError) -> str:
     """Return what a refusal may come from, to be appended to it; "" if nothing shows it."""
-    found = _touching(step, error.data.get("pair")) if isinstance(step, PathStep | PoseStep) else ""
+    pair = error.data.get("pair")
+    found = _touching(step, pair) if isinstance(step, PathStep | PoseStep) else ""
     if isinstance(step, PathStep):
+        found = found or _meant(task, step, pair)
         found += _extended(step, error.data) + _too_large(task, step, error.data)
-    return found + _in_metres(task)
+    return found + in_metres(task)
 
 
 def _touching(step: PathStep | PoseStep, pair: Collection[str] | None) -> str:
@@ -46,6 +48,18 @@ def _touching(step: PathStep | PoseStep, pair: Collection[str] | None) -> str:
         where = where if isinstance(step, PathStep) else "approach and retract only"
         return f"; touch of this step allows {shown} on its {where}"
     return f"; touch of this step allows {allowed}, not {shown}"
+
+
+def _meant(task: ProgramTask, step: PathStep, pair: Collection[str] | None) -> str:
+    """Say how a path lets a body of the tool touch what it is led along, if that is what is too near."""
+    robot = task.cell.robot()
+    arm = {body.name for body in robot.bodies}
+    tool = {body.name for body in robot.bodies if body.joint == robot.end_joint}
+    near = [name for name in pair or () if name in tool]
+    other = [name for name in pair or () if name not in arm]
+    if step.touch or not near or not other:
+        return ""
+    return f'; if {near[0]} is meant to touch {other[0]} on it, the step says so: touch = [["{near[0]}", "{other[0]}"]]'
 
 
 def _extended(step: PathStep, data: Mapping[str, Any]) -> str:
@@ -83,7 +97,7 @@ def reach_of(robot: Robot) -> float:
     )
 
 
-def _in_metres(task: ProgramTask) -> str:
+def in_metres(task: ProgramTask) -> str:
     """Ask for the unit of a workpiece that is beside the origin of the base, as one in metres is; "" of any other."""
     origin = task.T_on_work[:3, 3]
     if task.board is not None or not 0.0 < np.abs(origin).max() < _AT_BASE:

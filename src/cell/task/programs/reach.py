@@ -115,8 +115,8 @@ def program_reach(task: ProgramTask, observation: Observation, speed: float) -> 
     return tuple(found)
 
 
-def require_reach(stations: tuple[StationReach, ...]) -> None:
-    """Require that the arm can be at every station.
+def require_reach(stations: tuple[StationReach, ...], note: str = "") -> None:
+    """Require that the arm can be at every station; `note` is added to a refusal.
 
     Raises:
         ImpossibleError: names the first one of each path and pose where it cannot.
@@ -127,7 +127,7 @@ def require_reach(stations: tuple[StationReach, ...]) -> None:
             blocked.setdefault(station.step, station)
     if blocked:
         shown = "; ".join(f"{s.step!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in blocked.values())
-        why = f"the arm cannot do {shown}; move the workpiece, or free more directions"
+        why = f"the arm cannot do {shown}; move the workpiece, or free more directions{note}"
         first, *_ = ways = tuple(station.rejected() for station in blocked.values())
         kind = OUT_OF_REACH if first.pair is None else LINE_BLOCKED
         failure = Failure(kind, first.where, tuple(blocked), why, ways)

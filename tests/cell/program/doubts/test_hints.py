@@ -42,6 +42,14 @@ def test_another_pair_than_touch_allows_is_told(tmp_path: Path) -> None:
     assert hint_of(task) == ""
 
 
+def test_a_drawing_without_touch_is_told_the_key(tmp_path: Path) -> None:
+    task = changed(tmp_path, "pen/drawing.toml", 'touch = [["pen", "table"]]', "")
+    told = '; if pen is meant to touch table on it, the step says so: touch = [["pen", "table"]]'
+    assert hint_of(task, pair=["pen", "table"]) == hint_of(task, pair=["table", "pen"]) == told
+    for pair in (["upper_arm", "table"], ["pen", "upper_arm"]):
+        assert hint_of(task, pair=pair) == ""
+
+
 @pytest.mark.parametrize(
     ("done", "end"),
     [(0.035, "40 mm by which extend_mm prolongs the start"), (0.045, ""), (0.2, "")]
