@@ -113,3 +113,14 @@ def test_holes_that_no_plate_can_have(tmp_path: Path, holes: str, message: str) 
         FileInputError, match=f"{message}.*millimetres from the centre of the lower-ID marker"
     ):
         read_board_csv(path, 0.036)
+
+
+def test_a_separator_that_is_no_comma_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "board.csv"
+    for line, told in (
+        ("0;80", r"line 2 = '0;80': must be x,y of a hole in mm \(a comma stands between them\)$"),
+        ("0,x", r"must be x,y of a hole in mm$"),
+    ):
+        file.write_text(f"1,2\n{line}\n80,60\n100,140\n140,0\n")
+        with pytest.raises(FileInputError, match=told):
+            read_board_csv(file, 0.036)

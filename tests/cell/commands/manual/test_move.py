@@ -200,3 +200,11 @@ def test_a_goal_is_read() -> None:
     assert read_goal({**none, "by": "0,-1.5,2"}, None, None, True) == Goal("by", (0.0, -1.5, 2.0), True)
     listed = read_goal(none, Path("a.json"), "b", False)
     assert (listed.kind, listed.poses, listed.name) == ("list", Path("a.json"), "b")
+
+
+def test_joint_angles_that_may_be_in_rad_are_told_before_a_port_is_opened() -> None:
+    for angles, told in (("-1.05,-0.7,-1.4,0,-1.05,0.1", True), ("-60,-40.5,-80,0,-60,0", False)):
+        said, _ = a465("move", CELL, "/dev/none-such", f"--q={angles}", "--unseen", code=2)
+        assert (
+            "NOTE: --q [-1.05, -0.7, -1.4, 0, -1.05, 0.1]: is it in rad? Then it must be [-60.16" in said
+        ) == told
