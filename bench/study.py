@@ -54,6 +54,7 @@ from cell.files.task import read_task
 from cell.files.world import read_world
 from cell.study.question.scratch import bundle_of, write_point
 from cell.study.work.stages import exact_look
+from studies.cluster import cluster_here
 
 FAR = {
     "boards[0].centre_mm[0]": (250, 650),
@@ -227,11 +228,7 @@ def _cluster_s() -> float:
 
 @contextlib.contextmanager
 def _cluster(workers: int) -> Iterator[str]:
-    from distributed import LocalCluster
-
-    with LocalCluster(
-        n_workers=workers, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-    ) as cluster:
+    with cluster_here(workers) as cluster:
         yield cluster.scheduler_address
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from cell.study.work.chunks import Chunk, Store
 from cell.study.work.engine import Work, compute_all
+from studies.cluster import cluster_here
 from studies.written import YAW, X, write_study
 from typed.command_line import a465, replace_in
 
@@ -123,10 +124,7 @@ def test_wrong_options_are_told(asked: Path, tmp_path: Path, options: tuple[str,
 
 @pytest.mark.slow
 def test_workers_with_several_threads_are_refused(asked: Path, tmp_path: Path) -> None:
-    from distributed import LocalCluster
-
-    where = {"dashboard_address": None, "host": "127.0.0.1"}
-    with LocalCluster(n_workers=1, threads_per_worker=2, **where) as cluster:
+    with cluster_here(workers=1, threads=2) as cluster:
         options = ("-o", tmp_path / "out", "--scheduler", cluster.scheduler_address)
         _, told = a465("study", asked, *options, code=2)
     assert "has a worker with several threads" in told

@@ -21,7 +21,7 @@ from cell.study.question.scratch import Bundle, bundle_of
 from cell.study.work.chunks import Chunk, Store, chunks_of
 from cell.study.work.engine import AnyExecutor, InThisProcess, Lane, OneProcess, Work, compute_all
 from cell.study.work.worker import BUSY
-from studies.cluster import cluster_by_commands
+from studies.cluster import cluster_by_commands, cluster_here
 from studies.written import write_study
 from typed.command_line import a465
 
@@ -210,7 +210,7 @@ def test_an_error_of_a_chunk_ends_the_study(scenes: Path, tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_serial_processes_and_dask_give_the_same_bytes(scenes: Path, tmp_path: Path) -> None:
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     bundle, chunks = _asked(scenes)
     alone, processes, cluster, commands = (
@@ -220,7 +220,7 @@ def test_serial_processes_and_dask_give_the_same_bytes(scenes: Path, tmp_path: P
     lanes = [OneProcess(bundle, processes) for _ in range(2)]
     compute_all(chunks, Store(processes), lanes, lambda _: None)
     with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as two,
+        cluster_here(2) as two,
         Client(two) as client,
     ):
         lane = AnyExecutor(client.get_executor(pure=False), bundle, lambda: 2)
