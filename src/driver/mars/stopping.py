@@ -53,6 +53,7 @@ def read_position(link: Link, axes: int) -> Position:
         NoAnswer, LinkLost, MalformedAnswer.
         ExecutionStopped: the unit was switched off and on: its group is gone, or its clock was reset.
     """
+    asked_s = link.clock.now()
     try:
         position = ask_again(link, "COORDAP", lambda text: parse_position(text, axes))
     except NoAnswer:
@@ -60,7 +61,7 @@ def read_position(link: Link, axes: int) -> Position:
             link.restarted = True
             refuse_restarted(link, "position")
         raise
-    if link.unit_time.jumped(link.clock.now(), position.time_ms, link.patience(SLACK_S)):
+    if link.unit_time.jumped(asked_s, link.clock.now(), position.time_ms, link.patience(SLACK_S)):
         link.restarted = True
         refuse_restarted(link, "position")
     return position

@@ -253,7 +253,10 @@ class Jog:
                     self._asked = max(self._asked - 1, 0)
                     position = parse_position(text, len(self.end))
                     if self._link.unit_time.jumped(
-                        self._link.clock.now(), position.time_ms, self._link.patience(SLACK_S)
+                        self._polled_at,
+                        self._link.clock.now(),
+                        position.time_ms,
+                        self._link.patience(SLACK_S),
                     ):
                         self._link.restarted = True
                         refuse_failure(self._link, Status(0), "jog")

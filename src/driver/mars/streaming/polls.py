@@ -32,12 +32,14 @@ class Polls:
 
     Attributes:
         asked_at: when the last poll was sent, answered or not; minus infinity makes the next one due now.
+        sent_at: when the last poll was sent.
         idle: the last two statuses show a unit that generates no motion.
         doubtful: the last status shows a fault; the next one decides.
     """
 
     def __init__(self) -> None:
         self.asked_at = -math.inf
+        self.sent_at = 0.0
         self.idle = False
         self.doubtful = False
         self._was_idle = False
@@ -56,7 +58,7 @@ class Polls:
     def ask(self, poll: Poll) -> None:
         """Record a poll that is sent."""
         self._open.append(poll)
-        self.asked_at = poll.asked_s
+        self.asked_at = self.sent_at = poll.asked_s
 
     def next_at(self, every_s: float, repeat_s: float, at_once: bool) -> float:
         """Return when to poll again: after the last poll is answered, or after `repeat_s` as it may be lost."""

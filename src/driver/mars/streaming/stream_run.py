@@ -290,7 +290,7 @@ class StreamRun:
     def _locate(self, position: Position) -> None:
         link, now = self.link, self.link.clock.now()
         self.unlocated = 0
-        if link.unit_time.jumped(now, position.time_ms, link.patience(SLACK_S)):
+        if link.unit_time.jumped(self.polls.sent_at, now, position.time_ms, link.patience(SLACK_S)):
             link.restarted = True
             refuse_failure(link, Status(0), f"segment {self.begun} of {self.total}")
         poll = self.polls.oldest
