@@ -86,7 +86,7 @@ def look(
     others = ""
     if not detected & {marker for board in boards for marker in board.marker_ids}:
         _refuse_mirrored(images[0], camera, dictionary, boards)
-        others = _other_markers(images[0], dictionary)
+        others = _other_markers(images[0], dictionary, boards)
     found: list[ObservedBoard] = []
     missing: dict[str, str] = {}
     for board in boards:
@@ -123,8 +123,8 @@ def _refuse_mirrored(image: Image, camera: Camera, dictionary: str, boards: Sequ
             raise ImpossibleError(f"{why}; switch off the mirroring of the camera", board=board.name)
 
 
-def _other_markers(image: Image, dictionary: str) -> str:
-    """Say which markers of another dictionary an image shows, such as those of a target; empty if none."""
+def _other_markers(image: Image, dictionary: str, boards: Sequence[Board]) -> str:
+    """Say which markers of another dictionary an image shows: of a target, or of the boards; empty if none."""
     grey = as_grey(image)
     shrink = max(1, grey.shape[1] // SEARCH_WIDTH_PX)
     size = (grey.shape[1] // shrink, grey.shape[0] // shrink)
@@ -132,6 +132,8 @@ def _other_markers(image: Image, dictionary: str) -> str:
     shown = MarkerPrint.in_image(small)
     if shown is None or shown.dictionary == dictionary:
         return ""
+    if shown.layout is None and any(set(board.marker_ids) <= set(shown.ids.tolist()) for board in boards):
+        return f", but {shown.words()} are: are the boards of these? boards.dictionary is {dictionary}"
     what = (
         "is this the target of a calibration?"
         if shown.layout

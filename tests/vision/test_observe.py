@@ -94,6 +94,13 @@ def test_markers_of_another_dictionary_are_told() -> None:
     }
 
 
+def test_boards_of_another_dictionary_than_the_cell_file_states_are_told() -> None:
+    assert look(two_boards().images, CAMERA, [A], "DICT_5X5_50", CUBE).missing == {
+        "01-02": "neither of its markers 1 and 2 is in view, but 4 markers of DICT_4X4_50 (ids 1 to 4) are: are "
+        "the boards of these? boards.dictionary is DICT_5X5_50"
+    }
+
+
 def test_the_picture_shows_what_was_found_and_leaves_the_photograph_alone() -> None:
     shot = two_boards()
     seen = look(shot.images, CAMERA, [A, B], DICTIONARY, CUBE)

@@ -43,7 +43,7 @@ KINDS = {  # the first of whose sets of marks one is there
     "corners": _kind(
         "a file of recorded corners", "camera board scenes[]", "a465 look --detections takes it"
     ),
-    "look": _kind("a look", "scenes[]", "give it with --look"),
+    "look": _kind("a look", "scenes[]", "a465 plan TASK --look FILE makes the plan of it"),
     "trajectory": _kind("a JointTrajectory", "joint_names[] points[]", "a465 certify takes it"),
     "unit record": _kind("the record of a unit", "manners events[]", "a465 record --compare takes it"),
     "recording": _kind("a recording of an arm", "poses", "a465 calibrate hand-eye takes it"),

@@ -311,8 +311,16 @@ def no_file(path: Path) -> str:
     )
 
 
-def _behind_a_link(file: Path, named: str) -> str:
-    """Say to which file a link leads that has the named file beside it; "" if `file` is none or leads to another."""
+def _elsewhere(file: Path, named: str) -> str:
+    """Say how to name a file that is beside the one that names it, or beside the one that a link leads to; or "".
+
+    Args:
+        file: the file that names another.
+        named: the name, relative to the folder of `file`.
+    """
+    beside = Path(named).name
+    if beside != named and (file.parent / beside).is_file():
+        return f'names are relative to the folder of {file.name}: "{beside}" is there'
     there = Path(os.path.realpath(file))
     if there.parent == Path(os.path.realpath(file.parent)) or not (there.parent / named).is_file():
         return ""
@@ -330,7 +338,7 @@ def path(exists: bool = True) -> Rule[Path]:
         except OSError as error:  # the name is too long, or a folder may not be read
             raise node.error(f"names a file that cannot be read: {error.strerror}") from error
         if exists and not is_there:
-            raise node.error(no_file(found), _behind_a_link(node.file, named)) from FileNotFoundError(found)
+            raise node.error(no_file(found), _elsewhere(node.file, named)) from FileNotFoundError(found)
         return found
 
     return Rule("a string", read)

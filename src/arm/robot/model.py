@@ -132,6 +132,10 @@ class Robot:
         ]
 
 
+def _links(urdf: ElementTree.Element) -> list[str]:
+    return [link.get("name", "") for link in urdf.findall("./link")]
+
+
 def load_robot(
     urdf: str | Path,
     end_frame: str,
@@ -184,12 +188,12 @@ def load_robot(
     # names of joints in `full`, by those of the URDF
     names = {str(name).removesuffix(SAME_NAME): name for name in list(full.names)[1:]}
     unknown = [name for name in locked if name not in names]
-    if unknown or not isinstance(end_frame, str) or not full.existFrame(end_frame):
-        raise InputError(
-            f"{urdf}: no joint or frame named {', '.join(unknown) or end_frame!r}; "
-            f"it has joints {', '.join(names)}",
-            names=unknown or [end_frame],
-        )
+    if unknown:
+        rule = f"must be names of its joints, which are {', '.join(names)}"
+        raise FileInputError(urdf, "locked", unknown, rule)
+    if not isinstance(end_frame, str) or not full.existFrame(end_frame):
+        rule = f"must be the name of one of its links, which are {', '.join(_links(root))}"
+        raise FileInputError(urdf, "end_frame", end_frame, rule)
     reference = pin.neutral(full)
     for name, value in locked.items():
         reference[full.joints[full.getJointId(names[name])].idx_q] = value

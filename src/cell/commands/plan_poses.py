@@ -94,7 +94,7 @@ def plan_poses_step(
         slides = any(axis.slides for axis in product_of_exponentials(task.robot).axes)
         reading = replace(reading, joints=len(task.q_start), slides=slides)
     else:
-        for doubt in task.angle_doubts():
+        for doubt in task.doubts():
             console.say(f"NOTE: {doubt}")
         if look is not None:
             seen = read_observation(look, task.cell)
@@ -253,7 +253,7 @@ def _task_and_look(
         InputError: a value is wrong, or the look is missing.
     """
     task = read_program(program_file)
-    for doubt in task.angle_doubts():
+    for doubt in task.doubts():
         console.say(f"NOTE: {doubt}")
     if look is None and task.board is not None:
         why = f"--look is missing: the workpiece of {program_file} is on board {task.board.name}"

@@ -220,7 +220,7 @@ def _followed_beside(plan_file: Path, task: Task) -> Path | None:
 
 def _note_open_items(task: Task, where: WhichCell, console: Console) -> None:
     """Tell of doubtful joint angles, and a person who lets a real arm move which items of the checklist are open."""
-    for doubt in task.angle_doubts():
+    for doubt in task.doubts():
         console.say(f"NOTE: {doubt}")
     if where.port is not None and may_be_real(where.port) and (note := note_of_open(task.cell)):
         console.say(note)

@@ -128,7 +128,7 @@ def _print_look(seen: Observation, console: Console) -> None:
 
 def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
     """Print what is doubtful about where boards were seen and the arm starts; a refusal may come from it."""
-    for doubt in (cell.start_doubt(), board_doubts(cell, seen)):
+    for doubt in (*cell.doubts(), board_doubts(cell, seen)):
         if doubt:
             console.say(f"NOTE: {doubt}")
 

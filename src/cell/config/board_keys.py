@@ -86,10 +86,11 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
         if (last := board.marker_ids[1]) > most:
             rule = f"must be from 0 to {most} in {dictionary}, the cell file's boards.dictionary"
             raise FileInputError(path, "marker id", last, rule)
-        taken = {i for b in boards for i in b.marker_ids} & set(board.marker_ids)
-        if taken:
-            rule = f"two boards have the marker {min(taken)}; ids must differ"
-            raise root.error_at("boards.files", rule, str(path))
+        for other, file in zip(boards, keys.board_files, strict=False):
+            if taken := sorted(set(other.marker_ids) & set(board.marker_ids)):
+                markers = " and ".join(map(str, taken))
+                rule = f"must not have the same markers: {file} and {name} both have {markers}"
+                raise root.error_at("boards.files", rule)
         boards.append(board)
     return tuple(boards)
 

@@ -24,6 +24,8 @@ from cell.config.inputs import Inputs
 from vision.boards.checks import BoardLimits
 from vision.camera.model import Camera
 
+_THIN_STAND, _THIN = 0.025, 0.01  # m; below these, what is meant is rather in cm
+
 
 class Cell(CellValues, JawValues):
     """A work cell: `CellValues`, `JawValues`, and what the rest of its file describes.
@@ -123,10 +125,27 @@ class Cell(CellValues, JawValues):
             return f"the arm's bodies were compared with the arm ({self.arm_compared.strip()}); {padded}"
         return f"the arm's bodies are assumed, nobody has compared them with the arm; {padded}"
 
-    def start_doubt(self) -> str:
-        """Say that q_start_deg may be in rad: all within pi, one with decimals, and inside the unit's limits as rad."""
+    def doubts(self) -> tuple[str, ...]:
+        """Say which values may be in another unit: q_start_deg in rad; stands and gripper in cm, thinner than any."""
         doubt = doubt_of_deg(self.q_start, self.unit)
-        return f"{self.file.name}: q_start_deg = {doubt}" if doubt else ""
+        found = [f"q_start_deg = {doubt}"] if doubt else []
+        small: dict[str, tuple[float, ...]] = {}
+        if max(self.stand_size) < _THIN_STAND:
+            small["boards.stand_size_mm"] = self.stand_size
+        if isinstance(self.tool, Gripper) and self.tool.urdf is None:
+            if self.tool.finger[2] < _THIN or self.tool.finger[0] < _THIN / 5.0:
+                small["tool.finger_mm"] = self.tool.finger
+            if self.tool.palm[1] < self.tool.opening / 2.0:
+                small["tool.palm_mm"] = self.tool.palm
+            if self.tool.body_radius < _THIN:
+                small["tool.body_radius_mm"] = (self.tool.body_radius,)
+        for name, sizes in small.items():
+            stated, meant = (", ".join(f"{unit * v:.6g}" for v in sizes) for unit in (1e3, 1e4))
+            found.append(
+                f"{name} = [{stated}]: is it in cm? Then it must be [{meant}] in mm; as it is, clearances are those of "
+                "a body that is this small"
+            )
+        return tuple(f"{self.file.name}: {words}" for words in found)
 
     @property
     def limits(self) -> Limits:
@@ -135,7 +154,7 @@ class Cell(CellValues, JawValues):
 
 
 def doubt_of_deg(q: Array, unit: Unit) -> str:
-    """Say that a configuration given in deg, now q (6,) rad, may be in rad; "" if not. See `Cell.start_doubt`."""
+    """Say that a configuration given in deg, now q (6,) rad, may be in rad; "" if not. See `Cell.doubts`."""
     stated = np.degrees(q)
     whole = np.allclose(stated, np.rint(stated), atol=1e-9)
     if whole or np.abs(stated).max() > np.pi + 0.01 or unit.beyond_limits(stated):

@@ -43,7 +43,7 @@ def check_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
     about_shape = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
     verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
     shape = CheckResult("arm's shape", verdict, cell.arm_shape(), help, about_shape)
-    doubt = cell.start_doubt()
+    doubt = "; ".join(cell.doubts())
     results = (
         CheckResult("cell", NOTE if doubt else OK, found, doubt, data),
         shape,

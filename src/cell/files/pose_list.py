@@ -289,7 +289,8 @@ def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
     bare = replace(node, value=None)  # the numbers are right
     if len(values) not in _POSES:
         if reading.angles is None:
-            raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg")
+            pose = "; a pose is 12 or 16 numbers, x y z roll pitch yaw is not read" if reading.frame else ""
+            raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg{pose}")
         q = reading.q(node, values, reading.angles)
         name, in_deg = f"configuration {number}", reading.angles == "deg"
         return Entry(key=node.key, name=name, q=q, in_deg=in_deg, **_USUAL)

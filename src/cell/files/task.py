@@ -126,9 +126,9 @@ class Task(TaskValues):
         """Corners of boxes around bodies that stand on the board, beside its cubes, in its frame, (k, 3) m."""
         return NOTHING
 
-    def angle_doubts(self) -> tuple[str, ...]:
-        """Say which joint angles of the files may be in rad; see `cell.config.cell.doubt_of_deg`."""
-        return (doubt,) if (doubt := self.cell.start_doubt()) else ()
+    def doubts(self) -> tuple[str, ...]:
+        """Say which values of the files may be in another unit; see `cell.config.cell.Cell.doubts`."""
+        return self.cell.doubts()
 
 
 class TaskKeys(TaskValues):
@@ -163,10 +163,15 @@ def task_or_cell(path: Path) -> Node:
         InputError: it cannot be read; of a folder, the message names the task files in it.
     """
     if path.is_dir():
-        tasks = [str(file) for file in sorted(path.glob("*.toml")) if _is_task(file)]
+        tasks = tasks_in(path)
         help = f"give a task file of it: {', '.join(tasks)}" if tasks else "it holds no task file"
         raise FileInputError(path, "", None, "is a folder, must be a file", help)
     return Node.of_toml(path, "task", "program", "cell", "arm")
+
+
+def tasks_in(folder: Path) -> list[str]:
+    """Return the names of the task files in a folder, with their path."""
+    return [str(file) for file in sorted(folder.glob("*.toml")) if _is_task(file)]
 
 
 def _is_task(file: Path) -> bool:

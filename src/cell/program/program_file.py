@@ -122,13 +122,13 @@ class ProgramTask(Task, ProgramValues):
         """Configuration at the end, (6,) rad."""
         return self.cell.q_start if self.end is None else self.end
 
-    def angle_doubts(self) -> tuple[str, ...]:
+    def doubts(self) -> tuple[str, ...]:
         """Say which joint angles of cell and program may be in rad: q_start_deg, end_deg, and those of steps."""
         given = {} if self.end is None else {"end_deg": self.end}
         given |= {f"{step.key}.joints_deg": step.q for step in self.steps if isinstance(step, JointStep)}
         doubts = {key: doubt_of_deg(q, self.cell.unit) for key, q in given.items()}
         own = (f"{self.file.name}: {key} = {doubt}" for key, doubt in doubts.items() if doubt)
-        return (*super().angle_doubts(), *own)
+        return (*super().doubts(), *own)
 
     @property
     def touch(self) -> Pairs:
@@ -322,7 +322,7 @@ def _require_known(node: Node, key: str, names: frozenset[str], known: set[str])
     for name in sorted(names - known):
         if not name.startswith(_SEEN):
             rule = f"names {name!r}, which is no body of the arm, the tool, the cell or the workpiece"
-            raise node.error_at(key, rule)
+            raise node.error_at(key, rule, f"there are {', '.join(sorted(known))}")
 
 
 def _table_of(root: Node, step: Step) -> Node:

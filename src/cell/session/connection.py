@@ -20,7 +20,7 @@ from arm.robot.shapes import Body
 from arm.se3 import rotation, transform
 from cell.config.camera_keys import OF_CELL
 from cell.console import say_on_stderr
-from cell.files.task import Task
+from cell.files.task import Task, tasks_in
 from cell.program.program_file import ProgramTask
 from cell.session.cameras import device_of, open_camera, require_live, require_one_camera
 from driver.line.clock import Clock
@@ -167,10 +167,13 @@ def world_file(task: Task, world: Path | None) -> Path:
     path = world or (beside if beside.exists() or not shared.exists() else shared)
     if not path.exists():  # its reader reports anything else
         why = f"{path}: no such world file"
+        real = "for the real cell --port, --images or --camera, where the command has them"
         if world is None:
-            why += "; give --world for the simulated cell, or --port, --images or --camera for the real one"
+            why += f"; give --world, or {real}"
         if world is None and task.file == task.cell.file:
-            why += f"; {task.file} is a cell file, and worlds stand beside the task files that name it"
+            tasks = tasks_in(task.file.parent)
+            give = f"give a task file ({', '.join(tasks)})" if tasks else "give a task file"
+            why = f"{task.file}: is a cell file, and worlds stand beside task files; {give}, or --world, or {real}"
         raise InputError(why, file=str(path))
     return path
 

@@ -7,6 +7,7 @@ import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from arm.credentials import without_url
@@ -70,6 +71,13 @@ class Selector:
                 return fitting[0]
             if fitting:
                 raise self._refused(found, "ambiguous", f"matches {len(fitting)} cameras; use serial:NUMBER")
+        if not self.kind and (file := Path(self.text)).exists() and not self._webcam():
+            what = (
+                "folder (images of a folder: --images)"
+                if file.is_dir()
+                else f"file (a recording: video:{file})"
+            )
+            raise self._refused(found, "missing", f"is no camera but a {what}")
         if not found:
             rule = "not found, nor is any other; is it powered, and is its cable plugged in?"
             raise self._refused(found, "missing", f"{rule}{self._webcam()}")

@@ -142,7 +142,7 @@ def test_what_is_given_as_an_srdf_must_be_one(tmp_path: Path) -> None:
         ({"package_dirs": "ros"}, "package_dirs: 'ros': must be a list of folders"),
         ({"package_dirs": 3}, "package_dirs: 3: must be a list of folders"),
         ({"locked": {"q1": "shut"}}, "locked: q1 = 'shut': must be a number"),
-        ({"end_frame": 3}, "no joint or frame named 3"),
+        ({"end_frame": 3}, "end_frame = 3: must be the name of one of its links"),
     ],
 )
 def test_what_is_given_with_a_urdf_is_refused_by_name_value_and_rule(

@@ -204,7 +204,10 @@ def test_a_file_of_another_kind_is_told_as_that_with_what_belongs_there(tmp_path
         (("execute", task), "is a task file, and a plan belongs here"),
         (("look", lens), "is a camera file, and a task, a program, a cell or an arm file belongs here"),
         (("look", task, "--world", cell), "is a cell file, and a world file belongs here"),
-        (("look", cell), "no such world file"),
+        (
+            ("look", cell),
+            f"is a cell file, and worlds stand beside task files; give a task file ({scenes / 'task1'}",
+        ),
         (("emulate", "--fault", task), "is a task file, and a file of faults belongs here"),
         (("calibrate", "target", cell), "is a cell file, and a target file belongs here"),
         (("gripper", cell, "open"), f"the action comes first, then the cell: a465 gripper open {cell}"),

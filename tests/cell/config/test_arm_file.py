@@ -54,7 +54,7 @@ def test_locked_joints_and_pairs(file: Path) -> None:
     ("old", "new", "told"),
     [
         ('urdf = "scara.urdf"', 'urdf = "none.urdf"', "arm.urdf = 'none.urdf': names a file that does not exist"),
-        ('end_frame = "flange"', 'end_frame = "hand"', "scara.urdf: no joint or frame named 'hand'"),
+        ('end_frame = "flange"', 'end_frame = "hand"', "end_frame = 'hand': must be the name of one of its links"),
         ("[0.9, 0.8, 0.0, 0.0]", "[0.9, 0.8]", "q_start = [0.9, 0.8]: must be a number for each joint: j1, j2, j3, j4"),
         ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 0.0]", "q_start = [9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
         ("[0.9, 0.8, 0.0, 0.0]", "[-9, 0.8, 0.0, 0.0]", "q_start = [-9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
@@ -66,7 +66,7 @@ def test_locked_joints_and_pairs(file: Path) -> None:
         ('name = "post"', 'name = "cup"', "bodies[1].name = 'cup': is used twice, or is a body of the arm"),
         ("neighbours_may_touch", "neighbors_may_touch", "arm.neighbors_may_touch = True: is not a known key"),
         ("tool_mm", 'disabled_collisions = [["base", "cap"]]\ntool_mm', "pairs: 'cap' is not a link or body"),
-        ("tool_mm", 'locked = { j9 = 0.0 }\ntool_mm', "scara.urdf: no joint or frame named 'j9'"),
+        ("tool_mm", 'locked = { j9 = 0.0 }\ntool_mm', "locked = ['j9']: must be names of its joints, which are j1"),
         ("tool_mm = [0, 0, 80]", "tool_mm = [0, 0, 0.08]", "arm.tool_mm = [0, 0, 0.08]: must be [0, 0, 0], or 0.5 mm"),
         ("tool_mm", 'locked = { j4 = "in" }\ntool_mm', "arm.locked.j4 = 'in'"),
     ],

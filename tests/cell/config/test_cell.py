@@ -152,9 +152,10 @@ def test_a_start_that_may_be_in_rad_is_told_and_not_refused(
     file, line = scenes / "cell.toml", "q_start_deg = [-60, -40, -80, 0, -60, 0]"
     for right in ("[-60.5, -40, -80, 0, -60, 0]", "[0, 0, 0, 0, 0, 0]", "[-3, -2, -1, 0, -3, 0]"):
         replace_in(file, line, line := f"q_start_deg = {right}")
-        assert read_cell(file).start_doubt() == ""
+        assert read_cell(file).doubts() == ()
     replace_in(file, line, "q_start_deg = [-1.0472, -0.6981, -1.3963, 0, -1.0472, 0]")
-    assert (doubt := read_cell(file).start_doubt()) == (
+    (doubt,) = read_cell(file).doubts()
+    assert doubt == (
         "cell.toml: q_start_deg = [-1.0472, -0.6981, -1.3963, 0, -1.0472, 0]: is it in rad? Then it must be "
         "[-60.0001, -39.9982, -80.0021, 0, -60.0001, 0] in deg; as it is, the arm is within 3.2 deg of zero in all "
         "joints"
@@ -169,3 +170,25 @@ def test_a_start_that_may_be_in_rad_is_told_and_not_refused(
     assert f"NOTE: {doubt}\n" in capsys.readouterr().out
     _doubt(read_cell(file), Observation(), Console())
     assert f"NOTE: {doubt}\n" in capsys.readouterr().out
+
+
+def test_stands_and_grippers_in_cm_are_told_and_not_refused(scenes: Path) -> None:
+    file = scenes / "cell.toml"
+    assert read_cell(file).doubts() == ()
+    stand = next(line for line in file.read_text().splitlines() if line.startswith("stand_size_mm"))
+    replace_in(file, stand, "stand_size_mm = [30, 20]")  # a profile
+    assert read_cell(file).doubts() == ()
+    replace_in(file, "stand_size_mm = [30, 20]", "stand_size_mm = [12, 12]")
+    for key, right, in_cm in (
+        ("finger_mm", "[20, 10, 25.4]", "[2.4, 1, 4]"),
+        ("palm_mm", "[50, 84, 30.012]", "[6, 9, 3.5]"),
+        ("body_radius_mm", "32", "3.6"),
+    ):
+        replace_in(file, f"{key} = {right}", f"{key} = {in_cm}")
+    end = "in mm; as it is, clearances are those of a body that is this small"
+    assert read_cell(file).doubts() == (
+        f"cell.toml: boards.stand_size_mm = [12, 12]: is it in cm? Then it must be [120, 120] {end}",
+        f"cell.toml: tool.finger_mm = [2.4, 1, 4]: is it in cm? Then it must be [24, 10, 40] {end}",
+        f"cell.toml: tool.palm_mm = [6, 9, 3.5]: is it in cm? Then it must be [60, 90, 35] {end}",
+        f"cell.toml: tool.body_radius_mm = [3.6]: is it in cm? Then it must be [36] {end}",
+    )

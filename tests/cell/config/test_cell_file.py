@@ -195,7 +195,12 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
         ),
         ("cell.toml", 'name = "camera post"', 'name = "table"', "used twice"),
         ("boards/positions_plate_01-02.csv", "0,80", "a,80", r"positions_plate_01-02.csv: line 2 = 'a,80'"),
-        ("boards/positions_plate_03-04.csv", "3,4", "2,4", "two boards have the marker 2"),
+        (
+            "boards/positions_plate_03-04.csv",
+            "3,4",
+            "2,4",
+            "positions_plate_01-02.csv and boards/positions_plate_03-04.csv both have 2",
+        ),
         (
             "task2.toml",
             "from_board = [1, 2]",

@@ -73,6 +73,14 @@ def test_a_worth_of_clearance_needs_the_aim_that_uses_it(scenes: Path) -> None:
     assert read_task(task).clearance_worth == pytest.approx(500.0)
 
 
+def test_a_name_relative_to_another_folder_is_told(scenes: Path) -> None:
+    replace_in(task := scenes / "task2.toml", 'cell = "cell.toml"', 'cell = "my-cell/cell.toml"')
+    with pytest.raises(
+        InputError, match=r'names are relative to the folder of task2.toml: "cell.toml" is there'
+    ):
+        read_task(task)
+
+
 def test_a_task_by_a_link_without_its_cell_beside_it_is_told_with_the_task(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

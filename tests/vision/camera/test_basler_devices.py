@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from arm.errors import CameraError, InputError
@@ -56,6 +58,15 @@ def test_a_selector_that_means_none_or_several_lists_all(text: str, reason: str,
     assert len(caught.value.data["found"]) == len(LAB)
     with pytest.raises(CameraError, match="not found, nor is any other; is it powered"):
         read_selector(text).choose([])
+
+
+def test_a_folder_or_a_recording_for_a_camera_is_told(tmp_path: Path) -> None:
+    (clip := tmp_path / "clip.mp4").touch()
+    for devices in ([], LAB):
+        with pytest.raises(CameraError, match=r"is no camera but a folder \(images of a folder: --images\)"):
+            read_selector(str(tmp_path)).choose(devices)
+        with pytest.raises(CameraError, match=rf"is no camera but a file \(a recording: video:{clip}\)"):
+            read_selector(str(clip)).choose(devices)
 
 
 @pytest.mark.parametrize("text", ["", "  ", "name:", ":x", "colour:red", "ip:camera", "ip:192.168.0.300"])

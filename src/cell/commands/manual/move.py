@@ -45,6 +45,7 @@ TOOL = ("to", "by", "along")
 NAME = "the goal"
 POSES = "poses.json"
 FARTHEST_MM, FEW_MM = 5000.0, 2.0  # of a goal; smaller ones are hinted to be mm
+LITTLE_MM = 0.5  # a motion below is told
 
 
 @dataclass(frozen=True)
@@ -148,6 +149,8 @@ def move_step(
     require_person(unseen, UNSEEN, "that the arm may move")
     if goal.kind == "q" and (doubt := doubt_of_deg(np.radians(goal.values), cell.unit)):
         console.say(f"NOTE: --q {doubt}")
+    if goal.kind in ("by", "along") and (most := max(map(abs, goal.values))) < LITTLE_MM:
+        console.say(f"NOTE: {_option(goal)}: the numbers are mm: the tool moves by at most {most:g} mm")
     if goal.kind == "q":
         goal_entry(goal, cell, cell.q_start)  # refuses a goal beyond the limits before the port is opened
     listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")

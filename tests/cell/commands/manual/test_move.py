@@ -208,3 +208,14 @@ def test_joint_angles_that_may_be_in_rad_are_told_before_a_port_is_opened() -> N
         assert (
             "NOTE: --q [-1.05, -0.7, -1.4, 0, -1.05, 0.1]: is it in rad? Then it must be [-60.16" in said
         ) == told
+
+
+def test_a_shift_of_the_tool_in_m_is_told() -> None:
+    for given, told in (
+        ("--by=0,0,0.05", True),
+        ("--along=0,0,-0.3", True),
+        ("--by=0,0,0.6", False),
+        ("--to=0,0,0.3", False),
+    ):
+        said, _ = a465("move", CELL, "/dev/none-such", given, "--unseen", code=2)
+        assert (f"NOTE: {given}: the numbers are mm: the tool moves by at most" in said) == told
