@@ -15,7 +15,7 @@ from arm.robot.dh import A465
 from arm.robot.gripper import HAND, Gripper
 from arm.robot.link_errors import with_link_errors
 from arm.robot.model import Robot
-from arm.robot.shapes import Body
+from arm.robot.shapes import Body, Box
 from arm.robot.tool import FixedTool, padded
 from arm.se3 import Array
 from cell.config.camera_keys import CellCamera
@@ -25,6 +25,7 @@ from vision.boards.checks import BoardLimits
 from vision.camera.model import Camera
 
 _THIN_STAND, _THIN = 0.025, 0.01  # m; below these, what is meant is rather in cm
+_BESIDE = 0.001  # m by which the zone for boards may reach beyond the table
 
 
 class Cell(CellValues, JawValues):
@@ -126,9 +127,27 @@ class Cell(CellValues, JawValues):
         return f"the arm's bodies are assumed, nobody has compared them with the arm; {padded}"
 
     def doubts(self) -> tuple[str, ...]:
-        """Say which values may be in another unit: q_start_deg in rad; stands and gripper in cm, thinner than any."""
+        """Say which values may be in another unit.
+
+        These are q_start_deg in rad, stands and gripper in cm, and a table that does not carry the zone for boards.
+        """
         doubt = doubt_of_deg(self.q_start, self.unit)
         found = [f"q_start_deg = {doubt}"] if doubt else []
+        if (beyond := self._zone_beyond_table()) > _BESIDE:
+            found.append(
+                f"table.centre_mm and table.size_mm: the zone for boards reaches {1e3 * beyond:.0f} mm beyond the "
+                "table; are they in cm? The arm is not kept away from what is not in the file"
+            )
+        for name, sizes in self._small().items():
+            stated, meant = (", ".join(f"{unit * v:.6g}" for v in sizes) for unit in (1e3, 1e4))
+            found.append(
+                f"{name} = [{stated}]: is it in cm? Then it must be [{meant}] in mm; as it is, clearances are those of "
+                "a body that is this small"
+            )
+        return tuple(f"{self.file.name}: {words}" for words in found)
+
+    def _small(self) -> dict[str, tuple[float, ...]]:
+        """Return the sizes that are smaller than those of any stand or gripper, m, by key."""
         small: dict[str, tuple[float, ...]] = {}
         if max(self.stand_size) < _THIN_STAND:
             small["boards.stand_size_mm"] = self.stand_size
@@ -139,13 +158,16 @@ class Cell(CellValues, JawValues):
                 small["tool.palm_mm"] = self.tool.palm
             if self.tool.body_radius < _THIN:
                 small["tool.body_radius_mm"] = (self.tool.body_radius,)
-        for name, sizes in small.items():
-            stated, meant = (", ".join(f"{unit * v:.6g}" for v in sizes) for unit in (1e3, 1e4))
-            found.append(
-                f"{name} = [{stated}]: is it in cm? Then it must be [{meant}] in mm; as it is, clearances are those of "
-                "a body that is this small"
-            )
-        return tuple(f"{self.file.name}: {words}" for words in found)
+        return small
+
+    def _zone_beyond_table(self) -> float:
+        """How far the zone for boards reaches beyond the edge of the table, m; negative: it does not."""
+        table, zone = next((body for body in self.fixed if body.kind == "table"), None), self.zone
+        if table is None or not isinstance(table.shape, Box) or not isinstance(zone.shape, Box):
+            return -np.inf
+        apart = np.abs(zone.T_base_body[:2, 3] - table.T_base_body[:2, 3])
+        half_zone, half_table = (np.array(box.size[:2]) / 2.0 for box in (zone.shape, table.shape))
+        return float((apart + half_zone - half_table).max())
 
     @property
     def limits(self) -> Limits:

@@ -172,6 +172,23 @@ def test_a_start_that_may_be_in_rad_is_told_and_not_refused(
     assert f"NOTE: {doubt}\n" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("right", "in_cm", "beyond"),
+    [
+        ("size_mm = [1300, 1500]", "size_mm = [130, 150]", 275),
+        ("centre_mm = [350, 0]", "centre_mm = [-350, 0]", 390),
+    ],
+)
+def test_a_table_that_does_not_carry_the_zone_for_boards_is_told(
+    scenes: Path, right: str, in_cm: str, beyond: int
+) -> None:
+    replace_in(file := scenes / "cell.toml", right, in_cm)
+    assert read_cell(file).doubts() == (
+        f"cell.toml: table.centre_mm and table.size_mm: the zone for boards reaches {beyond} mm beyond the table; are "
+        "they in cm? The arm is not kept away from what is not in the file",
+    )
+
+
 def test_stands_and_grippers_in_cm_are_told_and_not_refused(scenes: Path) -> None:
     file = scenes / "cell.toml"
     assert read_cell(file).doubts() == ()
