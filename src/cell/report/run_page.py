@@ -71,7 +71,7 @@ def run_page(
     good = error is None and placed == wanted
     figures = [
         *([(f"{placed} of {wanted}", "cubes placed")] if wanted else []),
-        (f"{report['motion_s']:.1f} s", "of planned motion"),
+        *([(f"{report['motion_s']:.1f} s", "of planned motion")] if report["motion_s"] else []),
         *_extreme(cubes, "min_clearance_mm", min, "mm least clearance", 1),
         *_extreme(cubes, "error_mm", max, "mm largest error (truth)", 3),
         *_extreme(cubes, "tilt_error_deg", max, "deg largest tilt (truth)", 3),

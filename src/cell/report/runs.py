@@ -52,7 +52,7 @@ class RunResult:
         recovered: number of cubes that were placed although something went wrong.
         faults: what went wrong with cubes, counted.
         errors_mm: distances of cubes from their holes' axes; simulated cells only.
-        motion_s, lasted_s: planned motion and whole run; NaN if unknown.
+        motion_s, lasted_s: planned motion and whole run, s; NaN if unknown. 0: nothing was planned.
     """
 
     folder: Path
@@ -84,7 +84,7 @@ class RunResult:
             str(self.placed),
             str(self.again),
             f"{max(self.errors_mm):.2f}" if self.errors_mm else "-",
-            *("-" if np.isnan(value) else f"{value:.1f}" for value in (self.motion_s, self.lasted_s)),
+            *(f"{value:.1f}" if value > 0.0 else "-" for value in (self.motion_s, self.lasted_s)),
         )
 
 

@@ -74,6 +74,7 @@ def test_a_run_that_is_done_says_so_with_its_figures(task: Task) -> None:
     assert f"{BEGAN:%Y-%m-%d %H:%M:%S} to {ENDED:%H:%M:%S}" in text
     assert "2 01-02/2 03-04/2 yes 22.0 7.0 0.008 0.020" in text
     assert "hand-eye calibration none" in text
+    assert "of planned motion" not in words(run_page(task, report(motion_s=0.0), [], [], BEGAN, ENDED))
 
 
 def test_a_cube_that_was_left_and_an_error_are_not_done(task: Task) -> None:

@@ -54,6 +54,8 @@ def test_runs_are_told_in_the_order_of_their_beginnings_with_what_they_have_in_c
     assert [row["taken again"] for row in rows] == ["0", "1", "1"]
     assert rows[0]["lasted s"] == "-"
     assert [row["planned s"] for row in rows] == ["40.0"] * 3  # at the plan's speed, not as executed
+    _write(day, "jaws", [], motion_s=0.0)  # of `gripper open`
+    assert dict(zip(HEADER, read_runs([day / "jaws"])[0].row(), strict=True))["planned s"] == "-"
 
 
 def test_the_command_prints_the_table_and_writes_the_page(day: Path, tmp_path: Path) -> None:
