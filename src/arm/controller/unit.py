@@ -250,6 +250,10 @@ def load_unit(name: str | Path) -> Unit:
         InputError: the name is unknown, or a value in the file breaks a rule.
     """
     if isinstance(name, Path):
+        if not name.exists() and name.stem in UNITS:
+            raise FileInputError(
+                name, "", None, "there is no such unit file", f"{name.stem} is shipped: give {name.stem}"
+            )
         unit = _unit_of(Node.of_toml(name, "unit"), sha256(read_bytes(name, "TOML")))
         if unit.digest in {load_unit(known).digest for known in UNITS}:
             return unit

@@ -96,7 +96,8 @@ def require_kind(path: Path, value: object, *wanted: str) -> None:
         before = ", ".join(words.removesuffix(" file") for words in others)
         belongs = f"{before} or {last}" if others else last
         rule = f"is {KINDS[found].words}, and {belongs} belongs here"
-        raise FileInputError(path, "", None, rule, KINDS[found].use)
+        help = "give the unit that it names" if (found, wanted) == ("cell", ("unit",)) else KINDS[found].use
+        raise FileInputError(path, "", None, rule, help)
 
 
 def read_kind(path: Path, read: Callable[[Path], Any], *wanted: str) -> Any:

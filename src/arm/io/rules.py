@@ -21,7 +21,7 @@ from arm.se3 import Array, frozen, orthonormalised
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
 _LEAST_MM = 0.5  # from a flange to a tool that is not in it; a tool in m, read as mm, is nearer
-_DIGITS = 2e-4  # of an eighth of a turn: as exact as four decimals in rad
+_DIGITS = 6e-5  # as exact as four decimals
 _OFF_AXIS = 2e-3  # m from the arm's axis, about which nothing stands; a place in m, read as mm, is nearer
 SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
 _SI: dict[str, Callable[[Any], Any]] = {
@@ -104,7 +104,10 @@ def numbers(
         )
         bad = ~((array >= low) & (array <= high)) if ranged else np.isinf(array)
         if not fits or (bad & ~np.isnan(array)).any() or (np.isnan(array).any() and not gaps):
-            raise node.error(f"must be {words}")
+            in_metres = (
+                fits and unit == "mm" and low >= 1.0 and bool((array > 0.0).all() and (array < low).all())
+            )
+            raise node.error(f"must be {words}", "is it in metres?" if in_metres else "")
         for place in np.argwhere(np.abs(array) > LARGEST):
             raise node.at(place).error(f"must be from {-LARGEST:g} to {LARGEST:g}")
         return frozen(_SI.get(unit, same)(array))
@@ -273,17 +276,18 @@ def carried(most: float) -> Rule[Array]:
 
 
 def turns(size: int) -> Rule[Array]:
-    """Angles in deg that a person wrote, from -360 to 360, read in rad. Eighths of a turn in rad, such as 1.5708, are
-    told: no angle in deg has these digits."""
+    """Angles in deg that a person wrote, from -360 to 360, read in rad. Multiples of 5 deg that are in rad, such as
+    0.1745 and 1.5708, are told: no angle in deg has these digits."""
     plain = numbers(size, "deg", -360, 360)
 
     def read(node: Node) -> Array:
         found = plain.read(node)
-        eighths = np.degrees(found) / (np.pi / 4.0)
-        whole = np.rint(eighths)
-        if np.any((whole != 0.0) & (np.abs(eighths - whole) < _DIGITS)):
-            meant = ", ".join(f"{v:.6g}" for v in np.degrees(np.degrees(found)).tolist())
-            raise node.error("must be in deg, and has an eighth of a turn in rad", f"in deg: [{meant}]")
+        typed = np.degrees(found)
+        meant = np.radians(5.0) * np.rint(typed / np.radians(5.0))  # if they are in rad
+        exact = np.abs(100.0 * typed - np.rint(100.0 * typed)) > 1e-6  # three decimals or more
+        if np.any((meant != 0.0) & exact & (np.abs(typed - meant) < _DIGITS)):
+            in_deg = ", ".join(f"{v:.6g}" for v in np.degrees(typed).tolist())
+            raise node.error("must be in deg, and has a multiple of 5 deg in rad", f"in deg: [{in_deg}]")
         return found
 
     return Rule(plain.words, read)

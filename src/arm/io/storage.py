@@ -60,6 +60,7 @@ MOST_BYTES = {
 """Largest size of a file of each kind; larger ones are refused before they are read."""
 
 
+_WIRE_LOG = "wire.jsonl"  # in the folder of a run
 LARGEST = 1e100  # largest number in a file
 
 # device and inode of the files that a command will overwrite; None outside of commands
@@ -108,6 +109,8 @@ def open_file(path: Path, kind: str) -> BinaryIO:
 def _inside(folder: Path) -> str:
     """What of the project's files a folder holds, for a message."""
     names = sorted(one.name for one in folder.iterdir() if one.suffix in (".toml", ".json", ".jsonl"))
+    if _WIRE_LOG in names:
+        return f"it is of a run: its log is {folder / _WIRE_LOG}"
     return (
         f"it holds {', '.join(names[:_MOST_NAMES])}{', ...' if len(names) > _MOST_NAMES else ''}"
         if names

@@ -25,6 +25,7 @@ from arm.se3 import Array, frozen
 
 _ENDLESS = 'are these degrees? a joint that turns without end is type="continuous"'
 # of a joint's range from 0, by the kind of the joint: two turns, and longer than the tracks of arms
+_LIMIT = "<limit> of the URDF"
 _MOST = {"revolute": (4.0 * np.pi, "rad", _ENDLESS), "prismatic": (100.0, "m", "is it in mm?")}
 
 
@@ -189,16 +190,17 @@ def urdf_limits(
     joints = list(robot.model.joints)[1:]
     for name, joint, low, high, v, a in zip(names, joints, lower, upper, fast, push, strict=True):
         if not (low < high and np.isfinite(high - low)):
-            why = f"joint {name}: range {low:g} to {high:g} must be finite and not empty"
+            why = f"joint {name}: range {low:g} to {high:g} must be finite and not empty ({_LIMIT}: lower, upper)"
             raise InputError(why, joint=name)
         most, unit, doubt = _MOST[joint_motion(joint, name)[0]]
         if max(-low, high) > most:
             why = f"joint {name}: range {low:g} to {high:g} must be within +-{most:.4g} {unit} ({doubt})"
             raise InputError(why, joint=name)
         if not (0.0 < v < np.inf and 0.0 < a < np.inf):
+            if 0.0 < v < np.inf:
+                raise InputError(f"joint {name}: acceleration {a:g} must be positive", joint=name)
             raise InputError(
-                f"joint {name}: velocity {v:g} and acceleration {a:g} must be positive; a URDF may lack them",
-                joint=name,
+                f"joint {name}: velocity {v:g} must be positive ({_LIMIT}: velocity)", joint=name
             )
     return Limits(frozen(lower), frozen(upper), frozen(fast), frozen(push))
 

@@ -27,6 +27,7 @@ Pairs = frozenset[frozenset[str]]
 SAME_NAME = " (joint)"
 
 _TURNS = 2.0 * np.pi  # rad, range of a continuous joint in each direction
+_SEVERAL = 5  # pairs of an SRDF, of which one at least is of links of its URDF
 _ALIKE = 0.8  # of a misspelt name and the one that is meant; 0.89 of 'uper' and 'upper'
 _SCHEMES = ("package://", "model://")
 # and the folder of packages in each entry
@@ -227,7 +228,19 @@ def read_disabled_collisions(
     }
     pairs -= {_pair(srdf, e, known) for e in root.findall("enable_collisions")}
     pairs |= {_pair(srdf, e, known) for e in root.findall("disable_collisions")}
+    _require_of_this_robot(srdf, root, known, links)
     return bodies_of(pairs, bodies)
+
+
+def _require_of_this_robot(
+    srdf: Path, root: ElementTree.Element, known: Collection[str], links: Collection[str]
+) -> None:
+    """Refuse an SRDF of several pairs, none of which is of links of the URDF; a few may be of a tool's bodies."""
+    pairs = [(e.get("link1", ""), e.get("link2", "")) for e in root.findall("disable_collisions")]
+    if len(pairs) >= _SEVERAL and not any(a in known and b in known for a, b in pairs):
+        shown = " - ".join(pairs[0])
+        rule = f"{shown} and all others are no pairs of links of the URDF, which are {', '.join(links)}"
+        raise FileInputError(srdf, "disable_collisions", None, rule, "is it of another robot?")
 
 
 def bodies_of(links: Iterable[frozenset[str]], bodies: Mapping[str, Sequence[str]]) -> Pairs:

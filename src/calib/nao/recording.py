@@ -7,6 +7,7 @@ Nothing else in the file is read. Vertices may lie outside the image: those of s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
 from calib.recordings.points import refuse_repeats, seen_points, target_points
 from vision.camera.model import Camera
 
+_SEVERAL, _MOST_PITCH_DEG = 5, 40.0  # images; HeadPitch
 _MOST_IMAGES, _FEWEST_VERTICES = 100_000, 4
 GRAVITY, _GRAVITY_VARIES = 9.81, 0.05  # m/s^2; it is 9.78 at the equator and 9.83 at the poles
 
@@ -65,6 +67,20 @@ class NaoRecording:
         ]
 
 
+def _require_deg(images: Sequence[Node], leg: Array, head: Array) -> None:
+    """Refuse angles (n, 6) and (n, 2) that are in rad, or of the head the other way round.
+
+    Over several images a leg bends by more than 3 deg. HeadPitch is limited to 38.5 deg (Aldebaran's data sheet, H25).
+    """
+    if len(images) >= _SEVERAL and np.degrees(np.abs(leg).max()) < np.pi:
+        rule = f"is within {np.degrees(np.abs(leg).max()):.2g} deg in all {len(images)} images"
+        raise images[0]["leg_encoder_deg"].error(rule, "are these rad?")
+    for image, (yaw, pitch) in zip(images, np.degrees(head).tolist(), strict=True):
+        if abs(pitch) > _MOST_PITCH_DEG and abs(yaw) <= _MOST_PITCH_DEG:
+            rule = f"must be HeadYaw and HeadPitch, which is within +-{_MOST_PITCH_DEG:g} deg"
+            raise image["head_encoder_deg"].error(rule, "are they the other way round?")
+
+
 def read_nao_recording(path: Path) -> NaoRecording:
     """Read a recording.
 
@@ -87,6 +103,7 @@ def read_nao_recording(path: Path) -> NaoRecording:
     side = np.array([SIDES.index(image["side"].read(line(*SIDES))) for image in images])
     leg = np.radians([image["leg_encoder_deg"].read(numbers(6)) for image in images])
     head = np.radians([image["head_encoder_deg"].read(numbers(2)) for image in images])
+    _require_deg(images, leg, head)
     pixels = np.array(
         [seen_points(image["vertices_px"], len(board), _FEWEST_VERTICES, "vertices") for image in images]
     )

@@ -20,7 +20,7 @@ _DOCTOR_PORT = (
 )
 _ASK = "With --cell: ask at the terminal for what of the first-day checklist only a person sees; keep the answers."
 _LOG = "Log to write: every line received and sent, faults and protocol violations."
-_EXPORTED = "Log of a run, or plan, scene, cell, task or arm file; recognised by its content."
+_EXPORTED = "Log of a run, or plan, scene, cell, task, program or arm file; recognised by its content."
 _FORM = "csv, trajectory, mcap or urdf; default: csv for a log or plan, otherwise urdf."
 
 
@@ -138,7 +138,8 @@ def runs(
 @tools.command(
     short_help="Export a log, a plan or a scene as CSV, ROS, MCAP or URDF.",
     help="Export a log or a plan as a table of samples, a ROS 2 JointTrajectory, or MCAP. "
-    "Or export the arm and its surroundings from a plan, scene, cell, task or arm file as a folder with URDF and SRDF.",
+    "Or export the arm and its surroundings from a plan, scene, cell, task, program or arm file as a folder with "
+    "URDF and SRDF.",
     epilog=examples(
         "a465 export runs/task2-1/wire.jsonl --format csv -o samples.csv",
         "a465 export scenes/cell.toml -o cell_description",

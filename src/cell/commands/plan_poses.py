@@ -22,7 +22,7 @@ from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
-from cell.program.doubts.depths import depths
+from cell.program.doubts.depths import buried, depths
 from cell.program.doubts.hints import in_metres
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
 from cell.program.planning import T_base_work, plan_of_program
@@ -176,7 +176,8 @@ def plan_program_step(
     keep_apart(output, program_file, look, kind="plan")
     keep_unread(output)
     task, seen = _task_and_look(program_file, look, console)
-    for doubt in depths(task, T_base_work(task, seen)):
+    T = T_base_work(task, seen)
+    for doubt in (*buried(task, T), *depths(task, T)):
         console.say(f"NOTE: {doubt}")
     explain = partial(explain_list_failure, task, seen) if advice else None
     with within(budget):

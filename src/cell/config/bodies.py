@@ -10,7 +10,7 @@ import numpy as np
 from arm.errors import InputError
 from arm.io.keys import Keys, key, read_values
 from arm.io.node import Node
-from arm.io.rules import carried, line, number, numbers, path, text, triple, turns
+from arm.io.rules import carried, line, number, numbers, path, standing, text, triple, turns
 from arm.numerics.products import mul
 from arm.robot.mesh import read_mesh_points
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, Torus, convex
@@ -18,9 +18,11 @@ from arm.se3 import Array, rot_x, rot_y, rot_z, transform
 
 MESH_UNITS = {"mm": 1e-3, "m": 1.0}
 FARTHEST_MM, LARGEST_MM = 5000, 10000
+_SMALLEST = 1e-3  # m, of a mesh
 _LENGTH = number("mm", 1, LARGEST_MM)
 PLACE = numbers(3, "mm", -FARTHEST_MM, FARTHEST_MM)
 ON_FLANGE = carried(FARTHEST_MM)  # of a tool
+_PLACES = {"wall": standing(3, -FARTHEST_MM, FARTHEST_MM), "tool": ON_FLANGE}  # by the kind of a body
 TURN = turns(3)
 SHAPE = text("box", "cylinder", "sphere", "capsule", "torus", "mesh")
 
@@ -51,6 +53,8 @@ def read_body(node: Node, kind: str) -> Body:
     place = "origin" if "mesh" in parts else "centre"
     wanted = {"name", "shape", "rpy", place, *parts}
     values = read_values({name: one for name, one in BodyKeys.declared().items() if name in wanted}, node)
+    if kind in _PLACES:  # one in metres would be in the arm, or in the flange
+        node.get(BodyKeys.declared()[place].name, _PLACES[kind])
     if not values["name"]:
         raise node.error_at("name", "must not be empty")
     shape = make(node, *(values[part] for part in parts))
@@ -82,10 +86,15 @@ def pose_of(place: Array, rpy: Array) -> Array:
 def _hull(node: Node, file: Path, unit: str) -> Convex:
     """Return the convex hull, which contains the mesh. The unit is required: mesh files do not state it."""
     try:
-        hull = convex(MESH_UNITS[unit] * read_mesh_points(file))
+        points = MESH_UNITS[unit] * read_mesh_points(file)
+        size = np.ptp(points, axis=0)
+        hull = convex(points) if size.max() >= _SMALLEST else None
     except InputError as error:
         raise node.error_at("mesh", f"cannot be used: {error}") from error
-    size = np.ptp(hull.points, axis=0)
+    if hull is None:
+        shown = " x ".join(f"{1e3 * v:.3g}" for v in size)
+        rule = f"makes the mesh {shown} mm; a body must be {1e3 * _SMALLEST:g} mm or more along one axis"
+        raise node.error_at("mesh_unit", rule, "is it in m?")
     if not size.max() <= LARGEST_MM / 1e3:
         shown = " x ".join(f"{v:.4g}" for v in size)
         rule = f"makes the mesh {shown} m; a body may be at most {LARGEST_MM / 1e3:g} m"

@@ -21,10 +21,12 @@ from arm.se3 import Array
 from cell.config.camera_keys import CellCamera
 from cell.config.cell_values import CellValues, JawValues
 from cell.config.inputs import Inputs
+from plan.collision.world import distance_of
 from vision.boards.checks import BoardLimits
 from vision.camera.model import Camera
 
 _THIN_STAND, _THIN = 0.025, 0.01  # m; below these, what is meant is rather in cm
+_IN_BASE = 0.02  # m by which the base may be in a wall, such as a pedestal
 _BESIDE = 0.001  # m by which the zone for boards may reach beyond the table
 
 
@@ -138,6 +140,7 @@ class Cell(CellValues, JawValues):
                 f"table.centre_mm and table.size_mm: the zone for boards reaches {1e3 * beyond:.0f} mm beyond the "
                 "table; are they in cm? The arm is not kept away from what is not in the file"
             )
+        found.extend(self.enclosing().values())
         for name, sizes in self._small().items():
             stated, meant = (", ".join(f"{unit * v:.6g}" for v in sizes) for unit in (1e3, 1e4))
             found.append(
@@ -159,6 +162,32 @@ class Cell(CellValues, JawValues):
             if self.tool.body_radius < _THIN:
                 small["tool.body_radius_mm"] = (self.tool.body_radius,)
         return small
+
+    def enclosing(self) -> dict[str, str]:
+        """Say by its name which wall the arm's base is in."""
+        found = {}
+        for number, wall in enumerate(self.walls):
+            if (depth := self._depth_of_base(wall)) > _IN_BASE:
+                found[wall.name] = (
+                    f"walls[{number}] ({wall.name}): the arm's base is {1e3 * depth:.0f} mm inside it: is its place or "
+                    "size in another unit? A body is solid: a cage is a wall for each of its sides"
+                )
+        return found
+
+    @property
+    def walls(self) -> tuple[Body, ...]:
+        """The bodies of ``[[walls]]``, in order."""
+        return self.fixed[1:]
+
+    def _depth_of_base(self, wall: Body) -> float:
+        """How deep the arm's base, which stands still, is in a wall, m; negative: how far from it."""
+        robot = self.nominal_robot()
+        base = [
+            Body(body.name, body.shape, body.T_joint_body, "robot")
+            for body in robot.bodies
+            if body.joint == 0
+        ]
+        return max((-distance_of(body, wall).value for body in base), default=-np.inf)
 
     def _zone_beyond_table(self) -> float:
         """How far the zone for boards reaches beyond the edge of the table, m; negative: it does not."""

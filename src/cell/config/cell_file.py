@@ -23,7 +23,7 @@ from arm.robot.shapes import Body, Box
 from arm.robot.tool import FixedTool
 from arm.se3 import Array, frozen, transform
 from cell.config.board_keys import BoardKeys, boards_of
-from cell.config.bodies import FARTHEST_MM, BodyKeys, read_body, require_names_differ
+from cell.config.bodies import BodyKeys, read_body, require_names_differ
 from cell.config.camera_keys import CameraKeys, camera_of
 from cell.config.cell import Cell
 from cell.config.cell_values import ARM_PADDING_MM, CellValues, JawValues
@@ -267,8 +267,4 @@ def _fixed_bodies(keys: _CommonKeys, root: Node) -> tuple[Body, ...]:
     top = Body("table", Box((width, depth, keys.thickness)), transform(t=(x, y, z)), "table")
     if keys.walls:
         require_names_differ(root["walls"], keys.walls, (top,))
-        for wall in root["walls"].items():  # a wall in metres would stand in the arm
-            wall.get(
-                "centre_mm" if "centre_mm" in wall else "origin_mm", standing(3, -FARTHEST_MM, FARTHEST_MM)
-            )
     return top, *keys.walls

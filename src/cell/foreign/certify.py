@@ -120,6 +120,9 @@ def certify_step(
     if check.seen < place.asked.clearance:
         check = first_lost(place.world, trajectory, place.asked.clearance, check)
     _print(trajectory, place, peaks, check, console)
+    if trajectory.times[0] > 0.0:
+        late = f"its first point is at {trajectory.times[0]:g} s, and the way there is not judged"
+        console.say(f"NOTE: {trajectory_file}: {late}")
     if doubt := peaks.slow():
         console.say(f"NOTE: {trajectory_file}: {doubt}")
     refusal = refusal_of(trajectory_file, place.robot.joint_names, place.asked, peaks, check)

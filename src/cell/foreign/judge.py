@@ -27,6 +27,7 @@ SCAN, MOST_SCANNED = 0.02, 1000  # rad or m, and number of samples
 MOMENT_S = 5e-4
 # Times are probably in another unit beyond these: a factor, a share of the velocity limits, and a duration.
 MOST_SLOWER, LEAST_SHARE, LONG_S = 50.0, 1e-3, 300.0
+STEEPER = (35.0, 90.0)  # between which velocities are rather in deg/s: 57.3 times those in rad/s
 TIMES = "time_from_start is in s, by sec and nanosec"
 
 
@@ -53,12 +54,20 @@ class Peaks:
         velocity, acceleration: of each joint; acceleration None if joints move on straight lines with corners.
         beyond: by how much positions are beyond their limits, rad (m); at most 0 if they are not.
         duration: of the trajectory, s.
+        steeper: how many times the velocities at the points are those of the positions, rms; NaN if not known.
     """
 
     velocity: Array
     acceleration: Array | None
     beyond: Array
     duration: float
+    steeper: float = np.nan
+
+    def in_deg(self) -> str:
+        """Say that the velocities may be in deg/s; "" if they go with the positions."""
+        if not STEEPER[0] < self.steeper < STEEPER[1]:
+            return ""
+        return f" (are the velocities in deg/s? They are {self.steeper:.0f} times those from point to point)"
 
     def slow(self) -> str:
         """Say that the trajectory is so slow that its times may be in another unit; "" if it is not."""
@@ -78,7 +87,17 @@ def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
     velocity, acceleration, _ = cubic_peaks(a, lasts)
     beyond = np.maximum(limits.lower - low.min(axis=0), high.max(axis=0) - limits.upper)
     push = None if trajectory.velocity is None else acceleration.max(axis=0) / limits.acceleration
-    return Peaks(velocity.max(axis=0) / limits.velocity, push, beyond, trajectory.duration)
+    share = velocity.max(axis=0) / limits.velocity
+    return Peaks(share, push, beyond, trajectory.duration, _steeper(trajectory))
+
+
+def _steeper(trajectory: JointTrajectory) -> float:
+    """How many times the stated velocities at inner points are those from the point before to the one after, rms."""
+    if trajectory.velocity is None or len(trajectory.times) < 3:
+        return np.nan
+    slopes = (trajectory.q[2:] - trajectory.q[:-2]) / (trajectory.times[2:] - trajectory.times[:-2])[:, None]
+    moved = float(np.sqrt(np.square(slopes).sum()))
+    return float(np.sqrt(np.square(trajectory.velocity[1:-1]).sum())) / moved if moved > 0.0 else np.nan
 
 
 def certified(world: World, curve: Curve, clearance: float) -> ClearanceCertificate:
@@ -138,6 +157,7 @@ def refusal_of(
         degrees = (
             " (are these degrees? positions are in rad)" if asked.in_deg and beyond > 2.0 * np.pi else ""
         )
+        degrees = degrees or peaks.in_deg()
         why = f"{file}: {joints[joint]} is beyond its position limits by {by}{degrees}; {also}"
         return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=beyond)
     for what, share in (("velocity", peaks.velocity), ("acceleration", peaks.acceleration)):
@@ -147,7 +167,9 @@ def refusal_of(
             needs = f"{100.0 * share[joint]:.0f} % of its {what} limit at speed {asked.speed:g}"
             # rounded up, so that the advice suffices
             slow, most = np.ceil(100.0 * slower) / 100.0, np.ceil(100.0 * asked.speed * slower) / 100.0
-            if slower > MOST_SLOWER:
+            if in_deg := peaks.in_deg():
+                also = f"{in_deg.strip(' ()')}; {also}"
+            elif slower > MOST_SLOWER:
                 also = f"it lasts {peaks.duration:.3g} s: are its times in another unit? {TIMES}; {also}"
             faster = f", or give --speed {most:g}" if most <= 1.0 else ""
             why = f"{file}: {joints[joint]} needs {needs}; make the trajectory {slow:.2f} times as slow{faster}; {also}"

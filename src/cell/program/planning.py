@@ -308,7 +308,8 @@ def _along(step: PathStep, name: str, T_base_work: Array) -> list[Target]:
 def _located(task: ProgramTask, error: ImpossibleError) -> ImpossibleError:
     """Return the error with the file and, if it names a target, its step."""
     target = str(error.data.get("target", ""))
-    names = {name_of(step, repeat): step for repeat in range(task.repeat) for step in task.steps}
+    # an action has the name of the motion before it, which is meant
+    names = {name_of(step, repeat): step for repeat in range(task.repeat) for step in reversed(task.steps)}
     step = next((names[name] for name in (target, target.partition(", leg ")[0]) if name in names), None)
     key = "" if step is None else step.key
     data = {k: v for k, v in error.data.items() if k != "step"}

@@ -14,7 +14,7 @@ from arm.board import Board
 from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integer, integers, line, number, numbers, path, text, triple
+from arm.io.rules import carried, integer, integers, line, number, numbers, path, text, triple
 from arm.io.storage import canonical_json, read_bytes, sha256
 from arm.numerics.products import mul
 from arm.robot.shapes import Body, Box
@@ -35,6 +35,7 @@ from plan.options import AIMS
 
 PROGRAM = "program"  # key that only a program file has, and the kind of its task
 MOST_REPEATS = 1000
+_THIN_PART = 0.006  # m between the jaws; what is thinner is rather in cm
 _SEEN = ("plate ", "stand ", "cube ")  # how names of bodies begin that only a look knows
 
 
@@ -82,7 +83,7 @@ class ProgramKeys(ProgramValues, file="a program"):
     origin: Array = key("work.origin_mm", PLACE, [0, 0, 0])
     rpy: Array = key("work.rpy_deg", TURN, [0, 0, 0])
     box: tuple[float, float, float] | None = key("part.box_mm", triple("mm", 1, 2000), None)
-    held_at: tuple[float, float, float] = key("part.at_mm", triple("mm", -2000, 2000), [0, 0, 0])
+    held_at: Array = key("part.at_mm", carried(2000), [0, 0, 0])
     part_name: str = key("part.name", line(), "part")
     bodies: tuple[Body, ...] = key("bodies", Rule("an array of tables", _bodies), [])
     steps: tuple[Step, ...] = key("steps", STEPS)
@@ -123,11 +124,19 @@ class ProgramTask(Task, ProgramValues):
         return self.cell.q_start if self.end is None else self.end
 
     def doubts(self) -> tuple[str, ...]:
-        """Say which joint angles of cell and program may be in rad: q_start_deg, end_deg, and those of steps."""
+        """Say which values of cell and program may be in another unit.
+
+        These are those of the cell, end_deg and joint angles of steps in rad, and a part's box in cm.
+        """
         given = {} if self.end is None else {"end_deg": self.end}
         given |= {f"{step.key}.joints_deg": step.q for step in self.steps if isinstance(step, JointStep)}
         doubts = {key: doubt_of_deg(q, self.cell.unit) for key, q in given.items()}
-        own = (f"{self.file.name}: {key} = {doubt}" for key, doubt in doubts.items() if doubt)
+        own = [f"{self.file.name}: {key} = {doubt}" for key, doubt in doubts.items() if doubt]
+        if self.part is not None and self.part.size[1] < _THIN_PART:
+            stated, meant = (", ".join(f"{unit * v:.6g}" for v in self.part.size) for unit in (1e3, 1e4))
+            own.append(
+                f"{self.file.name}: part.box_mm = [{stated}]: is it in cm? Then it must be [{meant}] in mm"
+            )
         return (*super().doubts(), *own)
 
     @property
@@ -234,7 +243,7 @@ def read_program(path: Path, on_uncalibrated: Callable[[InputError], None] | Non
         repeat=_repeats(keys, root),
         board=None if keys.board is None else board_of(keys.board, root, cell, "work.board"),
         T_on_work=frozen(pose_of(keys.origin, keys.rpy)),
-        part=None if keys.box is None else Part(keys.part_name, keys.box, keys.held_at),
+        part=None if keys.box is None else Part(keys.part_name, keys.box, frozen(keys.held_at)),
         bodies=keys.bodies,
     )
 
@@ -273,10 +282,18 @@ def _check_cell(keys: ProgramKeys, root: Node, cell: Cell) -> None:
             case Action(jaws=float() as jaws) if keys.box is not None and jaws > 0.0:
                 _require_held(keys.box[1], node, root, cell, jaws)
             case PathStep(touch=touch, clearance_of=names):
+                _require_lifted(node, touch, cell.clearance if keys.clearance is None else keys.clearance)
                 _require_known(node, "touch", frozenset[str]().union(*touch), known)
                 _require_known(node, "clearance_of", names, known)
             case PoseStep(touch=touch):
                 _require_known(node, "touch", frozenset[str]().union(*touch), known)
+
+
+def _require_lifted(node: Node, touch: Pairs, clearance: float) -> None:
+    """Require that strokes which touch something begin and end at the clearance from it, m."""
+    if touch and "lift_mm" in node and 1e-3 * node["lift_mm"].value < clearance - 1e-9:
+        rule = f"must be at least the clearance, {1e3 * clearance:g} mm: where strokes begin and end, nothing may touch"
+        raise node.error_at("lift_mm", rule)
 
 
 def _require_held(width: float, node: Node, root: Node, cell: Cell, closed: float) -> None:

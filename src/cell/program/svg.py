@@ -66,7 +66,9 @@ def strokes_of(path: Path, width: float) -> tuple[Outline, ...]:
     try:
         root = ElementTree.fromstring(read_bytes(path, "SVG"))
     except (ElementTree.ParseError, LookupError, ValueError) as error:  # the others are of its encoding
-        raise FileInputError(path, "", None, f"is not XML: {error}") from error
+        raise FileInputError(
+            path, "", None, f"must be an SVG, and is not XML: {error}", "export it as SVG"
+        ) from error
     if _tag(root) != "svg":
         raise FileInputError(path, "", f"<{_tag(root)}>", "must be an SVG, whose first element is <svg>")
     _require_plain(path, root, "svg")

@@ -244,7 +244,6 @@ def print_chain(
     step = float(np.degrees(known.max()))
     if step > 0.0:
         console.say(f"encoders:    {step:.4f} deg (one standard deviation), estimated from their readings")
-    console.say(
-        f"held out:    {c.held_out.px:.3f} px, {1e3 * c.held_out.metres:.3f} mm across the line of sight"
-    )
+    off = "more than 1 m" if c.held_out.metres > 1.0 else f"{1e3 * c.held_out.metres:.3f} mm"
+    console.say(f"held out:    {c.held_out.px:.3f} px, {off} across the line of sight")
     print_verdict(c, console)

@@ -6,6 +6,7 @@ missed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from arm.robot.shapes import Box
 from arm.se3 import apply, frozen, inverse
 from cell.config.cell import Cell
 from vision.boards.pose import assess_board
+from vision.camera.model import Camera
+from vision.markers.detect import Marker
 from vision.observation import Observation
 
 LEAST_OUTSIDE = 0.0005  # m, from which it is told
@@ -38,6 +41,30 @@ def _is_tilted_otherwise(pose: BoardPose) -> bool:
     return pose.tilt_hypothesis is not None and not pose.tilt_hypothesis.fits
 
 
+def _fitting(
+    cell: Cell, seen: Observation, frames: Sequence[Sequence[Marker]], camera: Camera
+) -> list[float]:
+    """Return the residuals of boards in other frames or by another camera, px; none unless all fit zone and stands."""
+    found = []
+    for board in seen.boards if frames else ():
+        of = assess_board(board.pose.board, frames, camera, cell.board_limits, cell.tilts)
+        if of.pose is None or outside_zone(cell, of.pose) > LEAST_OUTSIDE or _is_tilted_otherwise(of.pose):
+            return []
+        found.append(of.pose.residual_px)
+    return found
+
+
+def _is_inverse(cell: Cell, seen: Observation) -> str:
+    """Say that the camera's pose is the inverse of what it should be, if all boards then fit zone and stands."""
+    if not _fitting(cell, seen, seen.frames, cell.camera.at(cell.camera.T_camera_base)):
+        return ""
+    file = cell.camera_file.name
+    return (
+        f"with the inverse of T_base_camera all fit the zone and the stands: {file} has T_camera_base, which maps base "
+        "to camera; give its inverse"
+    )
+
+
 def _are_turned(cell: Cell, seen: Observation) -> str:
     """Say that the images are turned by 180 deg, if all boards then fit zone and stands, and the lens better.
 
@@ -48,16 +75,8 @@ def _are_turned(cell: Cell, seen: Observation) -> str:
         [replace(m, corners_px=frozen(np.array(cell.camera.size) - 1.0 - m.corners_px)) for m in frame]
         for frame in seen.frames
     ]
-    if not frames or not seen.boards:
-        return ""
-    now, turned = [], []
-    for board in seen.boards:
-        of = assess_board(board.pose.board, frames, cell.camera, cell.board_limits, cell.tilts)
-        if of.pose is None or outside_zone(cell, of.pose) > LEAST_OUTSIDE or _is_tilted_otherwise(of.pose):
-            return ""
-        now.append(board.pose.residual_px)
-        turned.append(of.pose.residual_px)
-    if sum(turned) > BETTER * sum(now):
+    turned, now = _fitting(cell, seen, frames, cell.camera), [board.pose.residual_px for board in seen.boards]
+    if not turned or sum(turned) > BETTER * sum(now):
         return ""
     return (
         f"if the images are turned by 180 deg, all fit the zone, the stands and the lens (residual {max(turned):.3f} "
@@ -87,4 +106,4 @@ def board_doubts(cell: Cell, seen: Observation) -> str:
         return ""
     pose = f"the pose in {cell.camera_file.name}" if cell.calibration is None else "the calibration"
     help = f"measure a hole by tape: if the look has it elsewhere, {pose} is wrong, otherwise these keys are"
-    return f"boards were seen {' and '.join(found)}; {turned or help}"
+    return f"boards were seen {' and '.join(found)}; {turned or _is_inverse(cell, seen) or help}"

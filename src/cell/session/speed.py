@@ -49,6 +49,8 @@ def override_of(plan: Plan, asked: float | None) -> float:
 
 def _require(asked: float, most: float, why: str) -> None:
     if not (math.isfinite(asked) and LEAST_SPEED <= asked <= most):
+        if 2.0 <= asked <= 100.0:
+            why = f"it is a fraction: {asked:g} % are {asked / 100.0:g}"
         message = f"--speed {asked:g}: must be from {LEAST_SPEED:g} to {most:g}: {why}"
         raise InputError(message, option="--speed", value=asked)
 

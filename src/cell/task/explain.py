@@ -85,6 +85,8 @@ def _conflict(cell: Cell, failure: Failure) -> str:
             return f"{both} {start} has to change"
         lower = math.floor(10.0 * near.distance_mm) / 10.0
         return f"{both} lower motion.clearance_mm to {lower:g} or less, or change {start}"
+    if failure.body is not None and (enclosing := cell.enclosing().get(failure.body)):
+        return f"in {cell.file.name}, {enclosing}"
     if failure.body == "table":
         other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
     return f"in {cell.file.name}, {start} or {other} has to change"

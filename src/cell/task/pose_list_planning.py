@@ -32,6 +32,7 @@ from cell.scene.fingerprint import plan_fingerprint
 from cell.scene.options import pose_list_options
 from plan.advice.changes import Request
 from plan.collision.certificate import certify_move
+from plan.collision.missing_srdf import self_collision_help
 from plan.collision.world import World
 from plan.failure import nearness
 from plan.options import PlanOptions
@@ -199,7 +200,8 @@ class _Planner:
         if closest.value < self.clearance:
             raise ImpossibleError(
                 f"{self.poses.file}: {entry.key} ({entry.name}): "
-                f"{nearness(closest.pair, closest.value, self.clearance)}",
+                f"{nearness(closest.pair, closest.value, self.clearance)}"
+                f"{self_collision_help(self.world, q, self.clearance)}",
                 entry=entry.key,
                 target=entry.name,
                 pair=list(closest.pair),

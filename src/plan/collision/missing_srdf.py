@@ -47,7 +47,8 @@ def self_collision_help(world: World, q: Array, clearance: float) -> str:
     a, b = pairs[0]
     return (
         f'; the arm needs its SRDF (srdf=, or beside the URDF) with <disable_collisions link1="{a}" link2="{b}" '
-        f'reason="Adjacent"/> and so on, or `arm.robot.tool.with_disabled_collisions`, '
+        f'reason="Adjacent"/> and so on, or neighbours_may_touch in its arm file, or '
+        f"`arm.robot.tool.with_disabled_collisions`, "
         f"for links that are always near each other: {listed}"
     )
 

@@ -249,7 +249,9 @@ def _read(path: Path, placed: bool) -> Camera:
     middle = keys.K[:2, 2]
     if _off_centre(middle, size) > SWAPPED[0] and _off_centre(middle, size[::-1]) < SWAPPED[1]:
         rule = f"must be width and height, with cx {middle[0]:g} and cy {middle[1]:g} near the middle"
-        raise root.error_at("intrinsics.size_px", rule, f"are they swapped? [{size[1]}, {size[0]}]")
+        raise root.error_at(
+            "intrinsics.size_px", rule, f"are they swapped? [{size[1]}, {size[0]}]; or cx and cy in K_px"
+        )
     _require_px(root, keys.K, size)
     camera = Camera(
         keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance, keys.region
@@ -261,6 +263,9 @@ def _read(path: Path, placed: bool) -> Camera:
             "the order is k1 k2 p1 p2 k3; calibration views must reach the image's corners",
         )
     return camera
+
+
+_HALF = 0.35  # of width and height; a principal point nearer to the first pixel is of smaller images
 
 
 def _require_px(root: Node, K: Array, size: tuple[int, int]) -> None:
@@ -279,6 +284,12 @@ def _require_px(root: Node, K: Array, size: tuple[int, int]) -> None:
             if past
             else "they count from the image's first pixel"
         )
+        raise root.error_at("intrinsics.K_px", rule, help)
+    shares = np.array([cx, cy]) / size
+    if shares.max() < _HALF and np.ptp(shares) < _HALF / 5.0:
+        whole = " x ".join(f"{2.0 * c:.0f}" for c in (cx, cy))
+        rule = f"must have its principal point cx, cy near the middle of {size[0]} x {size[1]} px; it is {cx:g}, {cy:g}"
+        help = f"it is the middle of {whole} px: are size_px and K_px of images of one size?"
         raise root.error_at("intrinsics.K_px", rule, help)
 
 

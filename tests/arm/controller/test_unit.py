@@ -106,6 +106,8 @@ def test_limits_in_degrees_are_told(tmp_path: Path) -> None:
 def test_an_unknown_name_and_a_broken_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="crs93, crs97"):
         load_unit("crs95")
+    with pytest.raises(FileInputError, match=r"there is no such unit file \(crs93 is shipped: give crs93\)"):
+        load_unit(tmp_path / "crs93.toml")
     text = data_file("urdf/a465/crs93.toml").read_text()
     for old, new, message in (
         ("direction = [1, 1, -1, -1, -1, -1]", "direction = [1, 1, 1, -1, -1, -1]", "check direction"),

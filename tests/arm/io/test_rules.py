@@ -214,14 +214,16 @@ def test_a_pose_is_rigid_with_numbers_of_this_world(tmp_path: Path) -> None:
         read(np.diag([2.0, 1.0, 1.0, 1.0]).tolist())
 
 
-@pytest.mark.parametrize("value", [[3.14159, 0, 3.14159], [0, 0, -1.5708], [0.7854, 10, 0]])
-def test_eighths_of_a_turn_in_rad_are_told_where_deg_belong(value: list[float]) -> None:
-    with pytest.raises(FileInputError, match=r"has an eighth of a turn in rad \(in deg: \[.*\]\)$"):
+@pytest.mark.parametrize(
+    "value", [[3.14159, 0, 3.14159], [0, 0, -1.5708], [0.7854, 10, 0], [0, -0.1745, 0], [0.0873, 1.0472, 0]]
+)
+def test_multiples_of_5_deg_in_rad_are_told_where_deg_belong(value: list[float]) -> None:
+    with pytest.raises(FileInputError, match=r"has a multiple of 5 deg in rad \(in deg: \[.*\]\)$"):
         Node(Path("a.toml"), "rpy_deg", value).read(turns(3))
 
 
 @pytest.mark.parametrize(
-    "value", [[180, 0, -90], [0.5, 1.57, 3.1], [0, 0, 0], [3, 2, 1], [45.0, 0.785, -6.28]]
+    "value", [[180, 0, -90], [0.5, 1.57, 3.1], [0, 0, 0], [3, 2, 1], [45.0, 0.786, -6.28], [0.96, 0.35, 0.17]]
 )
 def test_other_angles_are_read_in_deg(value: list[float]) -> None:
     read = Node(Path("a.toml"), "rpy_deg", value).read(turns(3))

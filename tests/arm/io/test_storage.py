@@ -180,7 +180,12 @@ def test_a_folder_is_told_with_the_files_of_the_project_in_it(tmp_path: Path) ->
         (tmp_path / name).touch()
     with pytest.raises(FileInputError) as refused:
         read_json(tmp_path)
-    told = "is a folder, must be a file (it holds report.json, wire.jsonl, z0.toml, z1.toml, z2.toml, ...)"
+    told = f"is a folder, must be a file (it is of a run: its log is {tmp_path / 'wire.jsonl'})"
+    assert str(refused.value) == f"{tmp_path}: {told}"
+    (tmp_path / "wire.jsonl").rename(tmp_path / "y.json")
+    with pytest.raises(FileInputError) as refused:
+        read_json(tmp_path)
+    told = "is a folder, must be a file (it holds report.json, y.json, z0.toml, z1.toml, z2.toml, ...)"
     assert str(refused.value) == f"{tmp_path}: {told}"
 
 

@@ -67,8 +67,12 @@ def test_limits_come_from_the_urdf(ur: Robot) -> None:
     np.testing.assert_allclose(by_name.acceleration, by_name.velocity)
     with pytest.raises(InputError, match="joint 'q2' is missing"):
         urdf_limits(ur, {"q1": 1.0})
-    with pytest.raises(InputError, match=r"joint q1: velocity 1.5 and acceleration 0 must be positive"):
+    with pytest.raises(InputError, match=r"joint q1: acceleration 0 must be positive"):
         urdf_limits(ur, 0.0)
+    with pytest.raises(
+        InputError, match=r"joint q2: velocity 0 must be positive \(<limit> of the URDF: velocity\)"
+    ):
+        urdf_limits(ur, 1.0, velocity=[1, 0, 1, 1, 1, 1])
     with pytest.raises(InputError, match=r"joint q3: range 0.2 to -0.2"):
         urdf_limits(ur, 1.0, margin=3.0)
 

@@ -123,6 +123,16 @@ def test_a_misspelt_link_of_an_srdf_is_told(tmp_path: Path, line: str, key: str)
         load_robot(path, LAST, np.eye(4))
 
 
+def test_an_srdf_of_another_robot_is_told(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    other = srdf(*((f"m{k}", f"m{k + 1}") for k in range(5)))
+    path.with_suffix(".srdf").write_text(other)
+    with pytest.raises(FileInputError, match=r"m0 - m1 and all others are no pairs of links .*another robot"):
+        load_robot(path, LAST, np.eye(4))
+    path.with_suffix(".srdf").write_text(srdf(("l0", "l1"), *((f"m{k}", f"m{k + 1}") for k in range(5))))
+    load_robot(path, LAST, np.eye(4))
+
+
 def test_what_is_given_as_an_srdf_must_be_one(tmp_path: Path) -> None:
     path, other = written(tmp_path), tmp_path / "other.srdf"
     for text, rule in (("<foo/>", "begins with <foo>"), (path.read_text(), "is a URDF")):

@@ -146,6 +146,16 @@ def test_a_recording_of_an_arm_is_sent_to_its_own_command(tmp_path):
             lambda v: v["images"][2].update(leg_encoder_deg=[1, 2]),
             "images[2].leg_encoder_deg = [1, 2]: must be 6",
         ),
+        (
+            lambda v: [
+                i.update(leg_encoder_deg=np.radians(i["leg_encoder_deg"]).tolist()) for i in v["images"]
+            ],
+            "deg in all 6 images (are these rad?)",
+        ),
+        (
+            lambda v: v["images"][2].update(head_encoder_deg=[-10.0, 55.0]),
+            "images[2].head_encoder_deg = [-10.0, 55.0]: must be HeadYaw and HeadPitch, which is within +-40 deg (are",
+        ),
         (lambda v: v["images"][2]["vertices_px"].pop(), "images[2].vertices_px: must be 24 rows of 2"),
         (
             lambda v: v["images"][2].update(vertices_px=[[1, 2]] * 3 + [[None, None]] * 21),

@@ -1,6 +1,7 @@
 """Bodies of a cell file."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from arm.errors import InputError
+from arm.io.node import Node
 from arm.robot.shapes import Capsule, Convex, Cylinder, Sphere, Torus, convex, shape_from_json, shape_to_json
-from cell.config.bodies import pose_of
+from cell.config.bodies import pose_of, read_body
 from cell.config.cell_file import read_cell
 from cell.task.plan_matches import _same_shape as same_shape
 
@@ -121,6 +123,34 @@ def test_a_hull_in_a_plan_is_held_against_the_mesh_of_now() -> None:
     assert not same_shape(convex(corners[:-1]), now)
     assert not same_shape(convex(corners + [[1e-6, 0, 0]]), now)
     assert not same_shape(Sphere(0.1), now)
+
+
+def test_a_mesh_in_m_that_is_said_to_be_in_mm_is_told(scenes: Path) -> None:
+    (scenes / "wedge.obj").write_text(re.sub(r"\d+", lambda mm: f"{int(mm[0]) / 1e3}", WEDGE))
+    (scenes / "cell.toml").write_text((scenes / "cell.toml").read_text() + WALLS)
+    with pytest.raises(
+        InputError, match=r"mesh_unit = 'mm': makes the mesh .* mm; a body .*\(is it in m\?\)"
+    ):
+        read_cell(scenes / "cell.toml")
+
+
+@pytest.mark.parametrize(
+    ("kind", "place", "told"),
+    [
+        ("wall", [0.42, 0.02, 0.11], "must be 2 mm or more from the arm's axis"),
+        ("tool", [0, 0, 0.119], r"must be \[0, 0, 0\], or 0.5 mm or more from there"),
+        ("work", [0.42, 0.02, 0.11], ""),
+        ("wall", [0, 0, -300], ""),
+    ],
+)
+def test_a_body_in_metres_is_told(kind: str, place: list[float], told: str) -> None:
+    value = {"name": "post", "size_mm": [40, 40, 200], "centre_mm": place}
+    node = Node(Path("a.toml"), "bodies[0]", value)
+    if not told:
+        assert read_body(node, kind).T_base_body[:3, 3] == pytest.approx(np.array(place) / 1e3)
+        return
+    with pytest.raises(InputError, match=rf"bodies\[0\].centre_mm = .*: {told}.*\(is it in metres\?\)"):
+        read_body(node, kind)
 
 
 def test_a_flat_mesh_is_told(scenes: Path) -> None:

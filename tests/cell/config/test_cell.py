@@ -189,6 +189,15 @@ def test_a_table_that_does_not_carry_the_zone_for_boards_is_told(
     )
 
 
+def test_a_wall_around_the_base_is_told(scenes: Path) -> None:
+    file = scenes / "cell.toml"
+    wall = '\n[[walls]]\nname = "cage"\ncentre_mm = [0, 0, 1000]\nsize_mm = [2000, 2000, 2000]\n'
+    file.write_text(file.read_text() + wall)
+    (doubt,) = read_cell(file).doubts()
+    assert doubt.startswith("cell.toml: walls[1] (cage): the arm's base is ")
+    assert doubt.endswith(" A body is solid: a cage is a wall for each of its sides")
+
+
 def test_stands_and_grippers_in_cm_are_told_and_not_refused(scenes: Path) -> None:
     file = scenes / "cell.toml"
     assert read_cell(file).doubts() == ()

@@ -142,6 +142,13 @@ def test_without_a_look_it_is_told_that_boards_and_cubes_are_left_out(
         assert "are not among the bodies" not in said
 
 
+def test_a_first_point_that_is_not_at_0_is_told(tmp_path: Path) -> None:
+    for first, told in ((0.0, False), (2.0, True)):
+        file = written(tmp_path, trajectory([START, START + 0.05], [first, first + 4.0]))
+        said, _ = a465("certify", file, CELL)
+        assert ("its first point is at 2 s, and the way there is not judged" in said) == told
+
+
 def test_a_clearance_below_that_of_the_file_is_told(tmp_path: Path) -> None:
     file = written(tmp_path, trajectory([START, START + 0.05], [0.0, 4.0]))
     for asked, told in ((0, 1), (0.1, 1), (9.99, 1), (10, 0), (12, 0)):

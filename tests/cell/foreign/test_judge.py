@@ -115,6 +115,19 @@ def test_times_in_another_unit_are_told_as_such(tmp_path: Path) -> None:
         assert bool(peaks.slow()) == slow
 
 
+def test_velocities_in_degrees_are_told_as_such(tmp_path: Path) -> None:
+    limits = Limits(*np.array([[-3.0], [3.0], [0.5], [9.0]]) * np.ones(6))
+    of = trajectory([START, START + 0.1, START + 0.2], [0.0, 1.0, 2.0])
+    for factor, told in ((np.degrees(1.0), True), (1.0, False)):
+        velocity = np.stack([np.zeros(6), np.full(6, 0.1), np.zeros(6)]) * factor
+        stated = replace(of, velocity=velocity)
+        check = certified(world(), stated.curve, 0.0)
+        refused = refusal_of(tmp_path, list("abcdef"), Asked(0.0, 1.0, True), peaks_of(stated, limits), check)
+        assert (
+            "are the velocities in deg/s? They are 57 times those from point to point" in str(refused)
+        ) == told
+
+
 def test_positions_in_degrees_are_told_as_such(tmp_path: Path) -> None:
     limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
     for factor, told in ((np.degrees(1.0), True), (4.0, False)):

@@ -88,7 +88,7 @@ def test_what_draws_no_line_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<svg", r"drawing.svg: is not XML"),
+        ("<svg", r"drawing.svg: must be an SVG, and is not XML.*\(export it as SVG\)"),
         ("<html/>", r"drawing.svg = '<html>': must be an SVG"),
         ('<svg><line x2="1"/></svg>', r"viewBox.*must be left, top, width and height"),
         ('<svg viewBox="0 0 0 5"/>', r"viewBox = '0 0 0 5': must be left, top, width and height"),
@@ -162,7 +162,7 @@ def test_what_is_not_understood_exactly_is_refused(tmp_path: Path, inside: str, 
 def test_an_encoding_that_is_unknown_is_refused(tmp_path: Path, encoding: str) -> None:
     file = tmp_path / "drawing.svg"
     file.write_text(f'<?xml version="1.0" encoding="{encoding}"?>{_svg(LINE)}')
-    with pytest.raises(FileInputError, match="is not XML"):
+    with pytest.raises(FileInputError, match="must be an SVG, and is not XML"):
         strokes_of(file, 0.1)
 
 

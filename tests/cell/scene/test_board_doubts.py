@@ -87,6 +87,13 @@ def _photographed(camera: Camera, cell: Cell, turned: bool) -> Observation:
     return Observation(tuple(boards), frames=(tuple(markers),))
 
 
+def test_the_inverse_of_the_cameras_pose_is_told() -> None:
+    cell = TASK.cell
+    wrong = replace(cell, camera=cell.camera.at(cell.camera.T_camera_base))
+    told = board_doubts(wrong, _photographed(cell.camera, wrong, turned=False))
+    assert "with the inverse of T_base_camera all fit the zone and the stands: " in told
+
+
 def test_images_turned_by_half_a_turn_are_told_from_a_wrong_pose() -> None:
     cell, T = TASK.cell, TASK.cell.camera.T_base_camera
     assert board_doubts(cell, _photographed(cell.camera, cell, turned=False)) == ""

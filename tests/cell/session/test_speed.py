@@ -62,6 +62,12 @@ def test_what_is_no_speed_is_refused_with_option_value_and_rule(
         assert "must be from 0.01 to" in str(refused.value)
 
 
+def test_a_speed_in_percent_is_told(task: Task, plans: dict[float, Plan]) -> None:
+    for refuse in (lambda: planning_speed(task.cell, 30.0), lambda: override_of(plans[0.5], 30.0)):
+        with pytest.raises(InputError, match=r"it is a fraction: 30 % are 0\.3$"):
+            refuse()
+
+
 def test_an_execution_only_lowers(plans: dict[float, Plan]) -> None:
     with pytest.raises(InputError, match=r"the plan was made for 0\.5, and execution can only lower it"):
         override_of(plans[0.5], 0.6)

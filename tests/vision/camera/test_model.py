@@ -118,6 +118,11 @@ def test_the_digest_is_of_every_value_and_of_nothing_else() -> None:
             "0.0",
             r"K_px.*cx, cy inside the image, 1920 x 1200 px; it is 0, 533.493 \(they count from",
         ),
+        (
+            "[1920, 1200]",
+            "[3840, 2400]",
+            r"K_px.*near the middle of 3840 x 2400 px; it is .* \(it is the middle of 2145 x 1067 px: are",
+        ),
         ("533.49256", "1200.5", "intrinsics.K_px.*it is 1072.72, 1200.5"),
         ("4746.48725, 0.0", "-4746.48725, 0.0", "intrinsics.K_px"),
         ("-0.21867, -1.00296, 0.00005, 0.00311, 8.29851", "8.29851, 0.0", "intrinsics.distortion"),

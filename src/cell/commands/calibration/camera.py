@@ -33,6 +33,9 @@ _LIFT = re.compile(r"(.+)=([^=]+?)(?:\+-([^=]+))?")
 _MM = re.compile(r"\d{1,9}(?:\.\d+)?")
 
 
+SMALL_SQUARE = 0.006  # m; squares below are rather in cm
+
+
 @dataclass(frozen=True)
 class LensOptions(ResultOptions):
     """Options of the command; `limit_mm` is for the standard deviation at the work points.
@@ -142,7 +145,9 @@ class LensOptions(ResultOptions):
         """
         for name in self.hold:
             if name not in HOLDABLE:
-                raise option_error("--hold", name, f"must be one of {', '.join(HOLDABLE)}")
+                again = " ".join(f"--hold {one.strip()}" for one in name.split(","))
+                repeat = f"; repeat the option: {again}" if "," in name else ""
+                raise option_error("--hold", name, f"must be one of {', '.join(HOLDABLE)}{repeat}")
         return tuple(self.hold)
 
 
@@ -181,6 +186,11 @@ def camera_step(
         raise InputError("--camera and --simulated need --live; without it, the images in IMAGES are used")
     lifts = options.lifts([path.name for path in _images(images)])
     photos, size = find_target(images, target, console)
+    if target.square < SMALL_SQUARE:
+        edge = f"{1e3 * target.square:g} mm"
+        console.say(
+            f"NOTE: squares of {edge}: is the target in cm? All distances and limits are those of this size"
+        )
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     region = options.region(size)
     calibration = calibrate_camera(

@@ -14,6 +14,7 @@ from cell.program.program_file import ProgramTask
 from plan.collision.world import distance_of
 
 DEEP = 2e-3  # m; a press, and what bodies and table are measured to, is less
+BURIED = 0.02  # m; bodies that stand on a table may be drawn longer than they are
 _STEP = 5e-3  # m between the places of a path that are asked
 _MOST = 400  # of them
 
@@ -35,6 +36,18 @@ def depths(task: ProgramTask, T_base_work: Array) -> Iterator[str]:
     for (key, of_tool, other), (depth, where) in sorted(deepest.items()):
         deep = f"{of_tool} is {1e3 * depth:.1f} mm deep in {other}"
         yield f"{task.file.name}: {key}: {where}, {deep}, which touch allows"
+
+
+def buried(task: ProgramTask, T_base_work: Array) -> Iterator[str]:
+    """Say which body of the workpiece is deep in which body of the cell."""
+    for body in task.bodies_at(T_base_work):
+        for other in task.cell.fixed:
+            depth = -distance_of(body, other).value
+            if depth > BURIED:
+                yield (
+                    f"{task.file.name}: {body.name} of the workpiece is {1e3 * depth:.1f} mm deep in {other.name}: is "
+                    "work.origin_mm, or the place of the body, right?"
+                )
 
 
 def _deepest(

@@ -32,7 +32,19 @@ def hint(task: ProgramTask, step: Step | None, error: ImpossibleError) -> str:
     if isinstance(step, PathStep):
         found = found or _meant(task, step, pair)
         found += _extended(step, error.data) + _too_large(task, step, error.data)
+    if isinstance(step, PoseStep):
+        found += _unlifted(step, error)
     return found + in_metres(task)
+
+
+def _unlifted(step: PoseStep, error: ImpossibleError) -> str:
+    """Say that a part has no line on which it may touch what it stands on."""
+    missing = [
+        name for name, away in (("approach_mm", step.approach), ("retract_mm", step.retract)) if away == 0.0
+    ]
+    if step.part is None or not missing or "too near" not in str(error):
+        return ""
+    return f"; the step has no {' and no '.join(missing)}: a part may touch what it stands on along these lines only"
 
 
 def _touching(step: PathStep | PoseStep, pair: Collection[str] | None) -> str:

@@ -40,7 +40,7 @@ class Part:
 
     name: str
     size: tuple[float, float, float]
-    at: tuple[float, float, float]
+    at: Array
 
     @property
     def T_tool_part(self) -> Array:
@@ -224,5 +224,6 @@ def _require_room(one: Handled, part: Body, near: Sequence[_Near], clearance: fl
             beside = "move the places apart, or lower the step so that it stands there"
             raise ImpossibleError(f"{head} {why}; {beside}", **{**data, **pair})
     if one.put and not any(other.below for other in near):
-        why = f"stands on nothing within {1e3 * CONTACT:g} mm; lower the step, or add what is below it to [[bodies]]"
+        why = f"stands on nothing within {1e3 * CONTACT:g} mm; lower the step, correct part.box_mm or part.at_mm, or "
+        why += "add what is below it to [[bodies]]"
         raise ImpossibleError(f"{head} {why}", **data)

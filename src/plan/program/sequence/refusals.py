@@ -76,7 +76,8 @@ def end_blocked(
     pair, distance = seen.pair, seen.seen
     return ImpossibleError(
         f"the transit from {before} to {name} {verb} too near to a body: at {where}, {pair[0]} is "
-        f"{distance * 1e3:.1f} mm from {pair[1]} (required: {clearance * 1e3:g} mm); a longer approach or retract, "
+        f"{distance * 1e3:{'.1f' if clearance - distance > 1e-4 else '.3f'}} mm from {pair[1]} (required: "
+        f"{clearance * 1e3:g} mm); a longer approach or retract, "
         "a path that begins and ends further out (lift_mm), or less clearance may help",
         reason=f"{verb} with {pair[0]} too near to {pair[1]}",
         target=where,

@@ -135,6 +135,16 @@ def test_held_numbers_and_options_reach_the_fit(photographs: Path, tmp_path: Pat
     assert "the limit is 0.0001 mm" in json.loads(told)["reasons"][0]
 
 
+def test_a_target_in_cm_is_told(photographs: Path, tmp_path: Path) -> None:
+    for square, marker, told in ((3, 2.2, True), (30, 22, False)):
+        (tmp_path / "target.toml").write_text(
+            f'kind = "charuco"\nsquares = [7, 5]\nsquare_mm = {square}\nmarker_mm = {marker}\n'
+            'dictionary = "DICT_5X5_100"\n'
+        )
+        said, _ = a465("calibrate", "camera", photographs, "--target", tmp_path / "target.toml")
+        assert ("NOTE: squares of 3 mm: is the target in cm?" in said) == told
+
+
 def test_working_distances_in_metres_are_told() -> None:
     with pytest.raises(
         InputError, match=r"--work-mm \[0\.9, 1\.2\]: must be 20 mm or more: the unit is mm; are"

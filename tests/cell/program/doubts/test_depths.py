@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from arm.io.storage import data_file
-from cell.program.doubts.depths import depths
+from arm.numerics.products import mul
+from arm.se3 import transform
+from cell.program.doubts.depths import buried, depths
 from cell.program.program_file import read_program
 from typed.command_line import a465, replace_in
 
@@ -17,6 +19,17 @@ from typed.command_line import a465, replace_in
 def test_the_programs_of_the_scenes_are_not_deep(name: str) -> None:
     task = read_program(data_file(f"scenes/{name}"))
     assert list(depths(task, task.T_on_work)) == []
+
+
+def test_a_workpiece_deep_in_the_table_is_told(tmp_path: Path) -> None:
+    file = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "polish/pass.toml"
+    task = read_program(file)
+    assert list(buried(task, task.T_on_work)) == []
+    found = list(buried(task, mul(transform(t=(0.0, 0.0, -0.05)), task.T_on_work)))
+    assert [words.partition(" mm deep")[0] for words in found] == [
+        "pass.toml: block of the workpiece is 58.9",
+        "pass.toml: clamp of the workpiece is 53.7",
+    ]
 
 
 @pytest.mark.parametrize(("z", "deep"), [("0", "10.0"), ("7", "3.0"), ("8.5", "")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from cell.config.cell_file import read_cell
 from cell.program.doubts.hints import hint, reach_of
 from cell.program.planning import plan_of_program
 from cell.program.program_file import ProgramTask, read_program
+from programs.pallets import pallet
 from typed.command_line import replace_in
 from vision.observation import Observation
 
@@ -86,6 +88,18 @@ def test_the_arm_never_reaches_further_than_its_reach() -> None:
         for q in rng.uniform(cell.unit.lower, cell.unit.upper, (500, 6))
     ]
     assert 0.8 * reach < max(far) <= reach + 1e-9
+
+
+def test_a_part_that_is_put_down_without_a_line_is_told(tmp_path: Path) -> None:
+    file = pallet(tmp_path)
+    text = file.read_text()
+    put = text.index('part = "put"')
+    head, step = text[: text.rindex("[[steps]]", 0, put)], text[text.rindex("[[steps]]", 0, put) :]
+    file.write_text(head + re.sub(r"(approach|retract)_mm = .*\n", "", step, count=2))
+    with pytest.raises(
+        ImpossibleError, match=r"; the step has no approach_mm and no retract_mm: a part may touch"
+    ):
+        plan_of_program(read_program(file), Observation(), 0.5)
 
 
 def test_a_refused_plan_has_the_hint(tmp_path: Path) -> None:
