@@ -21,7 +21,7 @@ from arm.se3 import Array, frozen, orthonormalised
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
 _LEAST_MM = 0.5  # from a flange to a tool that is not in it; a tool in m, read as mm, is nearer
-_DIGITS = 6e-5  # as exact as four decimals
+_DIGITS = 6e-5  # as exact as four decimals; no multiple of 5 deg in rad is as near to two decimals
 _OFF_AXIS = 2e-3  # m from the arm's axis, about which nothing stands; a place in m, read as mm, is nearer
 SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
 _SI: dict[str, Callable[[Any], Any]] = {
@@ -284,8 +284,7 @@ def turns(size: int) -> Rule[Array]:
         found = plain.read(node)
         typed = np.degrees(found)
         meant = np.radians(5.0) * np.rint(typed / np.radians(5.0))  # if they are in rad
-        exact = np.abs(100.0 * typed - np.rint(100.0 * typed)) > 1e-6  # three decimals or more
-        if np.any((meant != 0.0) & exact & (np.abs(typed - meant) < _DIGITS)):
+        if np.any((meant != 0.0) & (np.abs(typed - meant) < _DIGITS)):
             in_deg = ", ".join(f"{v:.6g}" for v in np.degrees(typed).tolist())
             raise node.error("must be in deg, and has a multiple of 5 deg in rad", f"in deg: [{in_deg}]")
         return found

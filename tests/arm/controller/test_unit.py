@@ -160,6 +160,11 @@ def test_a_copy_of_a_shipped_file_is_that_unit_and_another_name_another_one(tmp_
     assert unit_note(load_unit(file.with_name("mine.toml"))) == {"unit": "mine", "unit_file": mine.source}
     with pytest.raises(InputError, match="unit = 'mine': must be one of crs93, crs97, or a unit file"):
         unit_called("mine")
+    (tmp_path / "cell.toml").write_text('unit = "crs93"\ncamera = "camera.toml"\n')
+    with pytest.raises(
+        FileInputError, match=r"is a cell file, and a unit file belongs here \(give the unit that it names"
+    ):
+        unit_called(str(tmp_path / "cell.toml"))
 
 
 @pytest.mark.parametrize(

@@ -230,6 +230,16 @@ def test_other_angles_are_read_in_deg(value: list[float]) -> None:
     np.testing.assert_allclose(np.degrees(read), value, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [([0.44, 0.54, 0.216], True), ([0.44, 54, 21.6], False), ([0, 0, 0], False), ([1e9] * 3, False)],
+)
+def test_sizes_in_metres_are_told(value: list[float], told: bool) -> None:
+    with pytest.raises(FileInputError, match="must be 3 numbers in mm from 1 to 10000") as refused:
+        Node(Path("a.toml"), "size_mm", value).read(triple("mm", 1, 10000))
+    assert str(refused.value).endswith("(is it in metres?)") == told
+
+
 def test_a_length_that_may_be_0_is_not_too_small_to_be_meant() -> None:
     rule = zero_or(0.5, 1000.0)
     for value, read in ((0, 0.0), (0.5, 5e-4), (60, 0.06)):

@@ -244,6 +244,11 @@ def test_a_missing_board_is_told_with_why(task: Task) -> None:
     seen = Observation(_seen(task).boards[:1], {"03-04": "marker 4 is hidden"})
     with pytest.raises(ImpossibleError, match=r"^board 03-04 was not found: marker 4 is hidden; move it"):
         require_boards(seen, task)
+    why = (
+        "4 markers of DICT_4X4_50 (ids 1 to 4) are: are the boards of these? boards.dictionary is DICT_5X5_50"
+    )
+    with pytest.raises(ImpossibleError, match=r"DICT_5X5_50; make file and print agree$"):
+        require_boards(replace(seen, missing={"03-04": why}), task)
     told = r"^l1\.json: board 03-04 was not found: marker 4 .* and look again; this look has board 01-02$"
     with pytest.raises(ImpossibleError, match=told):
         require_boards(seen, task, Path("l1.json"))

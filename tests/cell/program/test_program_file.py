@@ -15,6 +15,7 @@ from cell.files.task import POSES
 from cell.program.path_step import PathStep
 from cell.program.program_file import PROGRAM, is_program, place_of_file, read_program, task_of_file
 from cell.program.steps import Action, JointStep, PoseStep
+from programs.pallets import pallet
 from programs.program_files import PROGRAM as TEXT
 from programs.program_files import WIRE, program
 from programs.tool_cells import tool_cell
@@ -166,6 +167,26 @@ def test_a_body_has_no_name_of_what_a_look_finds(tmp_path: Path, name: str) -> N
         InputError, match="names that begin with plate, stand or cube are of what a look finds"
     ):
         read_program(program(tmp_path, TEXT.replace('name = "block"', f'name = "{name}"')))
+
+
+@pytest.mark.parametrize(("lift", "told"), [(3, True), (4.9, True), (5, False)])
+def test_strokes_that_touch_begin_at_the_clearance(scenes: Path, lift: float, told: bool) -> None:
+    replace_in(file := scenes / "pen/drawing.toml", "lift_mm = 5", f"lift_mm = {lift}")
+    if not told:
+        read_program(file)
+        return
+    with pytest.raises(
+        InputError, match=rf"steps\[0\].lift_mm = {lift}: must be at least the clearance, 5 mm: where"
+    ):
+        read_program(file)
+
+
+def test_a_part_in_cm_is_told(tmp_path: Path) -> None:
+    assert read_program(pallet(tmp_path)).doubts() == ()
+    for box, told in (("[4.4, 4.4, 3.6]", "[44, 44, 36]"), ("[44, 4.4, 36]", "[440, 44, 360]")):
+        file = pallet(tmp_path, ("part.box_mm = [44, 44, 36]", f"part.box_mm = {box}"))
+        (doubt,) = read_program(file).doubts()
+        assert doubt == f"{file.name}: part.box_mm = {box}: is it in cm? Then it must be {told} in mm"
 
 
 def test_arcs_to_strokes_are_at_most_200_mm(tmp_path: Path) -> None:

@@ -92,6 +92,15 @@ def test_a_start_in_the_table_names_the_keys_of_the_cell_file(scenes: Path) -> N
     assert told.endswith(f"in cell.toml, {start} or table.top_z_mm = 0 has to change")
 
 
+def test_a_cage_as_one_box_is_told_as_a_solid_body(scenes: Path) -> None:
+    cell = scenes / "cell.toml"
+    wall = '\n[[walls]]\nname = "cage"\ncentre_mm = [0, 0, 1000]\nsize_mm = [2000, 2000, 2000]\n'
+    cell.write_text(cell.read_text() + wall)
+    told = str(refusal(scenes, advice=False))
+    assert "in cell.toml, walls[1] (cage): the arm's base is 200 mm inside it" in told
+    assert told.endswith("A body is solid: a cage is a wall for each of its sides")
+
+
 @pytest.mark.parametrize(
     ("q_start", "clearance", "told"),
     [

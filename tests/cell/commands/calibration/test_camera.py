@@ -288,6 +288,8 @@ def _header_of_png(width: int, height: int) -> bytes:
 def test_a_wrong_option_is_one_line_and_exit_2(photographs: Path, tmp_path: Path) -> None:
     told = refused("calibrate", "camera", photographs, "--hold", "k9", code=2, cwd=tmp_path)
     assert "--hold k9: must be one of" in told
+    told = refused("calibrate", "camera", photographs, "--hold", "k3,p1", code=2, cwd=tmp_path)
+    assert told.rstrip().endswith("; repeat the option: --hold k3 --hold p1")
 
 
 def test_heights_of_lifted_images_are_read_or_refused():

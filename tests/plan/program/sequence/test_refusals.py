@@ -72,6 +72,10 @@ def test_the_end_of_a_transit_that_is_too_near_is_named(robot: Robot, end: str, 
     line = StraightLine(q_a, q_b, 0.01, False, float(end == "to"), end, check=WALL)
     error = end_blocked("a", "b", line, World(robot, []), 0.01)
     assert f"the transit from a to b {says} to a body: at {at}, palm is 4.0 mm from wall" in str(error)
+    near = replace(line, check=replace(WALL, clearance=0.00996, seen=0.00996))
+    assert "palm is 9.960 mm from wall (required: 10 mm)" in str(
+        end_blocked("a", "b", near, World(robot, []), 0.01)
+    )
     assert error.data["target"] == at
     assert error.data["at"]["q"] == pytest.approx(q_a if end == "from" else q_b)
 
