@@ -24,6 +24,7 @@ from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
 from cell.program.doubts.depths import buried, depths
 from cell.program.doubts.hints import in_metres
+from cell.program.doubts.taken import taken_from_air
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
 from cell.program.planning import T_base_work, plan_of_program
 from cell.program.program_file import ProgramTask, is_program, read_program
@@ -177,7 +178,7 @@ def plan_program_step(
     keep_unread(output)
     task, seen = _task_and_look(program_file, look, console)
     T = T_base_work(task, seen)
-    for doubt in (*buried(task, T), *depths(task, T)):
+    for doubt in (*buried(task, T), *taken_from_air(task, T), *depths(task, T)):
         console.say(f"NOTE: {doubt}")
     explain = partial(explain_list_failure, task, seen) if advice else None
     with within(budget):

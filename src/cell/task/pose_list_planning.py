@@ -17,7 +17,7 @@ from arm.controller.segments import CountPath, Segment
 from arm.controller.unit import Limits, Unit
 from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.io.storage import read_bytes, sha256
-from arm.numerics.products import mul
+from arm.numerics.products import mul, norm
 from arm.plan_file import GripperStep, Move, Pause, Plan, Step
 from arm.robot.gripper import Gripper
 from arm.robot.jaws import with_any_jaws
@@ -39,6 +39,7 @@ from plan.options import PlanOptions
 from plan.program.goals.target import Target
 from plan.program.planned import Planned
 from plan.program.program import Program, plan_program
+from plan.program.sequence.refusals import BELOW
 from plan.program.setting import Setting
 from plan.scene import Scene
 from plan.trajectory.virtual_unit import is_virtual, virtual_unit
@@ -303,7 +304,11 @@ class _Planner:
         about = [e for e in entries if e.name == error.data.get("target")] or entries
         where = " to ".join(dict.fromkeys(e.key for e in (*about[:1], *about[-1:]))) or "return to q_start"
         data = {k: v for k, v in error.data.items() if k != "entry"}
-        return ImpossibleError(f"{self.poses.file}: {where}: {error}", entry=where, **data)
+        why = f"{self.poses.file}: {where}: {error}"
+        if about[0].frame == "flange" and BELOW in why:
+            length = f"{1e3 * norm(self.robot.T_end_tool[:3, 3]):.0f} mm"
+            why += f"; the pose is of the flange, and the tool is {length} long: is it of the finger tips (frame tool)?"
+        return ImpossibleError(why, entry=where, **data)
 
 
 def _places(entries: Sequence[Entry]) -> tuple[list[Entry], list[_Place]]:

@@ -195,6 +195,17 @@ def open_port(url: str, write_timeout_s: float) -> serial.Serial:
     return port
 
 
+def require_there(url: str) -> None:
+    """Refuse a device that is not there, before a person is asked anything.
+
+    Raises:
+        InputError: the name is no port's, or there is no such device.
+    """
+    gone = _WHY[errno.ENOENT] if "://" not in url and not os.path.exists(url) else ""
+    if fault := port_fault(url) or missing_port(url) or gone:
+        raise InputError(f"port {url}: {fault}", port=url)
+
+
 def missing_port(url: str) -> str:
     """Say what is known of a device that is not there: a link whose target is gone, or a port's name on Windows; "" of
     any other, and of what is there."""

@@ -67,6 +67,18 @@ def test_what_cannot_be_reached_or_is_in_the_way_names_its_entry(tmp_path: Path)
         planned(written(tmp_path, [{"q_deg": [-60, -40, -80, 0, -60, 0]}]))
 
 
+def test_a_pose_of_the_finger_tips_as_one_of_the_flange_is_told(tmp_path: Path) -> None:
+    T = [[1, 0, 0, 0.42], [0, -1, 0, 0.0], [0, 0, -1, 0.05], [0, 0, 0, 1]]
+    for frame, told in (("flange", True), ("tool", False)):
+        (tmp_path / "p.json").write_text(json.dumps({"entries": [{f"T_base_{frame}": T, "free": "rz"}]}))
+        asked = "plan", CELL, tmp_path / "p.json", "--no-advice", "-o", tmp_path / "q.json"
+        _, refused = a465(*asked, code=3 if told else 0)
+        words = (
+            "; the pose is of the flange, and the tool is 134 mm long: is it of the finger tips (frame tool)?"
+        )
+        assert (words in refused) == told
+
+
 def test_lines_keep_the_clearance_of_transits(tmp_path: Path) -> None:
     """Nothing in such a list may touch, so a line that ends 7 mm above the table is refused, 11 mm are not."""
     for height, clear in ((0.007, False), (0.011, True)):

@@ -75,7 +75,7 @@ def gripper_step(
     task = read_place(place)
     cell = task.cell
     target = target_width(action, cell.gripper)
-    require_person(unseen, UNSEEN, "that the jaws may move")
+    require_person(unseen, UNSEEN, "that the jaws may move", port)
 
     def ask(run: TaskRun) -> None:
         mars, width = run.connection.mars, jaws_width(run) or 0.0

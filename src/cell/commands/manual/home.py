@@ -50,7 +50,7 @@ def home_step(
     task = read_place(place)
     port = choose_port(port, place, console)
     said, low = free or not may_be_real(port), manual_speed(task.cell, speed)
-    require_person(said, FREE, "that the cell is clear for homing, which has no collision checks")
+    require_person(said, FREE, "that the cell is clear for homing, which has no collision checks", port)
 
     def ask(run: TaskRun) -> None:
         for line in (

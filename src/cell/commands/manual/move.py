@@ -146,7 +146,7 @@ def move_step(
     """
     task = read_place(place)
     cell, low = task.cell, manual_speed(task.cell, speed)
-    require_person(unseen, UNSEEN, "that the arm may move")
+    require_person(unseen, UNSEEN, "that the arm may move", port)
     if goal.kind == "q" and (doubt := doubt_of_deg(np.radians(goal.values), cell.unit)):
         console.say(f"NOTE: --q {doubt}")
     if goal.kind in ("by", "along") and (most := max(map(abs, goal.values))) < LITTLE_MM:

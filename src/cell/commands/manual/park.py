@@ -41,7 +41,7 @@ def park_step(
     """
     task = read_place(place)
     low = manual_speed(task.cell, speed)
-    require_person(unseen, UNSEEN, "that the arm may move")
+    require_person(unseen, UNSEEN, "that the arm may move", port)
     plans: list[Plan] = []
 
     def plan_and_ask(run: TaskRun) -> None:

@@ -39,7 +39,7 @@ def release_step(port: str | None, supported: bool, console: Console) -> dict[st
         InputError: the port is wrong, or nobody agreed; nothing was released.
         ExecutionStopped: the arm moves, or the unit does not answer.
     """
-    require_person(supported, SUPPORTED, "that the arm may drop")
+    require_person(supported, SUPPORTED, "that the arm may drop", port)
     given = port_or_place(port, None)
     port = choose_port(given.port, given.place, console)
     clock = Clock()

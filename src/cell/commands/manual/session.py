@@ -16,6 +16,7 @@ from arm.robot.jaws import after_closing
 from arm.robot.model import Robot
 from arm.se3 import Array
 from cell.commands.run import opened
+from cell.config.camera_keys import OF_CELL
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.files.observation import read_observation
@@ -32,6 +33,7 @@ from cell.task.planning import plan_motion, require_above_table
 from cell.task.run import TaskRun
 from driver.execution.control import Control
 from driver.execution.rest import wait_settled
+from driver.line.port import require_there
 from driver.mars.gripper import read_jaws
 from plan.scene import Scene
 
@@ -49,19 +51,23 @@ def manual_speed(cell: Cell, asked: float | None) -> float:
     return planning_speed(cell, min(SPEED, cell.speed) if asked is None else asked)
 
 
-def require_person(said: bool, option: str, what: str) -> None:
+def require_person(said: bool, option: str, what: str, port: str | None) -> None:
     """Refuse at once where nobody can be asked.
 
     Args:
         said: whether `option` answers in advance.
         option: of the command line.
         what: that has to be confirmed.
+        port: of the command line, if it names one.
 
     Raises:
-        InputError: there is no terminal.
+        InputError: there is no terminal, or no such port.
     """
-    if not said and not at_terminal():
-        raise InputError(f"no terminal to confirm {what}: give {option}", option=option)
+    if said or at_terminal():
+        return
+    if port not in (None, OF_CELL):  # a wrong port is told before a person gives the option
+        require_there(port)
+    raise InputError(f"no terminal to confirm {what}: give {option}", option=option)
 
 
 def require_consent(said: bool, option: str, console: Console, question: str, word: str) -> None:

@@ -129,7 +129,8 @@ class Candidates:
         T_base_tool = target.poses[0]
         free = f" with {', '.join(target.free)} free" if target.free else ""
         free += " and anything within its ranges and tilt" if target.freedom else ""
-        place = ", ".join(f"{1e3 * x:.0f}" for x in T_base_tool[:3, 3])
+        in_mm = (1e3 * T_base_tool[:3, 3]).tolist()
+        place = ", ".join(f"{v:.3f}" if 5e-4 <= abs(v) < 1.0 else f"{v:.0f}" for v in in_mm)
         head = f"target {target.name!r} at ({place}) mm{free} is out of reach"
         under = below_table(T_base_tool[:3, 3], self.worlds.bodies.values())
         asked = AskedPose(T_base_tool, target.freedom, tuple(target.free)).to_json()

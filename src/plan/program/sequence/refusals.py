@@ -30,6 +30,8 @@ from plan.transit.straight import StraightLine
 
 _PARALLEL = 1e-6  # sine between axes that are parallel
 
+BELOW = "below the top of"  # in refusals of a pose that is in a table
+
 
 def below_table(point: Array, bodies: Iterable[Body]) -> str:
     """Say that a point (3,) m is below the top of a table, which stands in `bodies`; "" if it is not."""
@@ -42,7 +44,7 @@ def below_table(point: Array, bodies: Iterable[Body]) -> str:
                 and abs(at[0]) <= body.shape.size[0] / 2.0
                 and abs(at[1]) <= body.shape.size[1] / 2.0
             ):
-                return f", and it is {1e3 * below:.0f} mm below the top of {body.name}"
+                return f", and it is {1e3 * below:.0f} mm {BELOW} {body.name}"
     return ""
 
 

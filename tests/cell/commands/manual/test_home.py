@@ -112,7 +112,7 @@ def test_an_axis_error_is_told_before_the_question_whose_answer_clears_it(
 
 
 def test_nobody_to_ask_is_refused_before_a_port_is_opened(tmp_path: Path) -> None:
-    _, told = a465("home", CELL, "/dev/none-such", code=2)
+    _, told = a465("home", CELL, "/dev/null", code=2)
     assert "no terminal to confirm that the cell is clear for homing" in told
     assert "--free" in told
     assert list(tmp_path.iterdir()) == []

@@ -190,7 +190,7 @@ def test_a_goal_as_an_entry_of_a_list(here: Cell) -> None:
 def test_a_goal_that_is_wrong_is_refused_before_a_port_is_opened(
     options: tuple[str, ...], words: str, tmp_path: Path
 ) -> None:
-    _, told = a465("move", CELL, "/dev/none-such", *options, code=2)
+    _, told = a465("move", CELL, "/dev/null", *options, code=2)
     assert words in told
     assert list(tmp_path.iterdir()) == []
 

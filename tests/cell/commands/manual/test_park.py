@@ -167,6 +167,6 @@ def test_over_a_port(here: Cell, tmp_path: Path) -> None:
 
 
 def test_nobody_to_ask_is_refused_before_a_port_is_opened(tmp_path: Path) -> None:
-    _, told = a465("park", CELL, "/dev/none-such", code=2)
+    _, told = a465("park", CELL, "/dev/null", code=2)
     assert "no terminal to confirm that the arm may move: give --unseen" in told
     assert list(tmp_path.iterdir()) == []

@@ -84,6 +84,6 @@ def test_an_arm_that_moves_while_the_person_reads_is_not_released(
 
 
 def test_nobody_to_ask_is_refused_before_a_port_is_opened(tmp_path: Path) -> None:
-    _, told = a465("release", "/dev/none-such", code=2)
+    _, told = a465("release", "/dev/null", code=2)
     assert "no terminal to confirm that the arm may drop: give --supported" in told
     assert list(tmp_path.iterdir()) == []

@@ -26,12 +26,14 @@ def test_the_speed_is_low_unless_somebody_wants_another(here: Cell) -> None:
 
 
 def test_nobody_can_be_asked_without_a_terminal() -> None:
-    require_person(True, "--free", "that the cell is clear")
+    require_person(True, "--free", "that the cell is clear", "/dev/none-such")
     with pytest.raises(
         InputError, match="no terminal to confirm that the cell is clear: give --free"
     ) as refused:
-        require_person(False, "--free", "that the cell is clear")
+        require_person(False, "--free", "that the cell is clear", None)
     assert refused.value.data["option"] == "--free"
+    with pytest.raises(InputError, match=r"port /dev/none-such: is not there; is the cable plugged in"):
+        require_person(False, "--free", "that the cell is clear", "/dev/none-such")
 
 
 def test_only_the_word_is_consent(answers: Callable[..., None]) -> None:
