@@ -237,7 +237,7 @@ def plan(
 
         if look is None:
             raise InputError(
-                "--look is missing: a task is planned for boards that were seen", option="--look"
+                "--look is missing: boards have to be seen; a465 look TASK -o look.json", option="--look"
             )
         console.result(plan_step(place, look, output, speed, console, advice, allowed))
 

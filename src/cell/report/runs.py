@@ -100,6 +100,9 @@ def read_runs(folders: Iterable[Path]) -> list[RunResult]:
         if not files and folder.is_file():
             why = f"{folder}: is {words_of(folder)}; give folders of runs, such as runs"
             raise InputError(why, folder=str(folder))
+        if not files and not folder.is_dir():
+            page = f"; is it the page to write? give it with -o {folder}" if folder.suffix == ".html" else ""
+            raise InputError(f"{folder}: no such folder of runs{page}", folder=str(folder))
         if not files:
             why = (
                 f"{folder}: has no {REPORT}, and no folder in it has one; give folders of runs, such as runs"

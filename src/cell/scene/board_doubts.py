@@ -11,17 +11,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from arm.numerics.angles import arctan2
 from arm.poses import BoardPose
 from arm.robot.shapes import Box
 from arm.se3 import apply, frozen, inverse
 from cell.config.cell import Cell
 from vision.boards.pose import assess_board
 from vision.camera.model import Camera
+from vision.camera.taped_pose import looking_pose
 from vision.markers.detect import Marker
 from vision.observation import Observation
 
 LEAST_OUTSIDE = 0.0005  # m, from which it is told
 BETTER = 0.7  # of the residuals of images as they are, at most, by which turned ones fit better
+LEAST_DOWN = 0.1  # vertical part of a line of sight about which an azimuth is told
 HIGH_PX = 0.1  # residual from which turned images are tried although boards are where they may be
 
 
@@ -62,6 +65,26 @@ def _is_inverse(cell: Cell, seen: Observation) -> str:
     return (
         f"with the inverse of T_base_camera all fit the zone and the stands: {file} has T_camera_base, which maps base "
         "to camera; give its inverse"
+    )
+
+
+def _is_azimuth(cell: Cell, seen: Observation) -> str:
+    """Say with which other azimuth of the camera all boards fit zone and stands: of another sign, or quarters off."""
+    T = cell.camera.T_base_camera
+    x, z, at = T[:3, 0], T[:3, 2], T[:3, 3]
+    if abs(z[2]) < LEAST_DOWN:
+        return ""
+    right = x - x[2] / z[2] * z  # its part across the line of sight is x
+    now = float(arctan2(right[1], right[0]))
+    fitting = []
+    for other in (-now, *(now + k * np.pi / 2.0 for k in (1, 2, 3))):
+        if _fitting(cell, seen, seen.frames, cell.camera.at(looking_pose(at, at + z, other))):
+            fitting.append(float(np.degrees((other + np.pi) % (2.0 * np.pi) - np.pi)))
+    if not fitting:
+        return ""
+    return (
+        f"with right_azimuth_deg = {' or '.join(f'{v:.1f}' for v in fitting)} all fit the zone and the stands, and the "
+        f"pose in {cell.camera_file.name} has {np.degrees(now):.1f}: is its sign wrong, or is it some quarters off?"
     )
 
 
@@ -106,4 +129,5 @@ def board_doubts(cell: Cell, seen: Observation) -> str:
         return ""
     pose = f"the pose in {cell.camera_file.name}" if cell.calibration is None else "the calibration"
     help = f"measure a hole by tape: if the look has it elsewhere, {pose} is wrong, otherwise these keys are"
-    return f"boards were seen {' and '.join(found)}; {turned or _is_inverse(cell, seen) or help}"
+    why = turned or _is_inverse(cell, seen) or _is_azimuth(cell, seen) or help
+    return f"boards were seen {' and '.join(found)}; {why}"

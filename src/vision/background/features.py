@@ -196,6 +196,9 @@ def read_background(file: Path, camera: Camera) -> Background:
             read = {key: _member(archive, key, *of) for key, of in _MEMBERS.items()}
     # what zipfile raises for damaged, encrypted and unknown data
     except (ValueError, KeyError, EOFError, OSError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
+        if isinstance(error, zipfile.BadZipFile):
+            why = f"{file}: is no background; a465 calibrate background writes one, to a file .npz"
+            raise InputError(why, file=str(file)) from error
         raise InputError(f"{file}: is no background that a465 wrote ({error})", file=str(file)) from error
     if int(read["format"]) != _FORMAT:
         raise InputError(

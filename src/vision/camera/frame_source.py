@@ -163,6 +163,11 @@ class ImageFolder:
                 f"{self.path}: has {len(fresh)} new images{used}, but {count} are needed; "
                 f"file names end in {' '.join(IMAGE_SUFFIXES)}"
             )
+            others = sorted(
+                {p.suffix for p in self.path.iterdir() if p.is_file() and p.suffix} if not files else ()
+            )
+            if others:
+                why += f"; it has files {' '.join(others)}: save them as one of these, such as PNG"
             if not files and (folders := _folders_of_images(self.path)):
                 last = folders[-1]
                 more = f", one of {len(folders)} such folders in it" if len(folders) > 1 else ""

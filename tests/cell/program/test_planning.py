@@ -228,7 +228,7 @@ def test_a_program_is_executed_in_the_simulated_cell_without_a_command_to_jaws(t
 def test_a_look_is_asked_for_where_it_is_needed(tmp_path: Path) -> None:
     file = program(tmp_path, OPEN)
     _, told = a465("plan", file.with_name("task2.toml"), code=2)
-    assert "has no jaws" in told or "--look is missing: a task is planned for boards that were seen" in told
+    assert "has no jaws" in told or "--look is missing: boards have to be seen" in told
     replace_in(file, "[work]", "[work]\nboard = [1, 2]")
     _, told = a465("plan", file, code=2)
     assert "--look is missing: the workpiece of" in told

@@ -107,3 +107,11 @@ def test_what_is_no_report_is_refused_by_name(tmp_path: Path, text: str | None, 
     with pytest.raises(InputError, match=why) as refused:
         read_runs([tmp_path])
     assert str(tmp_path) in str(refused.value)
+
+
+def test_a_page_without_its_option_is_told(tmp_path: Path) -> None:
+    told = a465("report", "day.html", code=2, cwd=tmp_path)[1]
+    assert told.endswith(
+        "day.html: no such folder of runs; is it the page to write? give it with -o day.html\n"
+    )
+    assert "-o" not in a465("report", "rnus", code=2, cwd=tmp_path)[1]

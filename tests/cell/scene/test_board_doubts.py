@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from tasks.true_look import true_look
 from vision.boards.checks import BoardLimits
 from vision.boards.pose import assess_board
 from vision.camera.model import Camera
+from vision.camera.taped_pose import looking_pose
 from vision.markers.detect import Marker
 from vision.observation import Observation, ObservedBoard
 
@@ -59,6 +61,20 @@ def test_a_camera_that_is_turned_about_its_line_of_sight_is_suspected() -> None:
     assert "03-04 by " in told
     assert "measure a hole by tape" in told
     assert "the pose in lab.toml is wrong" in told
+
+
+@pytest.mark.parametrize("of", ["sign", "quarter"])
+def test_an_azimuth_of_another_sign_or_some_quarters_off_is_told(of: str) -> None:
+    cell, T = TASK.cell, TASK.cell.camera.T_base_camera
+    right = T[:3, 0] - T[2, 0] / T[2, 2] * T[:3, 2]
+    azimuth = float(np.arctan2(right[1], right[0]))
+    wrong = {"sign": -azimuth, "quarter": azimuth + np.pi / 2.0}[of]
+    other = replace(cell, camera=cell.camera.at(looking_pose(T[:3, 3], T[:3, 3] + T[:3, 2], wrong)))
+    told = board_doubts(other, _photographed(cell.camera, other, turned=False))
+    assert re.search(
+        rf"with right_azimuth_deg = .*{np.degrees(azimuth):.1f}.* all fit the zone and the stands", told
+    ), told
+    assert f"has {np.degrees(wrong):.1f}: is its sign wrong" in told
 
 
 def test_a_tilt_that_no_stand_has_is_told_and_one_that_fits_is_not() -> None:
@@ -105,7 +121,7 @@ def test_images_turned_by_half_a_turn_are_told_from_a_wrong_pose() -> None:
     assert "take them as those were taken with which lens and pose were calibrated" in told
     other = cell.camera.at(frozen(mul(T, transform(rot_z(np.pi)))))
     told = board_doubts(cell, _photographed(other, cell, turned=False))
-    assert "the pose in lab.toml is wrong" in told
+    assert "all fit the zone and the stands, and the pose in lab.toml has " in told
     free = replace(cell, tilts=(), zone=replace(cell.zone, shape=Box((3.0, 3.0, 1.0))))
     told = board_doubts(free, _photographed(cell.camera, free, turned=True))
     assert told.startswith("boards were seen with a residual of 0.")

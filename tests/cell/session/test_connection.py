@@ -29,6 +29,7 @@ from cell.session.connection import (
 )
 from driver.line.signals import SIGNALS, interruptible
 from typed.command_line import a465, replace_in
+from vision.camera.frame_source import ImageFolder
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +98,12 @@ def test_photographs_that_do_not_come_are_told(tmp_path: Path, monkeypatch: pyte
         NewImageFolder(tmp_path).grab(1)
     with pytest.raises(InputError, match="no such folder"):
         NewImageFolder(tmp_path / "none")
+    (phone := tmp_path / "phone").mkdir()
+    (phone / "a.HEIC").touch()
+    with pytest.raises(
+        InputError, match=r"has 0 new images.*; it has files \.HEIC: save them as one of these"
+    ):
+        ImageFolder(phone).grab(1)
 
 
 def test_a_world_that_is_not_there_is_told(task: Task, tmp_path: Path) -> None:
