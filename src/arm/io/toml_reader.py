@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,15 @@ def _twice(lines: list[str], number: int) -> str:
     return ""
 
 
+def _without_comma(lines: Sequence[str], number: int) -> int:
+    """Return the number of the line before line `number` that has a value and does not end in a comma; 0 if it does."""
+    for before in range(number - 1, 0, -1):
+        line = lines[before - 1].partition("#")[0].strip()
+        if line:
+            return 0 if line.endswith((",", "[", "{", "=")) else before
+    return 0
+
+
 def _place(text: str, error: str) -> str:
     """Return the line that an error of `tomllib` names, with what is often wrong in such a line; "" without one."""
     lines = text.rstrip().split("\n")
@@ -104,6 +114,8 @@ def _place(text: str, error: str) -> str:
     help = _twice(lines, number) if "overwrite" in error else ""
     if re.search(r"=\s*-?\d+,\d", line):
         help = " (the decimal sign is a point)"
+    elif "Unclosed array" in error and (open_ := _without_comma(lines, number)):
+        help = f" (a comma is missing at the end of line {open_})"
     elif re.search(r"=\s*[^\W\d]", line) and "Invalid value" in error:
         help = " (text stands in quotation marks)"
     return f": {shortened(line, MOST_LINE)}{help}" if line else ""

@@ -72,6 +72,9 @@ def look_step(
         raise InputError(
             f"--picture {picture}: must end in .png, as it is a PNG", option="picture", file=str(picture)
         )
+    if picture is not None and images is not None and picture.resolve().parent == images.resolve():
+        rule = "is in the folder of --images, and would be read as one of them; give another folder"
+        raise InputError(f"--picture {picture}: {rule}", option="picture", file=str(picture))
     for written, kind in ((output, "look"), (picture, "")):
         keep_apart(written, task_file, world, kind=kind)
         keep_unread(written)
@@ -85,8 +88,9 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     _doubt(task.cell, seen, console)
-    if images is not None and (copies := _copies(seen)):
-        console.say(f"NOTE: {images}: {copies}")
+    for doubt in (_copies(seen) if images is not None else "", _overexposed(seen)):
+        if doubt:
+            console.say(f"NOTE: {images or 'the look'}: {doubt}")
     require_boards(seen, task)
     if task.kind not in KINDS:
         return result | {"placements": []}
@@ -131,6 +135,19 @@ def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
     for doubt in (*cell.doubts(), board_doubts(cell, seen)):
         if doubt:
             console.say(f"NOTE: {doubt}")
+
+
+MOST_WHITE = (
+    0.3  # share of an image that may be saturated; it is at most 0.06 in photographs of the real cell
+)
+
+
+def _overexposed(seen: Observation) -> str:
+    """Say that most of an image is saturated; "" if none is."""
+    for number, image in enumerate(seen.images, start=1):
+        if (share := float((image == np.iinfo(np.uint8).max).mean())) > MOST_WHITE:
+            return f"{100.0 * share:.0f} % of image {number} is overexposed (white): expose shorter"
+    return ""
 
 
 def _copies(seen: Observation) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from arm.board import Board
+from arm.board import CUBE_SEAT_DEPTH, Board
 from arm.calibration_file import ArmCalibration
 from arm.controller.unit import Limits, Unit, unit_note
 from arm.errors import InputError
@@ -26,6 +26,7 @@ from vision.boards.checks import BoardLimits
 from vision.camera.model import Camera
 
 _THIN_STAND, _THIN = 0.025, 0.01  # m; below these, what is meant is rather in cm
+_TALL = 0.1  # m; a wall that is lower may be sunk into the table
 _IN_BASE = 0.02  # m by which the base may be in a wall, such as a pedestal
 _BESIDE = 0.001  # m by which the zone for boards may reach beyond the table
 
@@ -135,13 +136,23 @@ class Cell(CellValues, JawValues):
         """
         doubt = doubt_of_deg(self.q_start, self.unit)
         found = [f"q_start_deg = {doubt}"] if doubt else []
+        found.extend(self._half_below().values())
+        small = self._small()
+        if isinstance(self.tool, Gripper) and self.tool.urdf is None and "tool.finger_mm" not in small:
+            room = self.grip_height + self.tool.finger[2] - (self.cube_size - CUBE_SEAT_DEPTH)
+            if room < 0.0:
+                found.append(
+                    f"tool.finger_mm = {[round(1e3 * v, 6) for v in self.tool.finger]}: with tool.grip_height_mm = "
+                    f"{1e3 * self.grip_height:g} the palm is {-1e3 * room:.0f} mm inside a gripped cube: is the third "
+                    "of them the length from palm to tip?"
+                )
         if (beyond := self._zone_beyond_table()) > _BESIDE:
             found.append(
                 f"table.centre_mm and table.size_mm: the zone for boards reaches {1e3 * beyond:.0f} mm beyond the "
                 "table; are they in cm? The arm is not kept away from what is not in the file"
             )
         found.extend(self.enclosing().values())
-        for name, sizes in self._small().items():
+        for name, sizes in small.items():
             stated, meant = (", ".join(f"{unit * v:.6g}" for v in sizes) for unit in (1e3, 1e4))
             found.append(
                 f"{name} = [{stated}]: is it in cm? Then it must be [{meant}] in mm; as it is, clearances are those of "
@@ -178,6 +189,26 @@ class Cell(CellValues, JawValues):
     def walls(self) -> tuple[Body, ...]:
         """The bodies of ``[[walls]]``, in order."""
         return self.fixed[1:]
+
+    def _half_below(self) -> dict[str, str]:
+        """Say by its name which wall over the table has its middle in the table's top, as one whose foot was given."""
+        found = {}
+        table = self.fixed[0]
+        for number, wall in enumerate(self.walls):
+            if (
+                not isinstance(wall.shape, Box)
+                or not isinstance(table.shape, Box)
+                or wall.shape.size[2] < _TALL
+            ):
+                continue
+            (x, y), z = wall.T_base_body[:2, 3] - table.T_base_body[:2, 3], float(wall.T_base_body[2, 3])
+            over = abs(x) < table.shape.size[0] / 2.0 and abs(y) < table.shape.size[1] / 2.0
+            if over and abs(z - self.table_z) < _TALL / 10.0:
+                found[wall.name] = (
+                    f"walls[{number}] ({wall.name}): its lower half is below the table's top: is centre_mm that of its "
+                    f"foot? Its middle is {500.0 * wall.shape.size[2]:g} mm above it"
+                )
+        return found
 
     def _depth_of_base(self, wall: Body) -> float:
         """How deep the arm's base, which stands still, is in a wall, m; negative: how far from it."""

@@ -45,8 +45,13 @@ def require_boards(seen: Observation, task: Task, look: Path | None = None) -> N
     for board in task.boards:
         if seen.board(board.name) is None:
             why = seen.missing.get(board.name, "its markers are not in the image")
-            printed = "boards.dictionary" in why  # markers of another print are in view
-            help = "make file and print agree" if printed else "move it completely into the camera's view"
+            help = "move it completely into the camera's view"
+            if "boards.dictionary" in why:  # markers of another print are in view
+                help = (
+                    "make file and print agree"
+                    if "boards.dictionary is" in why
+                    else "give images of the boards"
+                )
             if look is not None:
                 names = ", ".join(one.name for one in seen.boards)
                 help += f" and look again; this look has {f'board {names}' if names else 'no board'}"

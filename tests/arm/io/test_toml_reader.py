@@ -78,6 +78,14 @@ def test_a_key_that_is_there_twice_is_told_with_its_table(tmp_path: Path, text: 
     assert str(refused.value).endswith(told)
 
 
+@pytest.mark.parametrize(("end", "told"), [("", True), (",", False)])
+def test_a_comma_that_is_missing_in_a_list_is_told(tmp_path: Path, end: str, told: bool) -> None:
+    (file := tmp_path / "a.toml").write_text(f'files = [\n  "a.csv"{end}  # first\n\n  "b.csv",\n')
+    with pytest.raises(FileInputError) as refused:
+        read_toml(file)
+    assert ("(a comma is missing at the end of line 2)" in str(refused.value)) == told
+
+
 def _dotted(parts: int) -> str:
     return ".".join(["a"] * parts)
 

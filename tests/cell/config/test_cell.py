@@ -189,6 +189,24 @@ def test_a_table_that_does_not_carry_the_zone_for_boards_is_told(
     )
 
 
+def test_a_post_whose_foot_is_given_for_its_middle_is_told(scenes: Path) -> None:
+    replace_in(file := scenes / "cell.toml", "centre_mm = [930, 0, 600]", "centre_mm = [930, 0, 0]")
+    (doubt,) = read_cell(file).doubts()
+    assert doubt == (
+        "cell.toml: walls[0] (camera post): its lower half is below the table's top: is centre_mm that of its foot? "
+        "Its middle is 600 mm above it"
+    )
+
+
+def test_fingers_whose_length_stands_first_are_told(scenes: Path) -> None:
+    replace_in(file := scenes / "cell.toml", "finger_mm = [20, 10, 25.4]", "finger_mm = [25.4, 20, 10]")
+    (doubt,) = read_cell(file).doubts()
+    assert doubt == (
+        "cell.toml: tool.finger_mm = [25.4, 20.0, 10.0]: with tool.grip_height_mm = 15 the palm is 7 mm inside a "
+        "gripped cube: is the third of them the length from palm to tip?"
+    )
+
+
 def test_a_wall_around_the_base_is_told(scenes: Path) -> None:
     file = scenes / "cell.toml"
     wall = '\n[[walls]]\nname = "cage"\ncentre_mm = [0, 0, 1000]\nsize_mm = [2000, 2000, 2000]\n'

@@ -247,6 +247,11 @@ def test_a_missing_board_is_told_with_why(task: Task) -> None:
     why = (
         "4 markers of DICT_4X4_50 (ids 1 to 4) are: are the boards of these? boards.dictionary is DICT_5X5_50"
     )
+    target = Observation(
+        seen.boards, {"03-04": "a board: is this the target? boards have it (boards.dictionary)"}
+    )
+    with pytest.raises(ImpossibleError, match=r"\(boards.dictionary\); give images of the boards$"):
+        require_boards(target, task)
     with pytest.raises(ImpossibleError, match=r"DICT_5X5_50; make file and print agree$"):
         require_boards(replace(seen, missing={"03-04": why}), task)
     told = r"^l1\.json: board 03-04 was not found: marker 4 .* and look again; this look has board 01-02$"
