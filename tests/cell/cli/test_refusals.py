@@ -210,6 +210,11 @@ def test_a_file_of_another_kind_is_told_as_that_with_what_belongs_there(tmp_path
         ),
         (("emulate", "--fault", task), "is a task file, and a file of faults belongs here"),
         (("calibrate", "target", cell), "is a cell file, and a target file belongs here"),
+        (
+            ("gripper", cell, "mars", "open"),
+            f"the action comes first, then the cell: a465 gripper open {cell} mars",
+        ),
+        (("gripper", cell, "45"), f"a465 gripper 45 {cell}"),
         (("gripper", cell, "open"), f"the action comes first, then the cell: a465 gripper open {cell}"),
         (("calibrate", "following", task), "is a task file, and the log of a run belongs here"),
         (("teach", cell, "poses.json"), "the list comes first, then the cell or task file"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,10 @@ def gripper_step(
         ExecutionStopped: the jaws do not open, or a fault.
     """
     if action.endswith(".toml") or os.path.isfile(action):
-        why = f"gripper {action}: is a file; the action comes first, then the cell: a465 gripper {place} {action}"
+        others = [str(place), *([port] if port is not None else [])]  # one of them is the action
+        others.sort(key=lambda word: re.fullmatch(r"open|close|[\d.]+", word) is None)
+        right = " ".join([others[0], action, *others[1:]])
+        why = f"gripper {action}: is a file; the action comes first, then the cell: a465 gripper {right}"
         raise InputError(why, value=action)
     task = read_place(place)
     cell = task.cell
