@@ -88,9 +88,8 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     _doubt(task.cell, seen, console)
-    for doubt in (_copies(seen) if images is not None else "", _overexposed(seen)):
-        if doubt:
-            console.say(f"NOTE: {images or 'the look'}: {doubt}")
+    if images is not None and (copies := _copies(seen)):
+        console.say(f"NOTE: {images}: {copies}")
     require_boards(seen, task)
     if task.kind not in KINDS:
         return result | {"placements": []}
@@ -135,19 +134,6 @@ def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
     for doubt in (*cell.doubts(), board_doubts(cell, seen)):
         if doubt:
             console.say(f"NOTE: {doubt}")
-
-
-MOST_WHITE = (
-    0.3  # share of an image that may be saturated; it is at most 0.06 in photographs of the real cell
-)
-
-
-def _overexposed(seen: Observation) -> str:
-    """Say that most of an image is saturated; "" if none is."""
-    for number, image in enumerate(seen.images, start=1):
-        if (share := float((image == np.iinfo(np.uint8).max).mean())) > MOST_WHITE:
-            return f"{100.0 * share:.0f} % of image {number} is overexposed (white): expose shorter"
-    return ""
 
 
 def _copies(seen: Observation) -> str:

@@ -32,6 +32,8 @@ def test_refusals_say_what_and_how_much(robot: Robot, crs97: Unit) -> None:
     far = refusal_of(robot, crs97, [TABLE], Target("far", down(1.2, 0.0, 0.3)))
     assert "target 'far' at (1200, 0, 300) mm is out of reach" in str(far)
     assert far.data["outside_m"] > 0.1
+    small = refusal_of(robot, crs97, [TABLE], Target("small", down(0.42e-3, 0.0, 0.3e-3)))
+    assert "target 'small' at (0.420, 0, 0.300) mm is out of reach" in str(small)
 
     low = refusal_of(robot, crs97, [TABLE], Target("low", down(0.45, 0.1, -0.055), free="rz"))
     assert "all" in str(low)
