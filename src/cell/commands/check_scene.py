@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from arm.arguments import option_numbers
 from arm.errors import InputError
-from cell.config.cell import doubt_of_deg
+from cell.config.doubts.angles import doubt_of_deg
 from cell.console import Console
 from cell.files.scene import (
     MOTION_VERDICTS,

@@ -17,7 +17,8 @@ from cell.accuracy.clearances import erring_clearances
 from cell.commands.manual.teach import taught_otherwise
 from cell.commands.steps import move_to_json, warn_of
 from cell.config.arm_file import ArmFile
-from cell.config.cell import Cell, doubt_of_deg
+from cell.config.cell import Cell
+from cell.config.doubts.angles import doubt_of_deg
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import PoseList, Reading, read_pose_list

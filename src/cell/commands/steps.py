@@ -23,6 +23,7 @@ from cell.accuracy.measures import require_insertion
 from cell.accuracy.placement import PlacementBudget
 from cell.accuracy.plan_budgets import pocket_fit, require_placements
 from cell.config.cell import Cell
+from cell.config.doubts.cell_doubts import cell_doubts
 from cell.console import Console
 from cell.files.observation import observation_to_json, read_observation, require_boards, tilt_words
 from cell.files.task import KINDS, Task, read_task
@@ -131,7 +132,7 @@ def _print_look(seen: Observation, console: Console) -> None:
 
 def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
     """Print what is doubtful about where boards were seen and the arm starts; a refusal may come from it."""
-    for doubt in (*cell.doubts(), board_doubts(cell, seen)):
+    for doubt in (*cell_doubts(cell), board_doubts(cell, seen)):
         if doubt:
             console.say(f"NOTE: {doubt}")
 

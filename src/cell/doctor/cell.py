@@ -8,6 +8,7 @@ from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.config.calibration_state import CalibrationState, hand_eye_state, lens_state
 from cell.config.cell import Cell
+from cell.config.doubts.cell_doubts import cell_doubts
 from cell.doctor.finding import NOTE, OK, WRONG, CheckResult
 from cell.files.task import cell_of
 from cell.session.camera_watch import camera_watch
@@ -43,7 +44,7 @@ def check_cell(file: Path | None) -> tuple[tuple[CheckResult, ...], Cell]:
     about_shape = {"padding_mm": 1e3 * cell.arm_padding, "compared": cell.arm_compared}
     verdict, help = (OK, "") if cell.arm_compared.strip() else (NOTE, COMPARE)
     shape = CheckResult("arm's shape", verdict, cell.arm_shape(), help, about_shape)
-    doubt = "; ".join(cell.doubts())
+    doubt = "; ".join(cell_doubts(cell))
     results = (
         CheckResult("cell", NOTE if doubt else OK, found, doubt, data),
         shape,

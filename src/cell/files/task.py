@@ -33,6 +33,7 @@ from arm.se3 import Array, frozen
 from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
+from cell.config.doubts.cell_doubts import cell_doubts
 from cell.config.inputs import Inputs, config_inputs
 from plan.options import AIMS, CHOICES, LOOKS
 
@@ -127,8 +128,8 @@ class Task(TaskValues):
         return NOTHING
 
     def doubts(self) -> tuple[str, ...]:
-        """Say which values of the files may be in another unit; see `cell.config.cell.Cell.doubts`."""
-        return self.cell.doubts()
+        """Say which values of the files may be in another unit; see `cell.config.doubts`."""
+        return cell_doubts(self.cell)
 
 
 class TaskKeys(TaskValues):

@@ -18,7 +18,7 @@ from arm.numerics.products import mul
 from arm.plan_file import Move, Plan
 from arm.se3 import Array, transform
 from cell.config.arm_file import ArmFile
-from cell.config.cell import doubt_of_deg
+from cell.config.doubts.angles import doubt_of_deg
 from cell.console import Console
 from cell.files.observation import read_observation
 from cell.files.task import task_or_cell

@@ -21,8 +21,9 @@ from arm.robot.shapes import Body, Box
 from arm.se3 import Array, apply, frozen, inverse
 from cell.config.arm_file import ARM, ArmFile
 from cell.config.bodies import PLACE, TURN, pose_of, read_body
-from cell.config.cell import Cell, doubt_of_deg
+from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
+from cell.config.doubts.angles import doubt_of_deg
 from cell.config.inputs import config_inputs
 from cell.files.task import NOTHING, Task, board_of, place_or_arm, read_place, require_aim, task_or_cell
 from cell.program.parts.handled import Part, parts_of

@@ -16,6 +16,7 @@ from arm.numerics.products import mul
 from arm.robot.shapes import Box
 from arm.se3 import apply, inverse
 from cell.config.cell import Cell
+from cell.config.doubts.cell_doubts import enclosing
 from cell.console import Console
 from cell.files.task import Task
 from cell.scene.places import hole_stations, reach_of
@@ -85,8 +86,8 @@ def _conflict(cell: Cell, failure: Failure) -> str:
             return f"{both} {start} has to change"
         lower = math.floor(10.0 * near.distance_mm) / 10.0
         return f"{both} lower motion.clearance_mm to {lower:g} or less, or change {start}"
-    if failure.body is not None and (enclosing := cell.enclosing().get(failure.body)):
-        return f"in {cell.file.name}, {enclosing}"
+    if failure.body is not None and (around := enclosing(cell).get(failure.body)):
+        return f"in {cell.file.name}, {around}"
     if failure.body == "table":
         other = f"table.top_z_mm = {cell.table_z * 1e3:g}"
     return f"in {cell.file.name}, {start} or {other} has to change"

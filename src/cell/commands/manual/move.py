@@ -32,7 +32,8 @@ from cell.commands.manual.session import (
     scene_now,
 )
 from cell.commands.manual.teach import taught_otherwise
-from cell.config.cell import Cell, doubt_of_deg
+from cell.config.cell import Cell
+from cell.config.doubts.angles import doubt_of_deg
 from cell.console import Console
 from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import read_place
