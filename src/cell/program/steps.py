@@ -9,10 +9,10 @@ import numpy as np
 
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integers, line, number, numbers, text
+from arm.io.rules import carried, integers, line, number, numbers, text
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen, transform
-from cell.config.bodies import ON_FLANGE, TURN, pose_of
+from cell.config.bodies import FARTHEST_MM, TURN, pose_of
 from cell.files.pose_list import AWAY, JAWS_RULE, WAYS
 from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, paths_of
 
@@ -40,7 +40,7 @@ class PathStepKeys(PathKeys, ActionKeys):
 class PoseStepKeys(FreedomKeys, ActionKeys):
     """Keys of a step that is a pose."""
 
-    at: Array = key("at_mm", ON_FLANGE)
+    at: Array = key("at_mm", carried(FARTHEST_MM))
     rpy: Array = key("rpy_deg", TURN, [180, 0, 0])
     by: str = key("by", line(*WAYS), "transit")
     approach: float = key("approach_mm", AWAY, 0)
