@@ -314,3 +314,10 @@ def test_a_frame_without_any_pose_is_refused(tmp_path: Path, name: str, text: st
         f"a465: wrong input: --frame tool: is of poses, and {tmp_path / name} {rule}"
     ]
     assert not (tmp_path / "plan.json").exists()
+
+
+def test_six_numbers_of_a_pose_are_told_with_the_frame_that_was_given(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("0.42,0,0.25,3.14,0,0\n")
+    for options, told in ((("--frame", "tool"), True), ((), False)):
+        refused = a465("plan", CELL, tmp_path / "p.csv", *options, "-o", tmp_path / "q.json", code=2)[1]
+        assert ("; a pose is 12 or 16 numbers, x y z roll pitch yaw is not read" in refused) == told

@@ -77,7 +77,7 @@ def test_a_background_of_another_calibration_is_refused(
 @pytest.mark.parametrize("data", [b"", b"no zip", b"PK\x03\x04 cut"])
 def test_what_is_no_background_is_refused(data: bytes, camera: Camera, tmp_path: Path) -> None:
     (file := tmp_path / "background.npz").write_bytes(data)
-    with pytest.raises(InputError, match="is no background"):
+    with pytest.raises(InputError, match="is no background; a465 calibrate background writes one"):
         read_background(file, camera)
 
 
