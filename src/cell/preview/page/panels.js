@@ -114,7 +114,7 @@ function fillSteps(content, onStep) {
       const stripe = element("span", "stripe");
       stripe.style.background = `var(--${step.role})`;
       const entry = taskEntry(content, step.cube);
-      const seconds = element("span", "figure", step.kind === "look" ? "" : `${(step.end - step.start).toFixed(1)} s`);
+      const seconds = element("span", "figure", content.resting || step.kind === "look" ? "" : `${(step.end - step.start).toFixed(1)} s`);
       const known = step.kind === "move" && step.clearance !== null;
       const mm = element("span", "figure", known ? millimetres(1e3 * step.clearance) : "");
       if (step.kind === "move") {
