@@ -58,7 +58,7 @@ def test_targets_are_drawn_where_the_calibration_puts_them(found: HandEye) -> No
     """Each image's outline, in the camera's frame, projects onto the corners that were seen; those left out are red."""
     page = chain_page("Camera and arm", "r.json", found.chain, hand_eye_tables(found))
     section = page[page.index("<h2>Where the target was</h2>") :]
-    section = section[: section.index("</section>")]
+    section = section[: section.index("<h2>Residuals by image</h2>")]
     drawn = [
         (np.array([[float(v) for v in point.split(",")] for point in points.split()]), colour)
         for points, colour in re.findall(r'<polygon points="([^"]+)" stroke="var\(--(\w+)\)', section)
