@@ -168,6 +168,14 @@ def test_what_a_person_is_told_of_a_chain(found: HandEye) -> None:
     assert "would help" not in heard.all
 
 
+@pytest.mark.parametrize(("metres", "said"), [(1.0, "1000.000 mm across"), (1.001, "more than 1 m across")])
+def test_a_held_out_error_beyond_a_metre_is_no_number(found: HandEye, metres: float, said: str) -> None:
+    heard = Heard()
+    chain = replace(found.chain, held_out=replace(found.chain.held_out, metres=metres))
+    print_hand_eye(replace(found, chain=chain), heard)
+    assert said in heard.all
+
+
 @pytest.mark.parametrize(
     ("images", "said"),
     [
