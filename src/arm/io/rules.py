@@ -359,6 +359,8 @@ def port_fault(url: str) -> str:
         return f"must be {found[1]}: the line's speed is fixed, and no part of the name"
     if "://" in url and not url.startswith("socket://"):
         return "must be a device, or socket://HOST:PORT"
+    if re.fullmatch(r"(\d{1,3}\.){3}\d{1,3}", url):
+        return f"must be socket://{url}:PORT, or a device"
     if re.fullmatch(r"[\w.-]+:\d{1,5}", url):
         return f"must be socket://{url}, or a device"
     return "" if url.strip() else "must be a device, such as /dev/mars, or socket://HOST:PORT"

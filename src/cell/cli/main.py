@@ -160,13 +160,9 @@ def reach(
 
             console.result(reach_program_step(task, look, console))
             return
-        from cell.commands.steps import reach_step
-        from cell.files.task import read_task
+        from cell.commands.steps import reach_step, required_look
 
-        if look is None:
-            read_task(task)  # a file of another kind is told first
-            raise InputError("--look is missing: holes are where boards were seen", option="--look")
-        console.result(reach_step(task, look, console, advice))
+        console.result(reach_step(task, required_look(look, task), console, advice))
 
 
 @app.command(
@@ -233,12 +229,9 @@ def plan(
 
             console.result(plan_program_step(place, look, output, speed, console, advice, allowed))
             return
-        from cell.commands.steps import plan_step
+        from cell.commands.steps import plan_step, required_look
 
-        if look is None:
-            raise InputError(
-                "--look is missing: boards have to be seen; a465 look TASK -o look.json", option="--look"
-            )
+        look = required_look(look, place)
         console.result(plan_step(place, look, output, speed, console, advice, allowed))
 
 

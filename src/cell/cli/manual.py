@@ -41,8 +41,10 @@ def _no_port(context: typer.Context, place: Path) -> Path:
 
 
 _Port = Annotated[str | None, Argument(help=_PORT, metavar="[PORT]", show_default=False, callback=_no_cell)]
-_PORT_OR_CELL = f"{_PORT} Or the cell or task file that names it."
-_PortOrCell = Annotated[str | None, Argument(help=_PORT_OR_CELL, metavar="[PORT|CELL]", show_default=False)]
+_PORT_AND_CELL = f"{_PORT} And the cell or task file, before or after it."
+_PortAndCell = Annotated[
+    list[str] | None, Argument(help=_PORT_AND_CELL, metavar="[PORT] [CELL]", show_default=False)
+]
 _CELL = "Cell or task file: the unit, its calibration and the tool; default: the unit by its gripper's axis."
 _CELL_OR_TASK = "Cell or task file, such as scenes/cell.toml."
 _Place = Annotated[Path, Argument(help=_CELL_OR_TASK, metavar="CELL", callback=_no_port)]
@@ -63,11 +65,12 @@ _Cell = Annotated[Path | None, Option("--cell", help=_CELL, metavar="CELL")]
     "while another a465 has the port, its log is read instead.",
     epilog=examples("a465 status /dev/mars --cell scenes/cell.toml"),
 )
-def status(port: _PortOrCell = None, cell: _Cell = None, as_json: shared.Json = False) -> None:
+def status(where: _PortAndCell = None, cell: _Cell = None, as_json: shared.Json = False) -> None:
     console = Console(as_json)
     from cell.commands.manual.status import status_step
+    from cell.session.ports import port_and_place
 
-    console.result(status_step(port, cell, console))
+    console.result(status_step(port_and_place(where or (), cell), console))
 
 
 @manual.command(
@@ -79,7 +82,7 @@ def status(port: _PortOrCell = None, cell: _Cell = None, as_json: shared.Json = 
 )
 def record(
     context: typer.Context,
-    port: _PortOrCell = None,
+    where: _PortAndCell = None,
     output: Annotated[
         Path | None, Option("-o", "--output", help="New file to write.", metavar="FILE")
     ] = None,
@@ -94,12 +97,13 @@ def record(
         raise InputError("record: give -o FILE, the file to write, or --compare FILE", option="-o")
     if compare is not None:
         shared.refuse_given(context, ("output", "seconds"), "cannot be combined with --compare")
-        if port is not None:
-            raise InputError(f"{port}: --compare opens no port; leave it out", port=port)
+        if where:
+            raise InputError(f"{where[0]}: --compare opens no port; leave it out", port=where[0])
     from cell.commands.manual.record import compare_step, record_step
+    from cell.session.ports import port_and_place
 
     if output is not None:
-        report = record_step(port, output, seconds, console)
+        report = record_step(port_and_place(where or ()), output, seconds, console)
     elif compare is not None:
         report = compare_step(compare, console)
     console.result(report)
@@ -114,11 +118,18 @@ def record(
     "Ctrl-C, and ends. The arm stays under power. The emergency stop is the button, not this command.",
     epilog=examples("a465 stop /dev/mars"),
 )
-def stop(port: _PortOrCell = None, as_json: shared.Json = False) -> None:
+def stop(
+    where: _PortAndCell = None,
+    named: Annotated[
+        list[str] | None, Option("--port", "--cell", hidden=True)
+    ] = None,  # as other verbs have them
+    as_json: shared.Json = False,
+) -> None:
     console = Console(as_json)
     from cell.commands.manual.stop import stop_step
+    from cell.session.ports import port_and_place
 
-    console.result(stop_step(port, console))
+    console.result(stop_step(port_and_place([*(where or ()), *(named or ())]), console))
 
 
 @manual.command(
@@ -255,14 +266,15 @@ def gripper(
     epilog=examples("a465 release /dev/mars"),
 )
 def release(
-    port: _PortOrCell = None,
+    where: _PortAndCell = None,
     supported: Annotated[bool, Option("--supported", help=_SUPPORTED)] = False,
     as_json: shared.Json = False,
 ) -> None:
     console = Console(as_json)
     from cell.commands.manual.release import release_step
+    from cell.session.ports import port_and_place
 
-    console.result(release_step(port, supported, console))
+    console.result(release_step(port_and_place(where or ()), supported, console))
 
 
 @manual.command(

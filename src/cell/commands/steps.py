@@ -97,6 +97,19 @@ def look_step(
     return result | {"placements": _foreseen(task, seen, console, picture=picture)}
 
 
+def required_look(look: Path | None, task_file: Path) -> Path:
+    """Return the file of what was seen.
+
+    Raises:
+        InputError: there is none, unless the task file has a fault: that is told first.
+    """
+    if look is None:
+        read_task(task_file)
+        why = f"--look is missing: boards have to be seen; a465 look {task_file} -o look.json"
+        raise InputError(why, option="--look")
+    return look
+
+
 def frames_of(
     task: Task, images: Path | None, camera: str | None, world: Path | None
 ) -> AbstractContextManager[FrameSource]:

@@ -67,7 +67,7 @@ def view_step(
         InputError: a file or value is wrong, or the photograph is of another size than the camera's.
         ImpossibleError: the workpiece of a program is on a board, and there is no look with it.
     """
-    output = output or Path(f"{file.stem}.html")
+    output = output or Path(f"{file.stem or 'view'}.html")  # . and / have no stem; they are told below
     keep_page(output, file, look, image)
     keep_unread(output)
     setting, drawn, q_start, _ = place_shown(file, look)

@@ -6,6 +6,7 @@ No port is ever chosen for a command that would otherwise use the simulated cell
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +26,7 @@ EXAMPLE = 'port = "/dev/mars"'
 
 @dataclass(frozen=True)
 class PortAndPlace:
-    """What a command that takes ``PORT`` and ``--cell CELL`` was given; each may be missing.
+    """What a command that takes ``[PORT] [CELL]`` was given; each may be missing.
 
     Attributes:
         port: see `choose_port`.
@@ -36,18 +37,23 @@ class PortAndPlace:
     place: Path | None
 
 
-def port_or_place(argument: str | None, place: Path | None) -> PortAndPlace:
-    """Return what an argument names, a port or a cell file, beside the file of ``--cell``.
+def port_and_place(words: Sequence[str], place: Path | None = None) -> PortAndPlace:
+    """Return what words name, a port, a cell file or both in either order, beside the file of ``--cell``.
+
+    Other verbs take the cell file before the port. Nobody who has to stop the arm shall have to think of that.
 
     Raises:
-        InputError: it is a cell file, and so is `place`.
+        InputError: two ports or two cell files.
     """
-    if argument is None or not (argument.endswith(".toml") or os.path.isfile(argument)):
-        return PortAndPlace(argument, place)
-    if place is not None:
-        why = f"{argument} and --cell {place}: give one cell file; a port is a device, or socket://HOST:PORT"
-        raise InputError(why, argument=argument, cell=str(place))
-    return PortAndPlace(None, Path(argument))
+    files = [word for word in words if word.endswith(".toml") or os.path.isfile(word)]
+    ports = [word for word in words if word not in files]
+    if len(ports) > 1:
+        raise InputError(f"{' and '.join(ports)}: give one port", ports=ports)
+    cells = files if place is None else [*files, str(place)]
+    if len(cells) > 1:
+        why = f"{' and '.join(cells)}: give one cell file; a port is a device, or socket://HOST:PORT"
+        raise InputError(why, cells=cells)
+    return PortAndPlace(ports[0] if ports else None, Path(cells[0]) if cells else None)
 
 
 def choose_port(given: str | None, place: Path | None, console: Console) -> str:

@@ -24,6 +24,7 @@ def at(scenes: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("plan.csv").write_text("time_s,J1_rad\n0,0\n")
     Path("mirrored.json").write_text(json.dumps({"entries": [{"T_base_tool": MIRRORED}]}))
     Path("metres.csv").write_text("1,0,0,0.42,0,-1,0,0.1,0,0,-1,0.25\n")
+    Path("empty.toml").touch()
     Path("seen").mkdir()
     for number in (1, 2):
         cv2.imwrite(f"seen/{number}.png", np.zeros((8, 8), np.uint8))
@@ -72,6 +73,10 @@ def at(scenes: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "(is it in m? then leave out --lengths mm)",
         ),
         ("status socket:127.0.0.1:5000", "port socket:127.0.0.1:5000: must be socket://127.0.0.1:5000"),
+        ("status 192.168.0.7", "port 192.168.0.7: must be socket://192.168.0.7:PORT, or a device"),
+        ("view .", ".: is a folder, must be a file"),
+        ("plan empty.toml", "empty.toml: task: is missing; it must be one of clear-board, board-to-board"),
+        ("plan task2.toml", "--look is missing: boards have to be seen; a465 look task2.toml -o look.json"),
         ("status /dev/mars:19200", "must be /dev/mars: the line's speed is fixed, and no part of the name"),
     ],
 )

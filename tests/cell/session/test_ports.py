@@ -11,7 +11,7 @@ import pytest
 from arm.controller.unit import load_unit
 from arm.errors import FileInputError, InputError
 from cell.config.cell_file import read_cell
-from cell.session.ports import VARIABLE, choose_port, port_or_place
+from cell.session.ports import VARIABLE, PortAndPlace, choose_port, port_and_place
 from emulated.on_pty import lines_to, names_to, on_pty
 from typed.command_line import a465, replace_in
 from typed.heard import Heard
@@ -124,10 +124,18 @@ def test_a_port_of_windows_is_told_with_the_file_that_names_it(
 
 
 def test_one_cell_file_is_enough(tmp_path: Path) -> None:
-    assert port_or_place("/dev/mars", tmp_path).port == "/dev/mars"
-    assert port_or_place("cell.toml", None).place == Path("cell.toml")
+    assert port_and_place(["/dev/mars"], tmp_path) == PortAndPlace("/dev/mars", tmp_path)
+    assert port_and_place(["cell.toml"]) == PortAndPlace(None, Path("cell.toml"))
+    assert port_and_place([]) == PortAndPlace(None, None)
     with pytest.raises(InputError, match="give one cell file"):
-        port_or_place("cell.toml", tmp_path)
+        port_and_place(["cell.toml"], tmp_path)
+
+
+def test_the_cell_file_may_stand_before_the_port_or_after_it() -> None:
+    both = PortAndPlace("/dev/mars", Path("cell.toml"))
+    assert port_and_place(["cell.toml", "/dev/mars"]) == port_and_place(["/dev/mars", "cell.toml"]) == both
+    with pytest.raises(InputError, match=r"^/dev/a and /dev/b: give one port$"):
+        port_and_place(["/dev/a", "cell.toml", "/dev/b"])
 
 
 def test_the_port_does_not_change_what_a_plan_is_made_for(scenes: Path) -> None:

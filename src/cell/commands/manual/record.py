@@ -11,7 +11,7 @@ from arm.errors import A465Error, InputError
 from arm.io.storage import write_atomic
 from cell.console import WIDTH, Console
 from cell.doctor.devices import FIRMWARE
-from cell.session.ports import choose_port, port_or_place
+from cell.session.ports import PortAndPlace, choose_port
 from driver.record.assumptions import Row, compare
 from driver.record.take import Recorder
 from driver.record.tape import RECEIVED
@@ -24,11 +24,11 @@ _HEADER = ("what", "assumed", "found", "agrees")
 _VERDICTS = {True: "yes", False: "NO", None: "not known"}
 
 
-def record_step(port: str | None, output: Path, seconds: float, console: Console) -> dict[str, Any]:
+def record_step(given: PortAndPlace, output: Path, seconds: float, console: Console) -> dict[str, Any]:
     """Record the unit on a port to a new file, and compare as `compare_step` does. Nothing moves; only the echo is set.
 
     Args:
-        port: of the controller, or a cell file; see `cell.session.ports`.
+        given: port of the controller, or a cell file that names it.
         output: file to write; it is written again and again meanwhile, each time whole.
         seconds: how long the counts are read at rest.
         console: output.
@@ -43,7 +43,6 @@ def record_step(port: str | None, output: Path, seconds: float, console: Console
         raise InputError(
             f"{output}: exists, and a recording replaces nothing; give another file", file=str(output)
         )
-    given = port_or_place(port, None)
     url = choose_port(given.port, given.place, console)
     saver = _Saver(output, seconds, console)
     recorder = Recorder(url, FIRMWARE, seconds, progress=saver)

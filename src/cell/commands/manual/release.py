@@ -12,7 +12,7 @@ from cell.commands.manual.session import SUPPORTED, require_consent, require_per
 from cell.console import Console
 from cell.doctor.devices import FIRMWARE
 from cell.report.run_folder import LOG, run_folder
-from cell.session.ports import choose_port, port_or_place
+from cell.session.ports import PortAndPlace, choose_port
 from driver.line.clock import Clock
 from driver.line.protocol import encode
 from driver.line.signals import interruptible
@@ -27,11 +27,11 @@ WARNING = (
 )
 
 
-def release_step(port: str | None, supported: bool, console: Console) -> dict[str, Any]:
+def release_step(given: PortAndPlace, supported: bool, console: Console) -> dict[str, Any]:
     """Switch the motors of a resting arm off once a person has agreed; return where it was and is.
 
     Args:
-        port: of the controller, or a cell file; see `cell.session.ports`.
+        given: port of the controller, or a cell file that names it.
         supported: the command line states that the arm is supported or may sink.
         console: output.
 
@@ -39,8 +39,7 @@ def release_step(port: str | None, supported: bool, console: Console) -> dict[st
         InputError: the port is wrong, or nobody agreed; nothing was released.
         ExecutionStopped: the arm moves, or the unit does not answer.
     """
-    require_person(supported, SUPPORTED, "that the arm may drop", port)
-    given = port_or_place(port, None)
+    require_person(supported, SUPPORTED, "that the arm may drop", given.port)
     port = choose_port(given.port, given.place, console)
     clock = Clock()
     with (

@@ -18,24 +18,22 @@ from cell.commands.manual.reading import BY_CELL, BY_LOG, Reading, print_reading
 from cell.config.cell import Cell
 from cell.console import Console
 from cell.doctor.devices import FIRMWARE
-from cell.session.ports import choose_port, port_or_place
+from cell.session.ports import PortAndPlace, choose_port
 from driver.log.latest import Latest, read_latest
 from driver.mars.identity import identified
 
 
-def status_step(port: str | None, cell_file: Path | None, console: Console) -> dict[str, Any]:
+def status_step(given: PortAndPlace, console: Console) -> dict[str, Any]:
     """Report the state of the arm on a port, or of the program that has the port; return it as JSON types.
 
     Args:
-        port: of the controller, or a cell file; see `cell.session.ports`.
-        cell_file: cell or task file; None: none is known.
+        given: port of the controller, and a cell or task file with its unit, calibration and tool.
         console: output.
 
     Raises:
         InputError: the cell file is wrong, the port cannot be opened, or no unit answers there.
         ExecutionStopped: the unit stops answering.
     """
-    given = port_or_place(port, cell_file)
     cell = read_cell_of(given.place)
     port = choose_port(given.port, given.place, console)
     try:

@@ -19,7 +19,7 @@ from arm.io.claim import Holder
 from cell.commands.manual.reading import Reading, print_reading, read_arm
 from cell.console import Console
 from cell.doctor.devices import FIRMWARE
-from cell.session.ports import choose_port, port_or_place
+from cell.session.ports import PortAndPlace, choose_port
 from driver.line.port import port_holder
 from driver.line.protocol import Status
 from driver.line.signals import interruptible
@@ -32,18 +32,17 @@ VERB = "stop"
 BUTTON = "press the emergency stop if the arm moves"
 
 
-def stop_step(port: str | None, console: Console) -> dict[str, Any]:
+def stop_step(given: PortAndPlace, console: Console) -> dict[str, Any]:
     """Stop the arm on a port; return what happened as JSON types.
 
     Args:
-        port: of the controller, or a cell file, of which nothing else is read; see `cell.session.ports`.
+        given: port of the controller, or a cell file, of which nothing but the port is read.
         console: output.
 
     Raises:
         InputError: the port cannot be opened, another program that is no a465 has it, or no unit answers there.
         ExecutionStopped: the arm may still be moving.
     """
-    given = port_or_place(port, None)
     port = choose_port(given.port, given.place, console)
     with interruptible(ends=True):
         interrupted = _interrupt_holder(port, console)

@@ -12,6 +12,7 @@ import pytest
 from arm.errors import ExecutionStopped, InputError
 from cell.commands.manual.release import release_step
 from cell.config.cell import Cell
+from cell.session.ports import PortAndPlace
 from emulated.on_pty import lines_to, names_to, on_pty
 from emulated.stepped_cell import push_to
 from typed.command_line import a465
@@ -34,7 +35,7 @@ def test_a_person_who_types_the_word_switches_the_motors_off(
             return "release"
 
         answers(answer)
-        report = release_step(port, False, console)
+        report = release_step(PortAndPlace(port, None), False, console)
     ((told, sent),) = asked
     assert "THE ARM MAY DROP" in told
     assert "J1 to J6: 10.00, -20.00" in told
@@ -54,7 +55,7 @@ def test_without_the_word_the_unit_gets_queries_only(
         on_pty(here.unit, tmp_path / "unit.jsonl", homed_deg=AT) as (_, port),
         pytest.raises(InputError, match="'release' was not typed; nothing moved"),
     ):
-        release_step(port, False, Heard())
+        release_step(PortAndPlace(port, None), False, Heard())
     assert names_to(tmp_path / "unit.jsonl") <= QUERIES
 
 
@@ -62,7 +63,7 @@ def test_a_moving_arm_is_not_released(here: Cell, tmp_path: Path) -> None:
     with on_pty(here.unit, tmp_path / "unit.jsonl", homed_deg=AT) as (emulator, port):
         emulator.machine.run_axis("A", 5.0)
         with pytest.raises(ExecutionStopped, match=f"a465 stop {port} stops it"):
-            release_step(port, True, Heard())
+            release_step(PortAndPlace(port, None), True, Heard())
     assert names_to(tmp_path / "unit.jsonl") <= QUERIES
 
 
@@ -79,7 +80,7 @@ def test_an_arm_that_moves_while_the_person_reads_is_not_released(
         with pytest.raises(
             ExecutionStopped, match=f"moves now, so it is not released: a465 stop {port} stops it"
         ):
-            release_step(port, False, Heard())
+            release_step(PortAndPlace(port, None), False, Heard())
     assert names_to(tmp_path / "unit.jsonl") <= QUERIES
 
 

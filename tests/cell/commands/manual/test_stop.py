@@ -118,6 +118,15 @@ def test_an_arm_that_nobody_has_is_stopped_by_queries_and_stop_alone(
     assert "STOP" in sent
 
 
+@pytest.mark.parametrize("words", ["CELL PORT", "PORT CELL", "--port PORT", "--port PORT --cell CELL"])
+def test_stop_takes_port_and_cell_as_other_verbs_have_them(
+    words: str, port: tuple[Emulator, str], tmp_path: Path
+) -> None:
+    typed = words.replace("PORT", port[1]).replace("CELL", str(CELL))
+    said, _ = a465("stop", *typed.split(), cwd=tmp_path)
+    assert "STOP was sent; the arm is at rest" in said
+
+
 def test_what_is_no_mars_gets_no_stop(tmp_path: Path) -> None:
     options = EmulatorOptions(version="LX_RoCoN v1")
     with on_pty(load_unit("crs93"), tmp_path / "unit.jsonl", options=options) as (_, name):
