@@ -257,7 +257,7 @@ def table_lines(header: Sequence[str], rows: Iterable[Sequence[object]], width: 
         table.add_column(Text(name), justify="right" if numbers else "left", no_wrap=numbers, overflow="fold")
     for row in kept:
         table.add_row(*(Text(_text(value)) for value in row))
-    page = Page(width=width, color_system=None)
+    page = Page(file=io.StringIO(), width=width, color_system=None)
     with page.capture() as drawn:
         page.print(table)
     return [line.rstrip() for line in drawn.get().splitlines()]

@@ -280,6 +280,22 @@ def test_tables_are_wrapped_at_the_terminals_width(monkeypatch: pytest.MonkeyPat
     assert " 0.012 " in " ".join(lines), "numbers are not broken"
 
 
+class Full(io.StringIO):
+    """An output that takes nothing."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    flush = write  # type: ignore[assignment]
+
+
+def test_a_table_that_cannot_be_written_is_lost_as_a_line_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    for stream in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, stream, Full())
+    with pytest.raises(OutputLost, match="No space left"):
+        Console().table(("name",), [("a",)])
+
+
 def test_names_of_a_file_do_nothing_to_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     Console().say("cube \x1b[2J\x1b[H\r\ud800 ä · \u2028 end")
     assert capsys.readouterr().out == "cube \\x1b[2J\\x1b[H\\r\\ud800 ä · \\u2028 end\n"

@@ -321,7 +321,16 @@ def write_atomic(path: Path, data: bytes | str | Iterable[str], tidy: bool = Tru
             temporary.write(parts)
             temporary.become(stat.S_IMODE(path.stat().st_mode) if path.exists() else mode_of_new())
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}", file=str(path)) from error
+        raise InputError(f"{path}: cannot be written: {unmade(path, error)}", file=str(path)) from error
+
+
+def unmade(path: Path, error: OSError) -> str:
+    """Say why a file or folder cannot be made: the system's words, or which file stands where a folder has to be."""
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        above = next((one for one in path.parents if one.exists()), path)
+        if not above.is_dir():
+            return f"{above} is a file, not a folder"
+    return str(error.strerror)
 
 
 def _texts(data: str | Iterable[str]) -> Iterable[str]:

@@ -18,6 +18,7 @@ from cell.cli.groups import GroupedCommands, built_for
 from cell.cli.manual import manual
 from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, pictured, refuse, refuse_given
 from cell.cli.tools import tools
+from cell.cli.usage import refuse_empty
 from driver.line.signals import interruptible
 
 app = typer.Typer(
@@ -386,8 +387,11 @@ def main() -> None:
     """Run the command line; turn an error, also of an option, into one line and its exit code."""
     with interruptible(ends=True), one_command():
         try:
+            refuse_empty(sys.argv[1:])
             sys.exit(built_for(app, sys.argv[1:])(standalone_mode=False))
         except A465Error as error:
             fail(error)
         except typer.TyperException as error:
             fail_usage(error, app)
+        except OSError as error:  # such as a name that is too long, wherever it is looked up first
+            fail(InputError(f"{error.filename or 'system'}: {error.strerror or error}", file=error.filename))

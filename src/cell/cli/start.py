@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 
 from driver.line.signals import caught, interruptible
@@ -11,6 +12,8 @@ INTERRUPTED = 130  # exit code of an interrupted command, as in shells
 
 def main() -> None:
     """Run the command line. Commands with an open arm report an interrupt themselves (`cell.commands.run`)."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name that the terminal's encoding lacks
     with interruptible(ends=True):
         try:
             from cell.cli.main import main as run

@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from arm.errors import InputError
 from arm.io.kind import kind_of_file
 
 MOST_OWNERS = 3  # commands that are named because they have an option; one of more says nothing
@@ -53,6 +54,19 @@ def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands:
     if found := re.search(rf"'({_NUMBER.pattern})\s*[a-zA-Z°%]+' is not a valid (?:float|int)", words):
         return f"give the number alone, such as {found[1]}; the help states its unit"
     return ""
+
+
+def refuse_empty(typed: Sequence[str]) -> None:
+    """Refuse an empty argument: as a path it would be the working folder.
+
+    Raises:
+        InputError: a word, or the value of an option, is empty.
+    """
+    for before, word in pairwise(["", *typed]):
+        if not word or (word.startswith("--") and word.endswith("=")):
+            after = before if before.startswith("-") else f"the argument after {before or 'a465'}"
+            where = word.removesuffix("=") or after
+            raise InputError(f"{where} is empty; is a variable of the shell not set?", option=where)
 
 
 def _of_option(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from arm.errors import InputError
-from arm.io.storage import write_atomic
+from arm.io.storage import unmade, write_atomic
 from arm.io.temporary import TemporaryFolder
 
 
@@ -30,4 +30,4 @@ def write_folder(path: Path, files: Mapping[str, bytes | str]) -> None:
                 write_atomic(temporary.path / name, content)
             temporary.become()
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}", folder=str(path)) from error
+        raise InputError(f"{path}: cannot be written: {unmade(path, error)}", folder=str(path)) from error

@@ -9,6 +9,7 @@ from itertools import count
 from pathlib import Path
 
 from arm.errors import InputError
+from arm.io.storage import unmade
 from arm.io.temporary import remove_abandoned
 
 LOG, REPORT = "wire.jsonl", "report.json"
@@ -105,7 +106,7 @@ def run_folder(asked: Path | None, name: str) -> Iterator[Path]:
             why = f"{folder}: another run has just begun there; runs are not mixed"
             raise InputError(why, folder=str(folder)) from error
     except OSError as error:
-        why = f"{asked or RUNS}: cannot be made: {error.strerror}"
+        why = f"{asked or RUNS}: cannot be made: {unmade(asked or RUNS, error)}"
         raise InputError(why, folder=str(asked or RUNS)) from error
     try:
         yield folder

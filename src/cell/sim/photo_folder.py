@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 
 from arm.errors import ExecutionStopped, InputError
+from arm.io.storage import unmade
 from arm.io.temporary import TemporaryFile, mode_of_new
 from cell.sim.camera import SimulatedCamera
 from cell.sim.cell import SimulatedCell
@@ -43,7 +44,9 @@ class FolderCamera:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder}: cannot be created: {error.strerror}", folder=str(folder)) from error
+            raise InputError(
+                f"{folder}: cannot be created: {unmade(folder, error)}", folder=str(folder)
+            ) from error
         self.folder = folder
         self._simulated = simulated
         self._camera = camera

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import ExecutionStopped, InputError
+from arm.io.storage import unmade
 from driver.line.clock import Clock
 
 
@@ -42,7 +43,9 @@ class WireLog:
                 os.close(self._file)
                 raise self._failure
         except OSError as error:
-            raise InputError(f"log {path}: cannot be written: {error.strerror}", file=str(path)) from error
+            raise InputError(
+                f"log {path}: cannot be written: {unmade(path, error)}", file=str(path)
+            ) from error
 
     def sent(self, data: bytes) -> None:
         """Record bytes given to the port."""

@@ -69,8 +69,11 @@ def test_folders_are_made(tmp_path: Path) -> None:
 
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     write_atomic(tmp_path / "a", "x")
-    with pytest.raises(InputError, match="cannot be written"):
-        write_atomic(tmp_path / "a" / "b", "x")
+    for file in (tmp_path / "a" / "b", tmp_path / "a" / "b" / "c"):
+        with pytest.raises(
+            InputError, match=f"c?: cannot be written: {tmp_path / 'a'} is a file, not a folder$"
+        ):
+            write_atomic(file, "x")
 
 
 def test_canonical_json_has_one_text_for_one_value() -> None:

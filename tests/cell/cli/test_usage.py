@@ -1,5 +1,8 @@
 """A command line that no command takes is answered with where its words belong."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -27,6 +30,33 @@ def test_words_are_told_where_they_belong(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert help in a465(*typed.split(), code=2)[1]
+
+
+@pytest.mark.parametrize(
+    ("typed", "where"),
+    [
+        (["plan", "task2.toml", "--look", ""], "--look is empty"),
+        (["plan", "task2.toml", "--look="], "--look is empty"),
+        (["plan", "", "poses.json"], "the argument after plan is empty"),
+        ([""], "the argument after a465 is empty"),
+    ],
+)
+def test_an_argument_of_an_unset_variable_is_no_path(typed: list[str], where: str) -> None:
+    told = a465(*typed, code=2)[1]
+    assert told == f"a465: wrong input: {where}; is a variable of the shell not set?\n"
+
+
+def test_what_the_system_refuses_is_one_line(scenes: Path, tmp_path: Path) -> None:
+    told = a465("view", scenes / "cell.toml", "-o", f"{'x' * 300}.html", code=2, cwd=tmp_path)[1]
+    assert told == f"a465: wrong input: {'x' * 300}.html: File name too long\n"
+
+
+def test_names_that_the_terminal_cannot_show_are_escaped(scenes: Path, tmp_path: Path) -> None:
+    named = scenes.rename(tmp_path / "große")
+    typed = [sys.executable, "-m", "a465", "check", named / "cell.toml", "--q=0,10,-80,0,-60,0"]
+    ascii = os.environ | {"PYTHONIOENCODING": "ascii"}
+    said = subprocess.run(typed, env=ascii, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert said.endswith("gro\\xdfe/cell.toml: free\n")
 
 
 def test_a_cell_file_that_is_no_argument_is_told_its_option(scenes: Path) -> None:

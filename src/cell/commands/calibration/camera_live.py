@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm.errors import CalibrationRefused, CameraError, InputError
+from arm.io.storage import unmade
 from arm.se3 import Array, rotation, transform
 from calib.camera.guided_capture import FIRST, Advice, GuidedViews
 from calib.camera.result import CalibrationLimits
@@ -139,7 +140,7 @@ def take_views(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be created: {error.strerror}", path=str(folder)) from error
+        raise InputError(f"{folder}: cannot be created: {unmade(folder, error)}", path=str(folder)) from error
     finder = TargetFinder(target)
     (first,) = source.grab(1)
     size = (first.shape[1], first.shape[0])
