@@ -27,6 +27,7 @@ SCAN, MOST_SCANNED = 0.02, 1000  # rad or m, and number of samples
 MOMENT_S = 5e-4
 # Times are probably in another unit beyond these: a factor, a share of the velocity limits, and a duration.
 MOST_SLOWER, LEAST_SHARE, LONG_S = 50.0, 1e-3, 300.0
+_FAR = 10.0  # ranges of a joint beyond its limits, where a unit is rather wrong than a motion
 STEEPER = (35.0, 90.0)  # between which velocities are rather in deg/s: 57.3 times those in rad/s
 TIMES = "time_from_start is in s, by sec and nanosec"
 
@@ -55,6 +56,7 @@ class Peaks:
         beyond: by how much positions are beyond their limits, rad (m); at most 0 if they are not.
         duration: of the trajectory, s.
         steeper: how many times the velocities at the points are those of the positions, rms; NaN if not known.
+        meant: in which unit the positions of the joint farthest beyond its limits may be; "" if not known.
     """
 
     velocity: Array
@@ -62,6 +64,7 @@ class Peaks:
     beyond: Array
     duration: float
     steeper: float = np.nan
+    meant: str = ""
 
     def in_deg(self) -> str:
         """Say that the velocities may be in deg/s; "" if they go with the positions."""
@@ -70,8 +73,10 @@ class Peaks:
         return f" (are the velocities in deg/s? They are {self.steeper:.0f} times those from point to point)"
 
     def slow(self) -> str:
-        """Say that the trajectory is so slow that its times may be in another unit; "" if it is not."""
+        """Say that nothing moves, or so slowly that times may be in another unit; "" if neither is so."""
         most = float(self.velocity.max())
+        if most == 0.0:
+            return "no joint moves: the positions of all its points are the same"
         if not 0.0 < most < LEAST_SHARE or self.duration < LONG_S:
             return ""
         return (
@@ -88,7 +93,30 @@ def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
     beyond = np.maximum(limits.lower - low.min(axis=0), high.max(axis=0) - limits.upper)
     push = None if trajectory.velocity is None else acceleration.max(axis=0) / limits.acceleration
     share = velocity.max(axis=0) / limits.velocity
-    return Peaks(share, push, beyond, trajectory.duration, _steeper(trajectory))
+    return Peaks(
+        share, push, beyond, trajectory.duration, _steeper(trajectory), _meant(trajectory, limits, beyond)
+    )
+
+
+def _meant(trajectory: JointTrajectory, limits: Limits, beyond: Array) -> str:
+    """Say in which unit the positions may be of the joint that is farthest beyond its limits, or that turns too far."""
+    k = int(beyond.argmax())
+    far, low, high = float(beyond[k]), float(limits.lower[k]), float(limits.upper[k])
+    if far <= 0.0:
+        return ""
+    q, turn = trajectory.q[:, k], 2.0 * np.pi
+
+    def within(values: Array) -> bool:
+        return bool((low <= values.min()) and (values.max() <= high))
+
+    if far > turn and within(np.radians(q)):
+        return " (are these degrees? positions are in rad)"
+    if far > _FAR * (high - low) and within(q / 1e3):
+        return " (a thousandth would be within: positions are in rad, m where a joint slides)"
+    outside = q[(q < low) | (q > high)]
+    if len(outside) and within(outside - np.sign(outside) * turn):
+        return " (less a whole turn it would be within)"
+    return ""
 
 
 def _steeper(trajectory: JointTrajectory) -> float:
@@ -154,11 +182,8 @@ def refusal_of(
         joint = int(peaks.beyond.argmax())
         beyond = float(peaks.beyond[joint])
         by = f"{np.degrees(beyond):.3g} deg" if asked.in_deg else f"{beyond:.3g} rad (m)"
-        degrees = (
-            " (are these degrees? positions are in rad)" if asked.in_deg and beyond > 2.0 * np.pi else ""
-        )
-        degrees = degrees or peaks.in_deg()
-        why = f"{file}: {joints[joint]} is beyond its position limits by {by}{degrees}; {also}"
+        meant = peaks.meant or peaks.in_deg()
+        why = f"{file}: {joints[joint]} is beyond its position limits by {by}{meant}; {also}"
         return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=beyond)
     for what, share in (("velocity", peaks.velocity), ("acceleration", peaks.acceleration)):
         joint = 0 if share is None else int(share.argmax())  # NaN counts as the largest

@@ -6,7 +6,8 @@ and velocities of both (as ros2_controllers' joint_trajectory_controller does).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +24,9 @@ WRAPPERS = (
     "joint_trajectory",
     "trajectory",
 )  # of RobotTrajectory, DisplayTrajectory's parts, FollowJointTrajectory
+POINT = ("positions", "velocities", "accelerations", "effort", "time_from_start")
+_UNITS = ("unit", "units", "angles")  # that a message has not, and that would be ignored
+_DEPTH = 4  # to which a trajectory is looked for in other messages
 MOST_POINTS = 100_000
 LONGEST_S = 1e5
 LEAST_STEP_S = 1e-6  # between two points
@@ -89,17 +93,26 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
             follows other curves.
     """
     root = _message(Node.of_json(path, "trajectory"))
+    for unit in _UNITS:
+        if root.get(unit, _ANY, None) not in (None, "rad"):
+            rule = "is not read: positions are in rad, m where a joint slides"
+            raise root[unit].error(rule, "leave it out, and convert them")
     names: list[str] = root.get("joint_names", _NAMES)
     order = _order(root, names, joints)
     points = root["points"].items()
     if not 2 <= len(points) <= MOST_POINTS:
         raise root.error_at("points", f"has {len(points)} points; must have 2 to {MOST_POINTS}")
+    for point in points:
+        _require_known(point)
     times = np.array([_time(point["time_from_start"]) for point in points])
     late = np.flatnonzero(np.diff(times) < LEAST_STEP_S)
     if len(late):
         before, after = times[late[0]], times[late[0] + 1]
         rule = f"is {after:.9g} s, not after {before:.9g} s of the point before; times must increase by 1 us or more"
-        raise points[int(late[0]) + 1].error_at("time_from_start", rule)
+        help = (
+            "is it the time from the point before? It counts from the start" if after > LEAST_STEP_S else ""
+        )
+        raise points[int(late[0]) + 1].error_at("time_from_start", rule, help)
     row = numbers(len(names), "rad (m where a joint slides)", -1e4, 1e4)
     rate = numbers(len(names), "rad/s (m/s)", -1e4, 1e4)
     q = np.stack([point.get("positions", row) for point in points])[:, order]
@@ -116,6 +129,7 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
 
 def _message(node: Node) -> Node:
     """Return the JointTrajectory in a file."""
+    whole = node
     for _ in WRAPPERS:
         inside = [] if "points" in node else [name for name in WRAPPERS if name in node]
         if len(inside) > 1:
@@ -126,11 +140,50 @@ def _message(node: Node) -> Node:
             )
         node = node[inside[0]] if inside else node
         if isinstance(node.value, list):
-            what = f"is a list of {len(node.value)}, as in a moveit_msgs/DisplayTrajectory; must be one trajectory"
-            raise node.error(what, f"give a file with {node.key}[0] alone" if node.value else "")
+            count, first = len(node.value), node.value[:1]
+            if node is whole and not any(True for one in first for _ in _trajectories(one)):
+                raise node.error(f"is a list of {count}, and {_RULE}")
+            what = (
+                f"is a list of {count}, as in a moveit_msgs/DisplayTrajectory; must be one trajectory"
+                if node is not whole
+                else f"is a list of {count} trajectories; must be one"
+            )
+            raise node.error(what, f"give a file with {node.key}[0] alone" if first else "")
     if "points" not in node:
-        raise node.error("must be a trajectory_msgs/JointTrajectory with joint_names and points")
+        raise whole.error(_RULE, _instead(whole.value))
     return node
+
+
+def _trajectories(value: Any, depth: int = _DEPTH) -> Iterator[str]:
+    """Yield where in a value there are points of a trajectory, as keys such as ``plan.joint_trajectory``."""
+    if isinstance(value, dict) and isinstance(value.get("points"), list):
+        yield ""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, one in inner if depth else ():
+        here = f"[{name}]" if isinstance(name, int) else f".{name}"
+        yield from (f"{here}{found}" for found in _trajectories(one, depth - 1))
+
+
+def _instead(value: Any) -> str:
+    """Say what a file has instead of a trajectory; "" if nothing is known."""
+    if found := [one.removeprefix(".") for one in _trajectories(value)]:
+        return f"there is one in {found[0]}: give a file with that alone"
+    if not isinstance(value, dict):
+        return ""
+    if {"name", "position"} <= value.keys():
+        return "it is like a sensor_msgs/JointState, which is one configuration and no motion"
+    return f"the file has {', '.join(list(value)[:5])}" if value else "it is empty"
+
+
+def _require_known(point: Node) -> None:
+    """Refuse a key that a point of a trajectory has not: what it says would be ignored."""
+    for name in point.value if isinstance(point.value, dict) else ():
+        if name not in POINT:
+            near = [one for one in POINT if one.startswith(name)] or difflib.get_close_matches(
+                name, POINT, n=1
+            )
+            help = f"did you mean {near[0]}?" if near else f"known: {', '.join(POINT)}"
+            raise point[name].error("is not a key of a JointTrajectoryPoint", help)
 
 
 def _order(root: Node, names: list[str], joints: Sequence[str]) -> list[int]:
@@ -159,15 +212,38 @@ def _time(node: Node) -> float:
         fits = len(parts) == 2 and all(is_number(part) and 0.0 <= part <= 1e9 * LONGEST_S for part in parts)
         if fits and parts[1] >= 1e9:
             raise node.error("must have less than 1000000000 ns beside its seconds")
+        if fits and parts[1] % 1:
+            raise node.error("must have a whole number of ns beside its seconds")
         value = parts[0] + 1e-9 * parts[1] if fits else None
     if not is_number(value) or not 0.0 <= value <= LONGEST_S:
         rule = f"must be a time from 0 to {LONGEST_S:g} s: a number, or sec and nanosec"
-        raise node.error(rule)
+        raise node.error(rule, _meant_time(node.value))
     return float(value)
+
+
+def _meant_time(value: Any) -> str:
+    """Say what a value may be that is no time from the start; "" if nothing is known."""
+    if isinstance(value, dict):
+        names = next((names for names in _SECONDS if set(value) & names), set())
+        if lacking := sorted(names - value.keys(), key=len):
+            return f"it lacks {lacking[0]}"
+        if any(isinstance(part, str) for part in value.values()):
+            return "its numbers stand in quotation marks"
+        value = value.get("sec", value.get("secs"))
+    if isinstance(value, str):
+        return "numbers stand without quotation marks, and without a unit"
+    if not is_number(value) or value <= LONGEST_S:
+        return ""
+    if _CLOCK[0] < value < _CLOCK[1]:
+        return "is it the time of day, in s since 1970? It counts from the start of the trajectory"
+    return "is it in ns?" if value >= 1e7 else "is it in ms?"
 
 
 def _is_names(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
 
 
+_ANY: Rule[Any] = rule_of("any value", lambda value: True, lambda value: value)
+_RULE = "must be a trajectory_msgs/JointTrajectory with joint_names and points"
+_CLOCK = (1.4e9, 2.2e9)  # s since 1970, of the years in which a trajectory may be made
 _NAMES: Rule[list[str]] = rule_of("names of joints", _is_names, list)

@@ -115,6 +115,31 @@ def test_times_in_another_unit_are_told_as_such(tmp_path: Path) -> None:
         assert bool(peaks.slow()) == slow
 
 
+def test_a_trajectory_that_does_not_move_is_told() -> None:
+    limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
+    for by, told in ((0.0, True), (1e-3, False)):
+        of = trajectory([START, START + by], [0.0, 4.0])
+        assert ("no joint moves" in peaks_of(of, limits).slow()) == told
+
+
+@pytest.mark.parametrize(
+    ("joint", "value", "told"),
+    [
+        (0, 0.5 + 2.0 * np.pi, " (less a whole turn it would be within)"),
+        (0, -0.5 - 2.0 * np.pi, " (less a whole turn it would be within)"),
+        (1, 60.0, " (a thousandth would be within: positions are in rad, m where a joint slides)"),
+        (0, 120.0, " (are these degrees? positions are in rad)"),
+        (0, 3.5, ""),
+        (1, 0.15, ""),
+    ],
+)
+def test_what_positions_beyond_their_limits_may_be_is_told(joint: int, value: float, told: str) -> None:
+    limits = Limits(np.array([-2.5, -0.1]), np.array([2.5, 0.1]), np.full(2, 9.0), np.full(2, 9.0))
+    q = np.zeros((2, 2))
+    q[:, joint] = value
+    assert peaks_of(trajectory(q, [0.0, 4.0]), limits).meant == told
+
+
 def test_velocities_in_degrees_are_told_as_such(tmp_path: Path) -> None:
     limits = Limits(*np.array([[-3.0], [3.0], [0.5], [9.0]]) * np.ones(6))
     of = trajectory([START, START + 0.1, START + 0.2], [0.0, 1.0, 2.0])

@@ -118,6 +118,21 @@ def test_joints_are_put_into_the_order_of_the_arm_and_without_velocities_move_on
         (("points", 1, "velocities"), 0, r"points\[1\].velocities"),
         (("points", 1, "accelerations"), "", r"points\[1\].accelerations"),
         (("points", 1, "time_from_start"), -1.0, r"points\[1\].time_from_start.*must be a time"),
+        (("points", 1, "time_from_start"), 4e9, r"time_from_start.*\(is it in ns\?\)$"),
+        (("points", 1, "time_from_start"), 4e5, r"time_from_start.*\(is it in ms\?\)$"),
+        (("points", 1, "time_from_start"), {"sec": 1_795_000_000, "nanosec": 0}, r"\(is it the time of day"),
+        (("points", 1, "time_from_start"), {"sec": 1}, r"time_from_start.*\(it lacks nanosec\)$"),
+        (("points", 1, "time_from_start"), {"sec": "1", "nanosec": 0}, r"\(its numbers stand in quotation"),
+        (("points", 1, "time_from_start"), {"sec": 1, "nanosec": 0.5}, r"must have a whole number of ns"),
+        (
+            ("points", 2, "time_from_start"),
+            1.5,
+            r"\(is it the time from the point before\? It counts from the",
+        ),
+        (("points", 1, "velocity"), [0.0, 0.0, 0.0], r"points\[1\].velocity.*\(did you mean velocities\?\)$"),
+        (("points", 1, "time"), 1.0, r"points\[1\].time.*\(did you mean time_from_start\?\)$"),
+        (("points", 1, "q"), [0.0, 0.0, 0.0], r"points\[1\].q.*\(known: positions, velocities"),
+        (("angles",), "deg", r"angles = 'deg': is not read: positions are in rad"),
     ],
 )
 def test_a_wrong_trajectory_is_refused_with_place_and_rule(
@@ -136,6 +151,30 @@ def test_a_wrong_trajectory_is_refused_with_place_and_rule(
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="must be a trajectory_msgs/JointTrajectory"):
         read_trajectory(_written(tmp_path, {"steps": []}), JOINTS)
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        ({"goal": {"trajectory": _GOOD}}, r"\(there is one in goal.trajectory: give a file with that alone\)$"),
+        (
+            {"sub_trajectory": [{"trajectory": {"joint_trajectory": _GOOD}}]},
+            r"\(there is one in sub_trajectory\[0\].trajectory.joint_trajectory: ",
+        ),
+        ({"name": ["a"], "position": [1.0], "velocity": []}, r"\(it is like a sensor_msgs/JointState, which is one"),
+        ({"times": [], "q": []}, r"must be a trajectory_msgs/JointTrajectory.*\(the file has times, q\)$"),
+        ([_GOOD, _GOOD], r"is a list of 2 trajectories; must be one \(give a file with \[0\] alone\)$"),
+        (_GOOD["points"], r"is a list of 3, and must be a trajectory_msgs/JointTrajectory"),
+        ([[0.0, 1.0]], r"is a list of 1, and must be a trajectory_msgs/JointTrajectory"),
+    ],
+)  # fmt: skip
+def test_what_is_there_instead_of_a_trajectory_is_told(tmp_path: Path, value: Any, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        read_trajectory(_written(tmp_path, value), JOINTS)
+
+
+def test_a_unit_that_is_the_right_one_is_no_fault(tmp_path: Path) -> None:
+    assert len(read_trajectory(_written(tmp_path, {**_GOOD, "angles": "rad"}), JOINTS).times) == 3
 
 
 @pytest.mark.parametrize("count", [1, 2])
