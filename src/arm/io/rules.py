@@ -105,8 +105,8 @@ def numbers(
         bad = ~((array >= low) & (array <= high)) if ranged else np.isinf(array)
         if not fits or (bad & ~np.isnan(array)).any() or (np.isnan(array).any() and not gaps):
             in_metres = (
-                fits and unit == "mm" and low >= 1.0 and bool((array > 0.0).all() and (array < low).all())
-            )
+                fits and unit == "mm" and low >= 1.0 and bool((array > 0.0).all() and (array < low).any())
+            ) and bool((1e3 * array >= low).all() and (1e3 * array <= high).all())
             raise node.error(f"must be {words}", "is it in metres?" if in_metres else "")
         for place in np.argwhere(np.abs(array) > LARGEST):
             raise node.at(place).error(f"must be from {-LARGEST:g} to {LARGEST:g}")

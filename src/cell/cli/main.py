@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from arm.errors import A465Error, InputError
+from arm.errors import MOST_MESSAGE, A465Error, InputError, shortened
 from arm.io.storage import one_command
 from cell.cli import options as shared
 from cell.cli.calibrate import app as calibrate_app
@@ -270,7 +270,8 @@ def check(
         report = check_step(file, task, q, console)
     console.result(report)
     if report.get("differing"):
-        refuse(f"not as expected: {', '.join(report['differing'])}")
+        differences = shortened("; ".join(report["differences"]), MOST_MESSAGE // 2)
+        refuse(shortened("; ".join([f"not as expected: {differences}", *report["doubts"]])))
 
 
 @app.command(

@@ -20,6 +20,7 @@ from cell.files.scene import (
     Query,
     SceneFile,
 )
+from cell.files.scene_doubts import scene_doubts
 from plan.collision.bezier import curve_of_waypoints
 from plan.collision.certificate import certify_curve
 from plan.collision.world import World
@@ -146,6 +147,9 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
             "the check of a colliding motion ends at the first overlap; the expected one is the deepest"
         )
     differing = [a.name for a in (*queries, *motions) if not a.agrees]
+    doubts = scene_doubts(scene)
+    for doubt in doubts:
+        console.say(f"NOTE: {scene.file}: {doubt}")
     console.say(
         f"{scene.file}: {len(queries) + len(motions) - len(differing)} as expected, {len(differing)} not"
     )
@@ -153,6 +157,13 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
         "scene": str(scene.file),
         "as_expected": not differing,
         "differing": differing,
+        "doubts": list(doubts),
+        "differences": [
+            f"{a.name} ({_difference(a, key)})"
+            for key, answers in (("distance_mm", queries), ("clearance_mm", motions))
+            for a in answers
+            if not a.agrees
+        ],
         "queries": [_to_json(a, "distance_mm") for a in queries],
         "motions": [
             _to_json(a, "clearance_mm")
@@ -160,6 +171,24 @@ def check_scene(scene: SceneFile, console: Console) -> dict[str, Any]:
             for a in motions
         ],
     }
+
+
+def _difference(answer: Answer, key: str) -> str:
+    """Say what differs from the file, and in which unit or sign the file may have it."""
+    expected, low, high = answer.expected, answer.proved, answer.seen
+    if expected.distance is not None and not _same(expected.distance, low, high):
+        found = f"{1e3 * high:.4g}"
+        if high - low > 2.0 * AGREES:
+            found = f"{1e3 * low:.4g} to {found}" if np.isfinite(low) else f"{found} or less"
+        why = f"{key} is {found}, {1e3 * expected.distance:.6g} in the file"
+        if _same(1e3 * expected.distance, low - 1e-3, high + 1e-3):
+            return f"{why}: is it in metres?"
+        return f"{why}: an overlap is negative" if _same(-expected.distance, low, high) else why
+    if not _verdict_agrees(expected, answer.verdict, QUERY_VERDICTS[0]) and expected.verdict is not None:
+        return f"{answer.verdict}, {expected.verdict} in the file"
+    if expected.pair is not None and expected.pair != frozenset(answer.pair):
+        return f"closest are {' - '.join(answer.pair)}, {' - '.join(sorted(expected.pair))} in the file"
+    return f"{answer.verdict}: {' - '.join(answer.pair)} {1e3 * high:.4g} mm"
 
 
 def _row(answer: Answer, distances: tuple[float, ...]) -> tuple[object, ...]:

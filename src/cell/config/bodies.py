@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +22,9 @@ _SMALLEST = 1e-3  # m, of a mesh
 _LENGTH = number("mm", 1, LARGEST_MM)
 PLACE = numbers(3, "mm", -FARTHEST_MM, FARTHEST_MM)
 ON_FLANGE = carried(FARTHEST_MM)  # of a tool
-_PLACES = {"wall": standing(3, -FARTHEST_MM, FARTHEST_MM), "tool": ON_FLANGE}  # by the kind of a body
+PLACES = {"wall": standing(3, -FARTHEST_MM, FARTHEST_MM), "tool": ON_FLANGE}  # by the kind of a body
 TURN = turns(3)
+_PLACED = ("centre", "origin")  # fields of which a shape has one
 SHAPE = text("box", "cylinder", "sphere", "capsule", "torus", "mesh")
 
 
@@ -49,16 +50,38 @@ def read_body(node: Node, kind: str) -> Body:
     Raises:
         InputError: a value is wrong, or a key is unknown for the shape; names file, key, value and rule.
     """
-    make, parts = SHAPES[node.get("shape", SHAPE, "mesh" if "mesh" in node else "box")]
-    place = "origin" if "mesh" in parts else "centre"
+    shape = node.get("shape", SHAPE, "mesh" if "mesh" in node else "box")
+    make, parts = SHAPES[shape]
+    place = _place(parts)
     wanted = {"name", "shape", "rpy", place, *parts}
+    _refuse_of_other_shapes(node, shape, wanted)
     values = read_values({name: one for name, one in BodyKeys.declared().items() if name in wanted}, node)
-    if kind in _PLACES:  # one in metres would be in the arm, or in the flange
-        node.get(BodyKeys.declared()[place].name, _PLACES[kind])
+    if kind in PLACES:  # one in metres would be in the arm, or in the flange
+        node.get(BodyKeys.declared()[place].name, PLACES[kind])
     if not values["name"]:
         raise node.error_at("name", "must not be empty")
-    shape = make(node, *(values[part] for part in parts))
-    return Body(values["name"], shape, pose_of(values[place], values["rpy"]), kind)
+    made = make(node, *(values[part] for part in parts))
+    return Body(values["name"], made, pose_of(values[place], values["rpy"]), kind)
+
+
+def _place(parts: Sequence[str]) -> str:
+    """Return which field places a shape of these fields."""
+    return "origin" if "mesh" in parts else "centre"
+
+
+def _refuse_of_other_shapes(node: Node, shape: str, wanted: Iterable[str]) -> None:
+    """Refuse a key that another shape has, or a diameter, before what is missing is told instead of it."""
+    of = f"a {shape}" if "shape" in node else f"a {shape}, which a body without shape is"
+    for field, one in BodyKeys.declared().items():
+        if field not in wanted and one.name in node:
+            owners = [name for name, (_, parts) in SHAPES.items() if field in (*parts, _place(parts))]
+            place = BodyKeys.declared()[_place(SHAPES[shape][1])].name
+            help = (
+                f"of a {shape} it is {place}" if field in _PLACED else f"shape {' or '.join(owners)} has it"
+            )
+            raise node.error_at(one.name, f"is not a known key of {of}", help)
+    if "diameter_mm" in node:
+        raise node.error_at("diameter_mm", "is not a known key", "give radius_mm, which is half of it")
 
 
 def require_names_differ(tables: Node, bodies: Sequence[Body], others: Sequence[Body] = ()) -> None:
@@ -88,18 +111,19 @@ def _hull(node: Node, file: Path, unit: str) -> Convex:
     try:
         points = MESH_UNITS[unit] * read_mesh_points(file)
         size = np.ptp(points, axis=0)
-        hull = convex(points) if size.max() >= _SMALLEST else None
+        fits = _SMALLEST <= size.max() <= LARGEST_MM / 1e3
+        hull = convex(points) if fits else None
     except InputError as error:
         raise node.error_at("mesh", f"cannot be used: {error}") from error
-    if hull is None:
+    if hull is not None:
+        return hull
+    if size.max() < _SMALLEST:
         shown = " x ".join(f"{1e3 * v:.3g}" for v in size)
         rule = f"makes the mesh {shown} mm; a body must be {1e3 * _SMALLEST:g} mm or more along one axis"
         raise node.error_at("mesh_unit", rule, "is it in m?")
-    if not size.max() <= LARGEST_MM / 1e3:
-        shown = " x ".join(f"{v:.4g}" for v in size)
-        rule = f"makes the mesh {shown} m; a body may be at most {LARGEST_MM / 1e3:g} m"
-        raise node.error_at("mesh_unit", rule, "is it in mm?")
-    return hull
+    shown = " x ".join(f"{v:.4g}" for v in size)
+    rule = f"makes the mesh {shown} m; a body may be at most {LARGEST_MM / 1e3:g} m"
+    raise node.error_at("mesh_unit", rule, "is it in mm?")
 
 
 def _ring(node: Node, radius: float, tube: float) -> Torus:

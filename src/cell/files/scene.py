@@ -15,12 +15,12 @@ from arm.errors import InputError
 from arm.io.keys import Keys, key
 from arm.io.kind import kind_of
 from arm.io.node import Node, Rule
-from arm.io.rules import number, numbers, rule_of, tables, text
+from arm.io.rules import number, numbers, rule_of, tables, text, zero_or
 from arm.robot.model import Robot, load_a465
 from arm.robot.shapes import Body, Box
 from arm.se3 import Array, frozen, transform
 from cell.config.arm_file import ARM
-from cell.config.bodies import PLACE, TURN, pose_of, read_body
+from cell.config.bodies import ON_FLANGE, PLACE, PLACES, TURN, pose_of, read_body
 from cell.config.cell import Cell
 from cell.files.task import cell_of
 from plan.collision.world import World
@@ -31,6 +31,7 @@ QUERY_VERDICTS = ("free", "collides")
 MOTION_VERDICTS = ("clear", "too close")
 _PAIRS = rule_of("a list of pairs of names", lambda v: isinstance(v, list), list)
 _DISTANCE = number("mm", -1000, 10000)
+_LEAST_MM = 0.1  # of a clearance or padding; less is a length in m
 _JOINTS = numbers(6, "deg", -360, 360)
 
 
@@ -113,6 +114,7 @@ class _CubeKeys(Keys):
 def _cube(node: Node) -> Body:
     """Read a cube. The pose of a held cube is in the tool frame."""
     keys = _CubeKeys.read(node)
+    node.get("centre_mm", ON_FLANGE if node.key == "held" else PLACES["wall"])  # in metres it is told
     return Body(keys.name, Box((keys.size,) * 3), pose_of(keys.place, keys.rpy), "cube")
 
 
@@ -120,6 +122,12 @@ class _ExpectedKeys(Keys):
     name: str = key("name", text())
     allowed: list[Any] = key("allowed", _PAIRS, [])
     pair: Any = key("pair", Rule("two names", lambda node: node.value), None)
+
+
+def _query_keys(node: Node) -> tuple[Node, _QueryKeys]:
+    if "clearance_mm" in node:
+        raise node.error_at("clearance_mm", "is not a known key of a query", "its distance is distance_mm")
+    return node, _QueryKeys.read(node)
 
 
 class _QueryKeys(_ExpectedKeys):
@@ -131,7 +139,7 @@ class _QueryKeys(_ExpectedKeys):
 class _MotionKeys(_ExpectedKeys):
     first: Array = key("from_deg", _JOINTS)
     last: Array = key("to_deg", _JOINTS)
-    asked: float = key("asked_mm", number("mm", 0, 1000))
+    asked: float = key("asked_mm", zero_or(_LEAST_MM, 1000))
     verdict: str | None = key("verdict", text(*MOTION_VERDICTS), None)
     distance: float | None = key("clearance_mm", _DISTANCE, None)
 
@@ -140,14 +148,12 @@ class _SceneKeys(Keys):
     unit: Unit = key("unit", unit_rule())
     tool_length: float = key("tool_length_mm", number("mm", 1, 1000))
     jaw_opening: float = key("jaw_opening_mm", number("mm", 1, 100))
-    padding: float = key("padding_mm", number("mm", 0, 100), 0)
+    padding: float = key("padding_mm", zero_or(_LEAST_MM, 100), 0)
     allowed: list[Any] = key("allowed", _PAIRS, [])
     bodies: tuple[Body, ...] = key("bodies", tables(lambda node: read_body(node, "wall")), [])
     cubes: tuple[Body, ...] = key("cubes", tables(_cube), [])
     held: Body | None = key("held", Rule("a table", _cube), None)
-    queries: tuple[tuple[Node, _QueryKeys], ...] = key(
-        "queries", tables(lambda node: (node, _QueryKeys.read(node))), []
-    )
+    queries: tuple[tuple[Node, _QueryKeys], ...] = key("queries", tables(_query_keys), [])
     motions: tuple[tuple[Node, _MotionKeys], ...] = key(
         "motions", tables(lambda node: (node, _MotionKeys.read(node))), []
     )
@@ -173,6 +179,8 @@ def read_scene_file(path: Path) -> SceneFile:
             file=str(path),
         )
     root.require_kind("scene")
+    if "walls" in root:
+        raise root.error_at("walls", "is not a known key of a scene file", "its bodies are [[bodies]]")
     keys = _SceneKeys.read(root)
     unit = keys.unit
     robot = load_a465(keys.tool_length, keys.jaw_opening)
@@ -246,8 +254,10 @@ def _allowed(node: Node, pairs: list[Any], names: set[str]) -> frozenset[Pair]:
 
 
 def _pair(node: Node, key: str, value: object, names: set[str]) -> Pair:
+    if key == "allowed" and isinstance(value, str):
+        raise node.error_at(key, "must name two different bodies", f'pairs are lists: [["{value}", "table"]]')
     if not isinstance(value, list) or not all(isinstance(n, str) for n in value) or len(set(value)) != 2:
-        raise node.error_at(key, "must name two different bodies")
+        raise node.error_at(key, "must name two different bodies", 'such as ["finger_l", "table"]')
     unknown = sorted(set(value) - names)
     if unknown:
         known = ", ".join(sorted(names))

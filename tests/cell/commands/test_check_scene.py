@@ -157,6 +157,40 @@ def test_what_differs_ends_with_3(old, new, name, monkeypatch, capsys, tmp_path:
     assert f"not as expected: {report['differing'][0]}" in captured.err
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("distance_mm = 18.4368", "distance_mm = 0.0184368", "is 18.44, 0.0184368 in the file: is it in metres?)"),
+        ("distance_mm = -8.7830", "distance_mm = 8.7830", "is -8.783, 8.783 in the file: an overlap is negative)"),
+        ("distance_mm = 18.4368", "distance_mm = 25", "over its middle (distance_mm is 18.44, 25 in the file)"),
+        ('verdict = "free"', 'verdict = "collides"', "over its middle (free, collides in the file)"),
+        (
+            'pair = ["finger_r", "rail"]',
+            'pair = ["finger_l", "rail"]',
+            "(closest are finger_r - rail, finger_l - rail in the file)",
+        ),
+        (
+            "size_mm = [1300, 1500, 40]",
+            "size_mm = [1300, 1500, 400]",
+            "bodies[0] (table): the arm's base is",
+        ),
+    ],
+)  # fmt: skip
+def test_what_differs_is_told_with_both_values(old, new, told, monkeypatch, capsys, tmp_path: Path) -> None:
+    assert run(["check", str(changed(tmp_path, old, new))], monkeypatch) == 3
+    said = capsys.readouterr().err
+    assert told in said
+    assert said.count("\n") == 1
+
+
+def test_a_doubt_of_a_scene_is_a_note(monkeypatch, capsys, tmp_path: Path) -> None:
+    old, new = "from_deg = [-35, -52, -80, 0, -48, 0]", "from_deg = [-14, -50, -84, 0, -46, 0]"
+    assert run(["check", str(changed(tmp_path, old, new))], monkeypatch) == 0
+    said = capsys.readouterr().out
+    assert "capsule.toml: motions[0] (past the high end): from_deg and to_deg are the same" in said
+    assert said.count("NOTE") == 1
+
+
 def test_any_configuration_of_a_scene(monkeypatch, capsys) -> None:
     path = str(FOLDER / "capsule.toml")
     assert run(["check", path, "--q", "10,-40,-80,0,-60,0", "--json"], monkeypatch) == 0

@@ -88,14 +88,33 @@ def test_walls_of_every_shape(scenes: Path) -> None:
         ("tube_mm = 4.8", "", r"walls\[5\].tube_mm: is missing"),
         ("tube_mm = 4.8", "tube_mm = 0", r"walls\[5\].tube_mm = 0: must be a number in mm from 1 to 10000"),
         ("tube_mm = 4.8", "tube_mm = 32.4", r"walls\[5\].tube_mm = 32.4: must be less than radius_mm, 32.4"),
-        ("radius_mm = 50", "radius_mm = 50\nlength_mm = 3", r"walls\[2\].length_mm = 3: is not a known key"),
+        (
+            "radius_mm = 50",
+            "radius_mm = 50\nlength_mm = 3",
+            r"walls\[2\].length_mm = 3: is not a known key of a sphere \(shape cylinder or capsule has it\)",
+        ),
+        (
+            "radius_mm = 50",
+            "diameter_mm = 100",
+            r"walls\[2\].diameter_mm.*\(give radius_mm, which is half of it\)",
+        ),
+        (
+            '"sphere"',
+            '"box"',
+            r"walls\[2\].radius_mm = 50: is not a known key of a box \(shape cylinder or sphere",
+        ),
+        (
+            'shape = "sphere"',
+            "",
+            r"radius_mm = 50: is not a known key of a box, which a body without shape is",
+        ),
         ("radius_mm = 20", "radius_mm = 0", r"walls\[3\].radius_mm = 0: must be a number in mm from 1"),
         ('"wedge.obj"', '"none.stl"', r"walls\[4\].mesh = 'none.stl': names a file that does not exist"),
         ('"wedge.obj"', '"task2.toml"', r"walls\[4\].mesh = 'task2.toml': cannot be used: .*is not a mesh"),
         ('mesh_unit = "mm"', "", r"walls\[4\].mesh_unit: is missing; it must be one of mm, m"),
         ('mesh_unit = "mm"', 'mesh_unit = "m"', r"walls\[4\].mesh_unit = 'm': makes the mesh 80 x 60 x 90 m"),
         ("[0, 0, 90]", "[0, 90]", r"walls\[4\].rpy_deg = \[0, 90\]: must be 3 numbers in deg"),
-        ("origin_mm", "centre_mm", r"walls\[4\].origin_mm: is missing"),
+        ("origin_mm", "centre_mm", r"walls\[4\].centre_mm.*of a mesh, .*\(of a mesh it is origin_mm\)"),
     ],
 )
 def test_mistakes_in_walls_are_told(scenes: Path, old: str, new: str, message: str) -> None:

@@ -70,6 +70,37 @@ def test_the_fixtures_cover_what_they_should() -> None:
         ("jaw_opening_mm = 60", "jaw_opening_mm = 60\npading_mm = 1", "pading_mm = 1: is not a known key"),
         ("asked_mm = 5", 'asked_mm = 5\nallowed = ["rail"]', r"motions\[0\].allowed = .*must name two"),
         ("[[queries]]", "[queries", "is not valid TOML"),
+        (
+            "[[bodies]]",
+            "[[walls]]",
+            r"walls.*: is not a known key of a scene file \(its bodies are \[\[bodies\]\]\)",
+        ),
+        (
+            "distance_mm = 18",
+            "clearance_mm = 18",
+            r"clearance_mm = .*of a query \(its distance is distance_mm\)",
+        ),
+        (
+            "asked_mm = 5",
+            "asked_mm = 0.005",
+            r"asked_mm = 0.005: must be 0, or from 0.1 .*\(is it in metres\?\)",
+        ),
+        (
+            "[[bodies]]",
+            "padding_mm = 0.01\n[[bodies]]",
+            r"padding_mm = 0.01: must be 0, .*\(is it in metres\?\)",
+        ),
+        ("[[bodies]]", 'allowed = ["rail", "table"]\n[[bodies]]', r"\(pairs are lists: \[\["),
+        (
+            "[[bodies]]",
+            '[held]\nname = "c"\ncentre_mm = [0, 0, 0.003]\n[[bodies]]',
+            r"held.centre_mm = .*in metres",
+        ),
+        (
+            "[[bodies]]",
+            '[[cubes]]\nname = "c"\ncentre_mm = [0.4, 0.1, 0]\n[[bodies]]',
+            r"cubes\[0\].centre_mm = \[0.4, 0.1, 0\]: must be 2 mm or more .*\(is it in metres\?\)",
+        ),
     ],
 )
 def test_mistakes_in_a_scene_are_told(old, new, message, monkeypatch, capsys, tmp_path: Path) -> None:

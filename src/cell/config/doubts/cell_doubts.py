@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH
 from arm.robot.gripper import Gripper
+from arm.robot.model import Robot
 from arm.robot.shapes import Body, Box
 from cell.config.cell import Cell
 from cell.config.doubts.angles import doubt_of_deg
@@ -40,17 +41,20 @@ def cell_doubts(cell: Cell) -> tuple[str, ...]:
 
 def enclosing(cell: Cell) -> dict[str, str]:
     """Say by its name of each wall that the arm's base is in it."""
+    return around_base(cell.nominal_robot(), cell.walls, "walls")
+
+
+def around_base(robot: Robot, bodies: Sequence[Body], key: str) -> dict[str, str]:
+    """Say by its name of each body that the arm's base is in it; `key`: of these bodies in the file."""
     base = [
-        Body(body.name, body.shape, body.T_joint_body, "robot")
-        for body in cell.nominal_robot().bodies
-        if body.joint == 0
+        Body(body.name, body.shape, body.T_joint_body, "robot") for body in robot.bodies if body.joint == 0
     ]
     found = {}
-    for number, wall in enumerate(cell.walls):
+    for number, wall in enumerate(bodies):
         depth = max((-distance_of(body, wall).value for body in base), default=-np.inf)
         if depth > _IN_BASE:
             found[wall.name] = (
-                f"walls[{number}] ({wall.name}): the arm's base is {1e3 * depth:.0f} mm inside it: is its place or "
+                f"{key}[{number}] ({wall.name}): the arm's base is {1e3 * depth:.0f} mm inside it: is its place or "
                 "size in another unit? A body is solid: a cage is a wall for each of its sides"
             )
     return found
