@@ -58,7 +58,7 @@ KINDS = {  # the first of whose sets of marks one is there
     ),
     "camera": _kind("a camera file", "intrinsics", "a cell file names it as camera"),
     "cell": _kind("a cell file", "unit camera", 'a task file names it: cell = "..."'),
-    "arm": _kind("an arm file", "arm q_start[]", "a465 plan ARM POSES takes it"),
+    "arm": _kind("an arm file", "arm q_start[] or urdf end_frame", "a465 plan ARM POSES takes it"),
     "faults": _kind("a file of faults", "fault[]", "a465 emulate --fault takes it"),
     "scene": _kind("a scene file", "tool_length_mm", "a465 check takes it"),
     "target": _kind("a target file", "squares[]", "calibrate takes it"),

@@ -22,7 +22,7 @@ from arm.errors import FileInputError, InputError
 from arm.io.storage import LARGEST, data_file, read_text, sha256
 from arm.numerics.products import mul, norm
 from arm.robot.shapes import Body, Box, Capsule, Convex, Cylinder, Shape, Sphere, convex, shape_to_json
-from arm.robot.urdf import SAME_NAME, read_disabled_collisions, read_urdf, with_followers
+from arm.robot.urdf import SAME_NAME, parsed, read_disabled_collisions, read_urdf, with_followers
 from arm.se3 import Array, frozen, transform
 
 _LONGEST = 20.0  # m, mesh of a link: a long track; one in mm without a scale is longer
@@ -175,11 +175,8 @@ def load_robot(
     text, ready = read_urdf(urdf, package_dirs, text)
     at = {k: number(f"locked: {k}", value, -LARGEST, LARGEST) for k, value in dict(locked or {}).items()}
     locked = with_followers(urdf, text, at)
-    try:
-        full = pin.buildModelFromXML(ready)
-        geometry = pin.buildGeomFromUrdfString(full, ready, pin.GeometryType.COLLISION)
-    except (ValueError, RuntimeError) as error:
-        raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
+    full = parsed(urdf, lambda: pin.buildModelFromXML(ready))
+    geometry = parsed(urdf, lambda: pin.buildGeomFromUrdfString(full, ready, pin.GeometryType.COLLISION))
     root = ElementTree.fromstring(text)
     wanted = len(root.findall("./link/collision"))
     if wanted != geometry.ngeoms:
@@ -218,6 +215,8 @@ def load_robot(
 
     srdf = _srdf(urdf) if srdf is None else Path(srdf)
     srdf_text = "" if srdf is None else read_text(srdf)
+    if srdf is not None and not srdf_text.strip():
+        raise FileInputError(srdf, "", None, "is empty; must be an SRDF: it begins with <robot>")
     bodies = tuple(
         _link_body(urdf, g, link, name)
         for g, link, name in zip(geometry.geometryObjects, links, _names(links), strict=True)
@@ -232,7 +231,7 @@ def load_robot(
         T_end_tool=tool,
         bodies=bodies,
         disabled_collisions=read_disabled_collisions(
-            srdf or urdf, srdf_text, by_link(bodies), [link.get("name", "") for link in root.findall("link")]
+            srdf or urdf, srdf_text, by_link(bodies), _links(root), root.get("name", "")
         ),
         digest=sha256(identity),
         urdf=text,

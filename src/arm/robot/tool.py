@@ -178,8 +178,13 @@ def urdf_limits(
     if isinstance(acceleration, Mapping):
         missing = [name for name in names if name not in acceleration]
         if missing:
-            why = f"acceleration: joint {missing[0]!r} is missing; give one for every joint"
+            others = [name for name in acceleration if name not in names]
+            instead = f" ({', '.join(others)}: no joint that moves has this name)" if others else ""
+            why = f"acceleration: joint {missing[0]!r} is missing; give one for every joint{instead}"
             raise InputError(why, names=missing)
+        if unknown := [name for name in acceleration if name not in names]:
+            why = f"acceleration: {unknown[0]!r} is no joint that moves; these are {', '.join(names)}"
+            raise InputError(why, names=unknown)
         acceleration = [acceleration[name] for name in names]
     lower = np.array(robot.model.lowerPositionLimit, dtype=float) + margin
     upper = np.array(robot.model.upperPositionLimit, dtype=float) - margin

@@ -10,10 +10,14 @@ from __future__ import annotations
 import difflib
 import os
 import re
+import sys
+import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import combinations, product
 from pathlib import Path
+from typing import TypeVar
 from urllib.parse import unquote
 
 import numpy as np
@@ -22,6 +26,7 @@ from arm.arguments import shown
 from arm.errors import FileInputError, InputError
 from arm.io.storage import read_text
 
+T = TypeVar("T")
 Pairs = frozenset[frozenset[str]]
 
 SAME_NAME = " (joint)"
@@ -29,6 +34,15 @@ SAME_NAME = " (joint)"
 _TURNS = 2.0 * np.pi  # rad, range of a continuous joint in each direction
 _SEVERAL = 5  # pairs of an SRDF, of which one at least is of links of its URDF
 _ALIKE = 0.8  # of a misspelt name and the one that is meant; 0.89 of 'uper' and 'upper'
+_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+_LIMITED = ("revolute", "prismatic")
+_NUMBERS = {"xyz": 3, "rpy": 3, "size": 3, "radius": 1, "length": 1, "lower": 1, "upper": 1, "velocity": 1}
+_LARGE = {
+    "size": (20.0, "m", "is it in mm?"),
+    "radius": (20.0, "m", "is it in mm?"),
+}  # of a link, as of its meshes
+_LARGE |= {"length": _LARGE["radius"], "rpy": (2.0 * np.pi + 0.01, "rad", "is it in degrees?")}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _SCHEMES = ("package://", "model://")
 # and the folder of packages in each entry
 _ROS_PATHS = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
@@ -76,7 +90,115 @@ def _parsed(urdf: Path, text: str) -> ElementTree.Element:
     for element in root.iter():
         if "xacro" in element.tag or any("${" in value or "$(" in value for value in element.attrib.values()):
             raise _is_xacro(urdf)
+    _require_tree(urdf, root)
+    for part in (*root.findall("link"), *root.findall("joint")):
+        _require_numbers(urdf, part)
     return root
+
+
+def _require_tree(urdf: Path, root: ElementTree.Element) -> None:
+    """Require links with different names that known joints connect, all to one base; else raise FileInputError."""
+    links, joints = root.findall("link"), root.findall("joint")
+    if root.tag != "robot":
+        raise FileInputError(urdf, "", None, f"is not a URDF: it begins with <{root.tag}>, must be <robot>")
+    if not links:
+        raise FileInputError(urdf, "", None, "is not a URDF: it has no <link>", "is it an SRDF?")
+    names = [link.get("name", "") for link in links]
+    for kind, parts in (("link", links), ("joint", joints)):
+        listed = [part.get("name", "") for part in parts]
+        if twice := next((name for name in listed if name and listed.count(name) > 1), None):
+            raise FileInputError(urdf, f"{kind} name", twice, "is used twice; names must differ")
+    movers = dict[str, str]()
+    for joint in joints:
+        name = f"joint {joint.get('name')}"
+        kind = joint.get("type", "")
+        if kind not in _JOINTS:
+            raise FileInputError(
+                urdf, f"{name}: type", kind, f"must be one of {', '.join(_JOINTS)}", _near(kind, _JOINTS)
+            )
+        parent, child = (
+            getattr(joint.find(end), "attrib", {}).get("link", "") for end in ("parent", "child")
+        )
+        for end, link in (("parent", parent), ("child", child)):
+            if link not in names:
+                rule = f"must name a link of the URDF, which are {', '.join(names)}"
+                raise FileInputError(urdf, f"{name}: {end}", link, rule, _near(link, names))
+        if child in movers or child == parent:
+            other = "its parent" if child == parent else f"that of joint {movers[child]}"
+            rule = f"is {other} too; a joint moves one link, and a link is moved by one joint"
+            raise FileInputError(urdf, f"{name}: child", child, rule)
+        movers[child] = joint.get("name", "")
+        if kind in _LIMITED:
+            limit = joint.find("limit")
+            if limit is None or limit.get("velocity") is None:
+                found = "no <limit>" if limit is None else "a <limit> without velocity"
+                rule = f"has {found}; must have one with lower, upper and velocity"
+                raise FileInputError(
+                    urdf, name, None, rule, 'one that turns without end is type="continuous"'
+                )
+    bases = [name for name in names if name not in movers]
+    if len(bases) != 1:
+        rule = f"must have one link that no joint moves, its base; it has {', '.join(bases) or 'none'}"
+        raise FileInputError(urdf, "", None, rule, "is a joint missing, or are parent and child exchanged?")
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    guess = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {guess[0]!r}?" if guess else ""
+
+
+def _require_numbers(urdf: Path, part: ElementTree.Element) -> None:
+    """Require numbers, as many as belong there, in what motion and collisions depend on; else raise FileInputError."""
+    looked_at = part.findall("collision//*") if part.tag == "link" else [part, *part]
+    for element in looked_at:
+        for key, count in _NUMBERS.items():
+            if (value := element.get(key)) is None:
+                continue
+            where = f"{part.tag} {part.get('name')}: {element.tag} {key}"
+            found = [float(word) for word in value.split() if _NUMBER.fullmatch(word)]
+            if len(found) != len(value.split()) or len(found) != count:
+                what = f"{count} numbers with spaces between them" if count > 1 else "a number"
+                help = (
+                    "the decimal sign is a point, and no commas stand between numbers" if "," in value else ""
+                )
+                raise FileInputError(urdf, where, value, f"must be {what}", help)
+            most, unit, help = _LARGE.get(key, (np.inf, "", ""))
+            if max(map(abs, found)) > most:
+                raise FileInputError(urdf, where, value, f"must be within {most:.4g} {unit}", help)
+            if element.tag == "axis" and not any(found):
+                raise FileInputError(urdf, where, value, "must not be 0 along all three axes")
+
+
+def parsed(urdf: Path, read: Callable[[], T]) -> T:
+    """Return what a parser of the URDF makes of it. It writes its reasons to standard error: they are caught.
+
+    Raises:
+        FileInputError: the parser refuses the file, with the first of its reasons.
+    """
+    with tempfile.TemporaryFile() as said:
+        try:
+            with _on_stderr(said.fileno()):
+                return read()
+        except (ValueError, RuntimeError) as error:
+            said.seek(0)
+            reasons = re.findall(r"^Error: *(.+)", said.read().decode(errors="replace"), re.M)
+            raise FileInputError(urdf, "", None, f"is not a URDF: {[*reasons, error][0]}") from error
+
+
+@contextmanager
+def _on_stderr(file: int) -> Iterator[None]:
+    """Write to another file what libraries write to standard error, if there is one."""
+    if sys.stderr is None:
+        yield
+        return
+    sys.stderr.flush()
+    kept = os.dup(2)
+    os.dup2(file, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _is_xacro(urdf: Path) -> FileInputError:
@@ -192,7 +314,7 @@ def _mimic_number(urdf: Path, joint: str, mimic: ElementTree.Element, key: str, 
 
 
 def read_disabled_collisions(
-    srdf: Path, text: str, bodies: Mapping[str, Sequence[str]], links: Collection[str]
+    srdf: Path, text: str, bodies: Mapping[str, Sequence[str]], links: Collection[str], robot: str = ""
 ) -> Pairs:
     """Return the pairs of bodies of an SRDF's disabled collisions: all bodies of one link with all of the other.
 
@@ -204,6 +326,7 @@ def read_disabled_collisions(
         text: its text; "" if there is none.
         bodies: names of the bodies of each link.
         links: names of all links of the URDF, with those that have no bodies.
+        robot: name of the URDF's robot.
 
     Raises:
         FileInputError: not XML, not an SRDF, a pair without its links, or a name like one of `links` that is none.
@@ -228,16 +351,20 @@ def read_disabled_collisions(
     }
     pairs -= {_pair(srdf, e, known) for e in root.findall("enable_collisions")}
     pairs |= {_pair(srdf, e, known) for e in root.findall("disable_collisions")}
-    _require_of_this_robot(srdf, root, known, links)
+    _require_of_this_robot(srdf, root, known, links, robot)
     return bodies_of(pairs, bodies)
 
 
 def _require_of_this_robot(
-    srdf: Path, root: ElementTree.Element, known: Collection[str], links: Collection[str]
+    srdf: Path, root: ElementTree.Element, known: Collection[str], links: Collection[str], robot: str
 ) -> None:
-    """Refuse an SRDF of several pairs, none of which is of links of the URDF; a few may be of a tool's bodies."""
+    """Refuse an SRDF of another name or of several pairs, none of which is of links of the URDF.
+
+    A few of the same name may be of a tool's bodies.
+    """
     pairs = [(e.get("link1", ""), e.get("link2", "")) for e in root.findall("disable_collisions")]
-    if len(pairs) >= _SEVERAL and not any(a in known and b in known for a, b in pairs):
+    least = _SEVERAL if root.get("name", robot) == robot else 1
+    if len(pairs) >= least and not any(a in known and b in known for a, b in pairs):
         shown = " - ".join(pairs[0])
         rule = f"{shown} and all others are no pairs of links of the URDF, which are {', '.join(links)}"
         raise FileInputError(srdf, "disable_collisions", None, rule, "is it of another robot?")

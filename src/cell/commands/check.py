@@ -51,8 +51,8 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
         arm = arm_of_plan(plan_file, plan, place)
         result = replayed_to_json(plan, replay(plan, arm.scene(plan), arm.unit, arm.limits))
         robot, unit, limits, options = arm.robot_open, arm.unit, arm.limits, stated_options(plan_file, plan)
-        if isinstance(place, ArmFile) and (unchecked := place.shown_only()):
-            console.say(f"NOTE: {unchecked}")
+        for doubt in place.doubts() if isinstance(place, ArmFile) else ():
+            console.say(f"NOTE: {doubt}")
     elif not isinstance(place, Task):
         why = f"{plan_file} is a plan of {plan.unit}, and {found} is an arm file; give its task or cell file"
         raise InputError(why, file=str(plan_file))

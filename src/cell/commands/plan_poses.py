@@ -90,8 +90,8 @@ def plan_poses_step(
     if isinstance(task, ArmFile):
         if look is not None:
             raise InputError(f"--look does not go with an arm file ({place_file})", option="look")
-        if unchecked := task.shown_only():
-            console.say(f"NOTE: {unchecked}")
+        for doubt in task.doubts():
+            console.say(f"NOTE: {doubt}")
         place = place_of_arm(task, planning_speed(task, speed))
         slides = any(axis.slides for axis in product_of_exponentials(task.robot).axes)
         reading = replace(reading, joints=len(task.q_start), slides=slides)

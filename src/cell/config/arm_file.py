@@ -6,6 +6,7 @@ docs/adding.md has the keys. Positions of joints are in rad, or in m where a joi
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ class ArmFile:
         bodies: around it.
         options: of planning.
         inputs: its keys that decide a plan.
+        tool_frame_given: whether the file places the tool frame, or has no bodies of a tool.
     """
 
     file: Path
@@ -57,7 +59,28 @@ class ArmFile:
         """Factor on velocities."""
         return self.options.speed
 
-    def shown_only(self) -> str:
+    tool_frame_given: bool = True
+
+    def doubts(self) -> Iterator[str]:
+        """Say what of the arm nothing checks, and which values may be in another unit, each with its file and key."""
+        if unchecked := self._shown_only():
+            yield f"{self.file.name}: arm.urdf: {unchecked}"
+        for name, turns, v, a in zip(
+            self.robot.joint_names,
+            _turning(self.robot),
+            self.limits.velocity,
+            self.limits.acceleration,
+            strict=True,
+        ):
+            for told in _joint_doubts(turns, float(v), float(a)):
+                yield f"{self.file.name}: joint {name}: {told}"
+        if not self.tool_frame_given:
+            yield (
+                f"{self.file.name}: arm.tool_mm is missing although there are arm.tool_bodies: the tool frame is then "
+                f"that of {self.robot.end_frame}, not the tool's tip"
+            )
+
+    def _shown_only(self) -> str:
         """Say which links of the URDF have a <visual> and no <collision>, so that nothing checks them; "" if none."""
         links = ElementTree.fromstring(self.robot.urdf).findall("link")
         bare = [
@@ -67,7 +90,29 @@ class ArmFile:
         ]
         have = "has" if len(bare) == 1 else "have"
         told = f"{', '.join(bare)} {have} a <visual> and no <collision>, and nothing checks a <visual>"
-        return f"{self.file.name}: arm.urdf: {told}" if bare else ""
+        return told if bare else ""
+
+
+_FAST = {True: 30.0, False: 20.0}  # rad/s, m/s: beyond those of arms, by whether the joint turns
+_HARD = {True: 300.0, False: 300.0}  # rad/s^2, m/s^2
+_LONG = 30.0  # s, to reach the velocity
+
+
+def _joint_doubts(turns: bool, v: float, a: float) -> Iterator[str]:
+    """Say which limit of a joint, SI units, is rather in deg or mm."""
+    unit, other, ratio = ("rad", "deg", np.pi / 180.0) if turns else ("m", "mm", 1e-3)
+    if v > _FAST[turns]:
+        yield (
+            f"its velocity in the URDF is {v:g} {unit}/s: is it in {other}/s? Then it must be {ratio * v:.4g} {unit}/s"
+        )
+    if a > _HARD[turns]:
+        yield (
+            f"arm.acceleration is {a:g} {unit}/s^2: is it in {other}/s^2? Then it must be {ratio * a:.4g} {unit}/s^2"
+        )
+    elif v / a > _LONG and v <= _FAST[turns]:
+        yield (
+            f"at arm.acceleration = {a:g} {unit}/s^2 it needs {v / a:.0f} s to reach {v:g} {unit}/s: is it too small?"
+        )
 
 
 _NAMES = rule_of(
@@ -101,9 +146,9 @@ class _ArmKeys(Keys):
 
 class _FileKeys(Keys, file="an arm file"):
     arm: _ArmKeys = key(ARM, Rule("a table", _ArmKeys.read))
-    q_start: Array = key("q_start", numbers(None))
+    q_start: Array = key("q_start", numbers(None, "rad, m where a joint slides"))
     speed: float = key("speed", number("", 0.01, 1.0), 0.5)
-    clearance: float = key("clearance_mm", number("mm", 1e3 * LEAST_CLEARANCE, 1000.0), 10)
+    clearance: float = key("clearance_mm", number("mm", 1e3 * LEAST_CLEARANCE, 100.0), 10)
     bodies: tuple[Body, ...] = key("bodies", tables(lambda node: read_body(node, "wall")), [])
 
 
@@ -129,7 +174,13 @@ def read_arm_file(path: Path) -> ArmFile:
         rule = "no link that moves has a <collision>: nothing of the arm would be checked"
         raise node.error_at("urdf", rule, "a <visual> is not checked; give the links a <collision> too")
     if keys.q_start.shape != (len(robot.joint_names),):
-        raise root.error_at("q_start", f"must be a number for each joint: {', '.join(robot.joint_names)}")
+        given, count = np.size(keys.q_start), len(robot.joint_names)
+        help = (
+            f"{', '.join(arm.locked)}: locked, and has none" if arm.locked else f"it has {given}, not {count}"
+        )
+        raise root.error_at(
+            "q_start", f"must be a number for each joint: {', '.join(robot.joint_names)}", help
+        )
     beyond = beyond_limits(robot.joint_names, keys.q_start, limits)
     if beyond:
         as_degrees = np.where(_turning(robot), np.radians(keys.q_start), keys.q_start)
@@ -142,7 +193,14 @@ def read_arm_file(path: Path) -> ArmFile:
         names.add(body.name)
     options = PlanOptions(speed=keys.speed, clearance=keys.clearance, line_clearance=keys.clearance)
     return ArmFile(
-        path, robot, limits, keys.q_start, keys.bodies, options, config_inputs(root.value, _LEFT_OUT)
+        path,
+        robot,
+        limits,
+        keys.q_start,
+        keys.bodies,
+        options,
+        config_inputs(root.value, _LEFT_OUT),
+        not arm.tool_bodies or "tool_mm" in node,
     )
 
 

@@ -247,7 +247,8 @@ def place_or_arm(path: Path) -> Task | ArmFile:
     Raises:
         InputError: the file is none of them, or is wrong.
     """
-    return read_arm_file(path) if ARM in task_or_cell(path) else read_place(path)
+    root = task_or_cell(path)
+    return read_arm_file(path) if ARM in root or kind_of(root.value) == ARM else read_place(path)
 
 
 def read_place(path: Path) -> Task:

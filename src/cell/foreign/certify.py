@@ -193,8 +193,8 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
     remarks = []
     if isinstance(place, Task) and not isinstance(place, ProgramTask) and look is None:
         remarks.append(_NO_LOOK)
-    if isinstance(place, ArmFile) and (unchecked := place.shown_only()):
-        remarks.append(f"NOTE: {unchecked}")
+    if isinstance(place, ArmFile):
+        remarks.extend(f"NOTE: {doubt}" for doubt in place.doubts())
     if least < required - 1e-9:  # the same mm may differ in the last digit in m
         remarks.append(
             f"the clearance of {1e3 * least:g} mm is less than the {1e3 * required:g} mm of {_clearance_key(place)}"

@@ -14,6 +14,7 @@ from arm.robot.shapes import Body, Cylinder
 from arm.robot.tool import urdf_limits, with_disabled_collisions, with_tool
 from arm.se3 import transform
 from cell.config.arm_file import read_arm_file
+from cell.files.task import place_or_arm
 from plans.other_arms import scara_files
 from typed.command_line import a465, replace_in
 
@@ -55,14 +56,16 @@ def test_locked_joints_and_pairs(file: Path) -> None:
     [
         ('urdf = "scara.urdf"', 'urdf = "none.urdf"', "arm.urdf = 'none.urdf': names a file that does not exist"),
         ('end_frame = "flange"', 'end_frame = "hand"', "end_frame = 'hand': must be the name of one of its links"),
-        ("[0.9, 0.8, 0.0, 0.0]", "[0.9, 0.8]", "q_start = [0.9, 0.8]: must be a number for each joint: j1, j2, j3, j4"),
+        ("[0.9, 0.8, 0.0, 0.0]", "[0.9, 0.8]", "number for each joint: j1, j2, j3, j4 (it has 2, not 4)"),
+        ("j4 = 50", "j5 = 50", "for every joint (j5: no joint that moves has this name)"),
+        ("j4 = 50", "j4 = 50, j5 = 50", "'j5' is no joint that moves; these are j1, j2, j3, j4"),
         ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 0.0]", "q_start = [9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
         ("[0.9, 0.8, 0.0, 0.0]", "[-9, 0.8, 0.0, 0.0]", "q_start = [-9, 0.8, 0.0, 0.0]: j1 must be from -2.2 to 2.2"),
         ("[0.9, 0.8, 0.0, 0.0]", "[9, 0.8, 0.0, 4.0]", "2.2, in rad (m where a joint slides)"),
         ("[0.9, 0.8, 0.0, 0.0]", "[51, 45, 0, 0]", "2.2, in rad (m where a joint slides) (are these degrees?)"),
         (", j4 = 50 }", " }", "acceleration: joint 'j4' is missing"),
         ("j4 = 50", "j4 = 0", "arm.acceleration = {'j1': 20, 'j2': 25, 'j3': 8, 'j4': 0}: must be a number above 0"),
-        ("clearance_mm = 10", "clearance_mm = 2", "clearance_mm = 2: must be a number in mm from 5 to 1000"),
+        ("clearance_mm = 10", "clearance_mm = 2", "clearance_mm = 2: must be a number in mm from 5 to 100"),
         ('name = "post"', 'name = "cup"', "bodies[1].name = 'cup': is used twice, or is a body of the arm"),
         ("neighbours_may_touch", "neighbors_may_touch", "arm.neighbors_may_touch = True: is not a known key"),
         ("tool_mm", 'disabled_collisions = [["base", "cap"]]\ntool_mm', "pairs: 'cap' is not a link or body"),
@@ -120,12 +123,12 @@ def test_an_arm_of_which_nothing_would_be_checked_is_refused(file: Path) -> None
 
 
 def test_links_that_are_only_shown_are_told(file: Path) -> None:
-    assert read_arm_file(file).shown_only() == ""
+    assert [*read_arm_file(file).doubts()] == []
     urdf, plan = file.with_suffix(".urdf"), file.with_name("plan.json")
     before, quill = urdf.read_text().split('<link name="quill">')
     urdf.write_text(f'{before}<link name="quill">{quill.replace("collision>", "visual>")}')
     told = "scara.toml: arm.urdf: quill has a <visual> and no <collision>, and nothing checks a <visual>"
-    assert read_arm_file(file).shown_only() == told
+    assert [*read_arm_file(file).doubts()] == [told]
     points = [
         {"positions": [0.6, 0.7 + x, 0.02, 0.0], "time_from_start": {"sec": x, "nanosec": 0}} for x in (0, 1)
     ]
@@ -138,3 +141,33 @@ def test_links_that_are_only_shown_are_told(file: Path) -> None:
     ):
         said, _ = a465(*words)
         assert f"NOTE: {told}" in said
+
+
+def test_a_file_without_the_header_of_its_table_is_an_arm_file(file: Path) -> None:
+    replace_in(file, "[arm]", "")
+    with pytest.raises(InputError, match="arm: is missing; it must be a table"):
+        place_or_arm(file)
+
+
+def test_a_locked_joint_has_no_place_in_q_start(file: Path) -> None:
+    replace_in(file, 'end_frame = "flange"', 'end_frame = "quill"\nlocked = { j4 = 0.5 }')
+    replace_in(file, ", j4 = 50 }", " }")
+    with pytest.raises(InputError, match=r"each joint: j1, j2, j3 \(j4: locked, and has none\)$"):
+        read_arm_file(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('velocity="4"', 'velocity="230"', "joint j1: its velocity in the URDF is 230 rad/s: is it in deg/s?"),
+        ('velocity="1"', 'velocity="1000"', "joint j3: its velocity in the URDF is 1000 m/s: is it in mm/s?"),
+        ("j2 = 25", "j2 = 1432", "joint j2: arm.acceleration is 1432 rad/s^2: is it in deg/s^2? Then it must be 24.99"),
+        ("j3 = 8", "j3 = 8000", "joint j3: arm.acceleration is 8000 m/s^2: is it in mm/s^2? Then it must be 8 m/s^2"),
+        ("j1 = 20", "j1 = 0.02", "joint j1: at arm.acceleration = 0.02 rad/s^2 it needs 200 s to reach 4 rad/s"),
+        ("tool_mm = [0, 0, 80]", "", "arm.tool_mm is missing although there are arm.tool_bodies"),
+    ],
+)  # fmt: skip
+def test_limits_of_another_unit_are_a_note(file: Path, old: str, new: str, told: str) -> None:
+    replace_in(file.with_suffix(".urdf") if '="' in old else file, old, new)
+    (found,) = read_arm_file(file).doubts()
+    assert found.startswith(f"scara.toml: {told}")
