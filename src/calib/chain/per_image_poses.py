@@ -71,7 +71,7 @@ def fit_per_image_poses(camera: Camera, points: Array, pixels: Array) -> PerImag
     if len(few):
         raise InputError(
             f"image {few[0]}: fewer than {FEWEST} of its corners lie within the camera's view; are they in px, and of "
-            "this camera?",
+            "this camera, with its distortion in the order k1 k2 p1 p2 k3?",
             images=few.tolist(),
         )
     for _ in range(4):

@@ -123,7 +123,8 @@ def find_errors_despite_scatter(arm: Scattering, readings: Sequence[str]) -> tup
             data = reduced(problem, fit, arm.base, arm.smooth, column)
             return _ScoreTests(problem, fit, equations_of(data, of), shifts, arm.freedom)
 
-        first = tests(arm.sizes).movement(name, chosen)[0].image if "moved" in name else 0
+        movements = tests(arm.sizes).movement(name, chosen) if "moved" in name else []
+        first = movements[0].image if movements else 0
         after = (np.arange(len(used)) >= first)[:, None, None, None]
         data = reduced(problem, fit, arm.base, arm.smooth, column * after)
         found += tests(estimate_sizes(data, begin=arm.sizes)).named(name, chosen)

@@ -20,6 +20,7 @@ _UNKNOWN_CAUSE = (
     "no single known cause explains it: record one posture several times, reached from different sides; if those "
     "images differ, there is play or the target is loose, and if they agree, the model of the arm is wrong"
 )
+_ALL_SAME = "do all show the same target, camera and arm, and were joints and images taken at the same time?"
 LEAST_NOISE_PX = 1e-3  # of corners in images; the simulated camera has three times as much
 _HINT = 2.0  # standard deviations from which a wrong target size is mentioned
 
@@ -38,12 +39,12 @@ def with_verdict(c: ChainCalibration, shown: Callable[[str, float], str]) -> Cha
 def _reasons(c: ChainCalibration, shown: Callable[[str, float], str]) -> Iterator[str]:
     wrong = sum(map(len, c.wrong))
     if c.images - wrong < c.limits.images:
-        yield f"{c.images - wrong} images are usable, at least {c.limits.images} are needed"
+        cause = f": {wrong} of {c.images} do not fit the others; {_ALL_SAME}" if wrong else ""
+        yield f"{c.images - wrong} images are usable, at least {c.limits.images} are needed{cause}"
         return
     if wrong > c.limits.wrong * c.images:
         yield (
-            f"{wrong} of {c.images} images do not fit the others, at most {100 * c.limits.wrong:.0f} % may: do all "
-            "show the same target, camera and arm, and were joints and images taken at the same time?"
+            f"{wrong} of {c.images} images do not fit the others, at most {100 * c.limits.wrong:.0f} % may: {_ALL_SAME}"
         )
     present = [s for s in c.hypotheses if s.sure]
     if c.change is not None:

@@ -5,6 +5,8 @@ It estimates the extrinsics of the camera, the mount of the target, and the join
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from arm.errors import CalibrationRefused
@@ -16,6 +18,7 @@ from calib.chain.result import ChainLimits, calibrate_chain
 from calib.chain.verdict import with_verdict
 from calib.hand_eye.chain import OFFSETS, arm_chain, smooth_errors, unknown_names
 from calib.hand_eye.image_effects import ImageEffects, poses_without_bias
+from calib.hand_eye.mistaken import likely_mistake
 from calib.hand_eye.result import HandEye as HandEye
 from calib.hand_eye.verdict import HandEyeLimits, WorkPlace, with_hand_eye_verdict
 from calib.recordings.arm import ArmRecording
@@ -86,7 +89,6 @@ def hand_eye_problem(
     return Problem([sightings], recording.camera, start, prior, pixel_sigma, reading_sigma, free, freedom)
 
 
-@plausible_numbers()
 def calibrate_hand_eye(
     recording: ArmRecording,
     limits: ChainLimits = HAND_EYE_LIMITS,
@@ -103,9 +105,27 @@ def calibrate_hand_eye(
         encoder_step: rad; default: estimated from the readings.
         place: where the tool is to be right; default: places that the camera sees.
 
+    Returns:
+        The calibration; if it is refused, with the likely mistake in the recording as the first reason.
+
     Raises:
         CalibrationRefused: too few poses, degenerate motions, or implausible parameters.
     """
+    try:
+        found = _calibrated(recording, limits, encoder_step, place)
+    except CalibrationRefused as refused:
+        if mistake := likely_mistake(recording):
+            raise CalibrationRefused(f"{mistake}; as it is: {refused}", **refused.data) from refused
+        raise
+    if found.chain.accepted or not (mistake := likely_mistake(recording)):
+        return found
+    return replace(found, chain=replace(found.chain, reasons=(mistake, *found.chain.reasons)))
+
+
+@plausible_numbers()
+def _calibrated(
+    recording: ArmRecording, limits: ChainLimits, encoder_step: float | None, place: WorkPlace | None
+) -> HandEye:
     dh = recording.dh
     alone = poses_without_bias(recording)
     names = unknown_names(dh.joints)

@@ -109,6 +109,9 @@ def next_poses(found: HandEye, pool: Array | None = None) -> list[NextPose]:
         pool: readings (n, joints) rad to choose from. Default: sampled around the recorded joints, within the limits
             of the unit if the recording names it, with the whole target in the image and facing the camera. The
             caller has to check that the arm is clear there.
+
+    Returns:
+        The poses; none if the calibration is so wrong that its information is no information.
     """
     recording, problem = found.recording, found.chain.problem
     x = found.chain.fit.unknowns
@@ -123,9 +126,11 @@ def next_poses(found: HandEye, pool: Array | None = None) -> list[NextPose]:
     worth = vectors * np.sqrt(np.maximum(values, 0.0))
     design = OptimalDesign(_information(unseen, x), found.chain.fit.information, worth)
     best = design.best(_NEXT, exchange=False)
+    left = np.asarray(best.variances) / best.before
+    if not (left >= 0.0).all():
+        return []
     return [
-        NextPose(frozen(pool[place]), 1.0 - float(np.sqrt(left / best.before)))
-        for place, left in zip(best.places, best.variances, strict=True)
+        NextPose(frozen(pool[p]), 1.0 - float(np.sqrt(v))) for p, v in zip(best.places, left, strict=True)
     ]
 
 

@@ -19,7 +19,7 @@ from arm.se3 import Array, frozen
 from calib.chain.fit import Sightings
 from calib.nao.chain import SIDES, NaoUnknowns, nao_sightings
 from calib.recordings.points import refuse_repeats, seen_points, target_points
-from vision.camera.model import Camera
+from vision.camera.model import Camera, require_px
 
 _SEVERAL, _MOST_PITCH_DEG = 5, 40.0  # images; HeadPitch
 _MOST_IMAGES, _FEWEST_VERTICES = 100_000, 4
@@ -96,6 +96,7 @@ def read_nao_recording(path: Path) -> NaoRecording:
     if (size < 1.0).any():
         raise node["size_px"].error("must be width and height in px")
     K = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
+    require_px(node, K, (int(size[0]), int(size[1])), "focal_px", "centre_px")
     board = target_points(root["board"]["vertices_sole_m"], _FEWEST_VERTICES, "vertices")
     images = root["images"].items()
     if not images:

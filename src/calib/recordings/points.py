@@ -17,6 +17,7 @@ from arm.se3 import Array
 SAME_READING, SAME_POINT = 1e-6, 1e-3  # rad and px: closer than any arm and noise repeat
 _UNSEEN = -1e6  # px
 _LONGEST = 10.0  # m, of the parts of an arm and its targets; in mm even small ones are longer
+_SMALLEST = 4.0  # px between points of a target that can be found in an image
 _ON_A_LINE = 1e-3  # smallest ratio of a target's width to its length
 
 
@@ -79,7 +80,11 @@ def seen_points(node: Node, count: int, fewest: int, called: str) -> Array:
     """
     pixels = node.read(numbers((count, 2), gaps=True)).copy()
     pixels[np.isnan(pixels).any(axis=1)] = np.nan
-    _require_spread(node, pixels[np.isfinite(pixels[:, 0])], fewest, called, " that are not null")
+    seen = pixels[np.isfinite(pixels[:, 0])]
+    _require_spread(node, seen, fewest, called, " that are not null")
+    if (wide := float(np.ptp(seen, axis=0).max())) < _SMALLEST:
+        rule = f"must be {_SMALLEST:g} px or more apart, and all {called} are within {wide:.2g} px"
+        raise node.error(rule, "are they fractions of the image's size?")
     return pixels
 
 

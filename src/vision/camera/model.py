@@ -246,13 +246,7 @@ def _read(path: Path, placed: bool) -> Camera:
             "its last column is in metres",
         )
     size = (keys.size[0], keys.size[1])
-    middle = keys.K[:2, 2]
-    if _off_centre(middle, size) > SWAPPED[0] and _off_centre(middle, size[::-1]) < SWAPPED[1]:
-        rule = f"must be width and height, with cx {middle[0]:g} and cy {middle[1]:g} near the middle"
-        raise root.error_at(
-            "intrinsics.size_px", rule, f"are they swapped? [{size[1]}, {size[0]}]; or cx and cy in K_px"
-        )
-    _require_px(root, keys.K, size)
+    require_px(root["intrinsics"], keys.K, size)
     camera = Camera(
         keys.K, keys.distortion, size, T_base_camera, keys.calibration, keys.covariance, keys.region
     )
@@ -268,29 +262,46 @@ def _read(path: Path, placed: bool) -> Camera:
 _HALF = 0.35  # of width and height; a principal point nearer to the first pixel is of smaller images
 
 
-def _require_px(root: Node, K: Array, size: tuple[int, int]) -> None:
-    """Require a focal length and a principal point that can be in px."""
+def require_px(
+    table: Node, K: Array, size: tuple[int, int], focal: str = "K_px", centre: str = "K_px"
+) -> None:
+    """Require a focal length and a principal point that can be in px, of images of this size.
+
+    Args:
+        table: of the intrinsics, with size_px.
+        K: 3x3 pinhole of the table.
+        size: width and height, px.
+        focal, centre: its keys that have the focal length and the principal point.
+
+    Raises:
+        FileInputError: they are in another unit, or of images of another size.
+    """
+    middle = K[:2, 2]
+    if _off_centre(middle, size) > SWAPPED[0] and _off_centre(middle, size[::-1]) < SWAPPED[1]:
+        rule = f"must be width and height, with cx {middle[0]:g} and cy {middle[1]:g} near the middle"
+        help = f"are they swapped? [{size[1]}, {size[0]}]; or cx and cy in {centre}"
+        raise table.error_at("size_px", rule, help)
     (fx, fy), (cx, cy) = K.diagonal()[:2].tolist(), K[:2, 2].tolist()
     if min(fx, fy) < LEAST_FOCAL * max(size):
         wide = 2.0 * np.degrees(np.arctan2(max(size) / 2.0, min(fx, fy)))
         least = f"must have a focal length of {LEAST_FOCAL * max(size):g} px or more"
         rule = f"{least}; {min(fx, fy):g} px see {wide:.0f} deg"
-        raise root.error_at("intrinsics.K_px", rule, "is it in mm? divide it by the size of a pixel in mm")
+        raise table.error_at(focal, rule, "is it in mm? divide it by the size of a pixel in mm")
     if not (0.0 < cx < size[0] and 0.0 < cy < size[1]):
         rule = f"must have its principal point cx, cy inside the image, {size[0]} x {size[1]} px; it is {cx:g}, {cy:g}"
         past = cx >= size[0] or cy >= size[1]
         help = (
-            "are size_px and K_px of images of one size?"
+            f"are size_px and {centre} of images of one size?"
             if past
             else "they count from the image's first pixel"
         )
-        raise root.error_at("intrinsics.K_px", rule, help)
+        raise table.error_at(centre, rule, help)
     shares = np.array([cx, cy]) / size
     if shares.max() < _HALF and np.ptp(shares) < _HALF / 5.0:
         whole = " x ".join(f"{2.0 * c:.0f}" for c in (cx, cy))
         rule = f"must have its principal point cx, cy near the middle of {size[0]} x {size[1]} px; it is {cx:g}, {cy:g}"
-        help = f"it is the middle of {whole} px: are size_px and K_px of images of one size?"
-        raise root.error_at("intrinsics.K_px", rule, help)
+        help = f"it is the middle of {whole} px: are size_px and {centre} of images of one size?"
+        raise table.error_at(centre, rule, help)
 
 
 def _pose_of(root: Node, keys: CameraKeys, placed: bool) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from arm.board import Board
 from arm.io.node import Node
 from arm.io.rules import integer, numbers
-from vision.camera.model import INTRINSIC_MATRIX, Camera
+from vision.camera.model import INTRINSIC_MATRIX, Camera, require_px
 from vision.markers.detect import Marker
 
 SAME = 1e-6  # m, largest deviation of a marker's corners from a square
@@ -54,6 +54,7 @@ def read_recorded_camera(node: Node) -> Camera:
     K, size = node.get("K_px", INTRINSIC_MATRIX), node.get("size_px", numbers(2))
     if not (size == np.rint(size)).all() or size.min() < 1.0:
         raise node["size_px"].error("must be width and height in whole px")
+    require_px(node, K, (int(size[0]), int(size[1])))
     return Camera(K, node.get("distortion_k1k2p1p2k3", numbers(5)), (int(size[0]), int(size[1])), np.eye(4))
 
 

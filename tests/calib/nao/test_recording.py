@@ -120,6 +120,14 @@ def test_a_recording_of_an_arm_is_sent_to_its_own_command(tmp_path):
         (lambda v: v["camera"].pop("focal_px"), "camera.focal_px: is missing"),
         (lambda v: v["camera"].update(focal_px=-3), "camera.focal_px = -3: must be above 0 px"),
         (
+            lambda v: v["camera"].update(focal_px=3.6),
+            "camera.focal_px = 3.6: must have a focal length of 160 px",
+        ),
+        (
+            lambda v: v["camera"].update(centre_px=[700, 240]),
+            "camera.centre_px = [700, 240]: must have its principal",
+        ),
+        (
             lambda v: v["camera"].update(size_px=[0, 480]),
             "camera.size_px = [0, 480]: must be width and height in px",
         ),

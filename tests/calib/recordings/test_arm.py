@@ -73,6 +73,10 @@ def in_mm(table, key):
     table[key] = (1e3 * np.array(table[key])).tolist()
 
 
+def in_image_sizes(pose):
+    pose["corners_px"] = (np.array(pose["corners_px"]) / [1920, 1200]).tolist()
+
+
 @pytest.mark.parametrize(
     ("break_it", "said"),
     [
@@ -112,6 +116,15 @@ def in_mm(table, key):
             lambda v: v["camera"].update(covariance=(-np.eye(9)).tolist()),
             "camera.covariance: must be a covariance: 9 rows of 9 finite numbers, symmetric, without negative",
         ),
+        (
+            lambda v: [in_image_sizes(pose) for pose in v["poses"]],
+            "within 0.31 px (are they fractions of the image's size?)",
+        ),
+        (
+            lambda v: v["camera"].update(size_px=[3840, 2400]),
+            "it is the middle of 2145 x 1067 px: are size_px and K_px of images of one size?",
+        ),
+        (lambda v: v["camera"].update(size_px=[1200, 1920]), "are they swapped? [1920, 1200]"),
         (lambda v: v["camera"].pop("K_px"), "K_px"),
         (lambda v: v["camera"]["distortion_k1k2p1p2k3"].pop(), "distortion_k1k2p1p2k3"),
     ],
