@@ -38,6 +38,7 @@ def _kind(words: str, marks: str, use: str) -> Kind:
 
 KINDS = {  # the first of whose sets of marks one is there
     "plan": _kind("a plan", "provenance steps[]", "execute, check and preview take it"),
+    "answer": _kind("what plan --json printed", "plan plan_sha256 moves[]", "plan -o FILE writes the plan"),
     "report": _kind("the report of a run", "cubes_planned plan_sha256", "a465 report takes its folder"),
     "log": _kind("the log of a run", "t kind", "preview and export take it"),
     "corners": _kind(

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from arm.errors import A465Error
+from arm.io.foreign import no_file
 from arm.io.node import Node, Rule
 from arm.numerics.products import mul, norm
 from arm.se3 import Array, frozen, orthonormalised
@@ -305,15 +306,6 @@ def zero_or(least: float, most: float) -> Rule[float]:
     return Rule(plain.words, read)
 
 
-def no_file(path: Path) -> str:
-    """Return the rule that a name breaks by which there is no file."""
-    return (
-        f"names a folder, must name a file: {path}"
-        if path.is_dir()
-        else f"names a file that does not exist: {path}"
-    )
-
-
 def _elsewhere(file: Path, named: str) -> str:
     """Say how to name a file that is beside the one that names it, or beside the one that a link leads to; or "".
 
@@ -341,7 +333,8 @@ def path(exists: bool = True) -> Rule[Path]:
         except OSError as error:  # the name is too long, or a folder may not be read
             raise node.error(f"names a file that cannot be read: {error.strerror}") from error
         if exists and not is_there:
-            raise node.error(no_file(found), _elsewhere(node.file, named)) from FileNotFoundError(found)
+            rule, help = no_file(found)
+            raise node.error(rule, _elsewhere(node.file, named) or help) from FileNotFoundError(found)
         return found
 
     return Rule("a string", read)

@@ -23,7 +23,7 @@ from types import MappingProxyType
 from typing import Any, BinaryIO
 
 from arm.errors import FileInputError, InputError
-from arm.io.foreign import binary, markup, table, yaml
+from arm.io.foreign import binary, markup, missing, printed, table, yaml
 from arm.io.temporary import TemporaryFile, mode_of_new
 
 _SOURCE = Path(__file__).resolve().parents[2]
@@ -83,7 +83,8 @@ def open_file(path: Path, kind: str) -> BinaryIO:
         # without O_NONBLOCK, opening a pipe waits for a writer
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
-        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
+        help = missing(path) if isinstance(error, FileNotFoundError) else ""
+        raise FileInputError(path, "", None, f"cannot be read: {error.strerror}", help) from error
     except ValueError as error:  # a zero byte or half a surrogate in the name
         raise FileInputError(Path(ascii(str(path))), "", None, f"is not a file name: {error}") from error
     try:
@@ -186,7 +187,7 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(read_text(path, "JSON"), object_pairs_hook=partial(_once, path))
     except json.JSONDecodeError as error:
-        if foreign := markup(error.doc) or table(error.doc) or yaml(error.doc):
+        if foreign := markup(error.doc) or printed(error.doc) or table(error.doc) or yaml(error.doc):
             raise FileInputError(path, "", None, f"{foreign}, and a JSON file belongs here") from error
         last, rest = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos :].lstrip()
         if rest[:1] == ",":  # Python 3.13 points at a comma too many, older versions at what follows it

@@ -18,7 +18,7 @@ from cell.cli.groups import GroupedCommands, built_for
 from cell.cli.manual import manual
 from cell.cli.options import NO_PORT, WITH_PORT, answering, examples, pictured, refuse, refuse_given
 from cell.cli.tools import tools
-from cell.cli.usage import refuse_empty
+from cell.cli.typed import refuse_mistyped
 from driver.line.signals import interruptible
 
 app = typer.Typer(
@@ -388,7 +388,7 @@ def main() -> None:
     """Run the command line; turn an error, also of an option, into one line and its exit code."""
     with interruptible(ends=True), one_command():
         try:
-            refuse_empty(sys.argv[1:])
+            refuse_mistyped(sys.argv[1:])
             sys.exit(built_for(app, sys.argv[1:])(standalone_mode=False))
         except A465Error as error:
             fail(error)

@@ -8,7 +8,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from arm.errors import InputError
 from arm.io.kind import kind_of_file
 
 MOST_OWNERS = 3  # commands that are named because they have an option; one of more says nothing
@@ -47,6 +46,8 @@ def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands:
     command = commands.get(" ".join(verbs))
     if (found := re.search(r"No such command '(.+?)'", words)) and found[1].lower() in ALSO:
         return f"it is a465 {ALSO[found[1].lower()]}"
+    if found and found[1] == "help":
+        return f"help is an option: a465 {' '.join(typed[1:2])} --help".replace("  ", " ")
     if found := re.search(r"No such option: (-\S+)", words):
         return _of_option(found[1].rstrip("."), typed, verbs, commands, command)
     if found := re.search(r"unexpected extra arguments?(?:\(s\))? \((.*)\)", words):
@@ -56,24 +57,13 @@ def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands:
     return ""
 
 
-def refuse_empty(typed: Sequence[str]) -> None:
-    """Refuse an empty argument: as a path it would be the working folder.
-
-    Raises:
-        InputError: a word, or the value of an option, is empty.
-    """
-    for before, word in pairwise(["", *typed]):
-        if not word or (word.startswith("--") and word.endswith("=")):
-            after = before if before.startswith("-") else f"the argument after {before or 'a465'}"
-            where = word.removesuffix("=") or after
-            raise InputError(f"{where} is empty; is a variable of the shell not set?", option=where)
-
-
 def _of_option(
     option: str, typed: Sequence[str], verbs: Sequence[str], commands: Mapping[str, Any], command: Any
 ) -> str:
     if re.match(r"-[\d.]", option):
         return "the values of a list are joined by commas: --q=0,10,-80,0,-60,0"
+    if option in ("-h", "-help", "-?"):
+        return f"it is {' '.join(('a465', *verbs))} --help"
     if not verbs:
         named = next((word for word in typed if word in commands), "")
         if named and option in _options(commands[named]):

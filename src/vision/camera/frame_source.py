@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import FileInputError, InputError
-from arm.io.foreign import archive
+from arm.io.foreign import archive, missing
 from arm.io.kind import kind_of_file, words_of
 from arm.io.storage import open_file, read_bytes
 
@@ -100,7 +100,7 @@ def require_folder(path: Path) -> None:
         InputError: there is none of this name, or it is a file.
     """
     if not path.is_dir():
-        rule = "no such folder of images"
+        rule = f"no such folder of images ({help})" if (help := missing(path)) else "no such folder of images"
         if path.is_file():
             where = "a folder of images" if kind_of_file(path) else "the folder that it is in"
             packed = archive(_beginning(path))
