@@ -45,11 +45,11 @@ def missing(path: Path) -> str:
         return "~ and $NAME stand for nothing within quotes or in a file; write the path out"
     if "*" in name or "?" in name:
         return "no name matches the pattern"
-    if "\\" in name and (other := Path(name.replace("\\", "/"))).exists():
-        return f"with / for \\ it is {other}"
+    if "\\" in name and (slashed := Path(name.replace("\\", "/"))).exists():
+        return f"with / for \\ it is {slashed}"
     below = (Path(*path.parts[k:]) for k in range(1, len(path.parts)))
-    if not path.is_absolute() and (other := next((one for one in below if one.exists()), None)):
-        return f"from this folder it is {other}"
+    if not path.is_absolute() and (here := next((one for one in below if one.exists()), None)):
+        return f"from this folder it is {here}"
     if gone := [folder for folder in path.parents if not folder.exists()]:
         return f"there is no folder {gone[-1]}"
     with suppress(OSError):
