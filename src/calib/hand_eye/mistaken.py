@@ -1,7 +1,8 @@
 """Which usual mistake in a recording would explain that it cannot be calibrated: the recording without it fits.
 
-A joint of the other sign, points of a mirrored or smaller image, a target in cm: each leaves a recording that fits no arm, and none shows in a residual that says which. So each mistake is taken back, and the recording that then fits
-far better than as it is tells its name. Nothing is calibrated with it.
+A joint of the other sign, points of a mirrored or smaller image, a target in cm: each leaves a recording that fits no
+arm, and none shows in a residual that says which. So each mistake is taken back, and the recording that then fits far
+better than as it is tells its name. Nothing is calibrated with it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Explain corners that fit no pose of a board: its markers are swapped, or one is rotated or belongs elsewhere."""
+"""Explain corners that fit no pose of a board: markers swapped, turned or elsewhere, or another focal length."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from vision.camera.model import Camera
 from vision.camera.projection import Projection
 
 _STEPS = 12
+_SQUARE = 0.01  # relative; the pixels of nearly all cameras are square to this
+_CLEAR = 3.0  # times that corners fit better by another focal length if it is told
 
 
 def arrangement(board: Board, corners: Corners, camera: Camera, limit_px: float) -> str | None:
@@ -33,6 +36,29 @@ def arrangement(board: Board, corners: Corners, camera: Camera, limit_px: float)
         f"marker {high} is at {x:.0f}, {y:.0f} mm from marker {low}, not {expected[0]:g}, {expected[1]:g} mm: it "
         "belongs to another board, or was glued elsewhere"
     )
+
+
+def other_focal(corners: Corners, camera: Camera, residual_px: float, limit_px: float) -> str | None:
+    """Describe the focal length that explains the corners to a third of `limit_px` and of their residual (rms); None if
+    there is none among those that are often mistaken: of images of half or twice the size, or one of fx and fy."""
+    fx, fy = camera.K.diagonal()[:2].tolist()
+    pixels = corners.median()
+    best, words = min(residual_px, limit_px) / _CLEAR, None
+    for x, y in ((fy, fy), (fx, fx), (fx / 2.0, fy / 2.0), (2.0 * fx, 2.0 * fy)):
+        if x == y and abs(fx / fy - 1.0) < _SQUARE:
+            continue
+        K = camera.K.copy()
+        K[0, 0], K[1, 1] = x, y
+        other = replace(camera, K=K)
+        start = planar_poses(pixels, corners.points, other)[0]
+        fit = fit_weighted(Corners(pixels[None], corners.points), np.ones((1, 8)), start, other)
+        if (rms := _rms(fit.mean_residual_px)) < best:
+            best = rms
+            words = (
+                f"with fx {x:.0f} and fy {y:.0f} px they fit to {rms:.2f} px, and K_px of the camera file has "
+                f"{fx:.0f} and {fy:.0f}: is it that of these images?"
+            )
+    return words
 
 
 def _orders(board: Board) -> Iterator[tuple[str, list[int]]]:

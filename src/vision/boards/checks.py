@@ -12,7 +12,7 @@ from arm.errors import ImpossibleError
 from arm.numerics.products import mul
 from arm.poses import BoardPose, adjoint
 from arm.se3 import Array, inverse, transform
-from vision.boards.arrangement import arrangement
+from vision.boards.arrangement import arrangement, other_focal
 from vision.boards.marker_size import fit_marker_size
 from vision.boards.pose_fit import Corners, Fit
 from vision.boards.shared_errors import SAME_PRINT
@@ -20,6 +20,7 @@ from vision.camera.model import Camera
 from vision.markers.detect import Marker
 
 RESIDUAL_PX = 1.0  # largest rms residual of the mean corners, per coordinate
+LENS_PX = 0.3  # residual from which the lens or the board is rather wrong than the images noisy
 MOVED_PX = 2.0  # largest deviation of a frame's markers from the median of all frames, and
 SHAKEN_PX = 4.0  # at most, if the camera shakes
 # Standard deviations of that deviation in images of a camera that shakes, and how many images tell that it does: a
@@ -153,7 +154,7 @@ def misfit(
             residual_px=residual_px,
         )
     elif not residual_px <= RESIDUAL_PX:
-        found, why = _why_misfit(board, corners, camera)
+        found, why = _why_misfit(board, corners, camera, residual_px)
         yield ImpossibleError(
             f"board {board.name}: its markers' corners do not fit (residual {residual_px:.2f} px, allowed "
             f"{RESIDUAL_PX:g}); {why}",
@@ -181,9 +182,13 @@ def no_pose(board: Board, corners: Corners, camera: Camera) -> ImpossibleError:
     )
 
 
-def _why_misfit(board: Board, corners: Corners, camera: Camera) -> tuple[str | None, str]:
+def _why_misfit(
+    board: Board, corners: Corners, camera: Camera, residual_px: float = np.inf
+) -> tuple[str | None, str]:
     """Return the arrangement of the markers that explains the corners, if there is one, and what to tell."""
     low, high = board.marker_ids
+    if focal := other_focal(corners, camera, residual_px, RESIDUAL_PX):
+        return None, focal
     found = arrangement(board, corners, camera, RESIDUAL_PX)
     asked = (
         f"are markers {low} and {high} both on this board, {low} at its origin, and in the same orientation?"
@@ -205,6 +210,17 @@ def ambiguous(board: Board, angle: float, log_odds: float, ratio: float) -> Iter
         )
 
 
+def _remedy(residual_px: float) -> str:
+    """What makes a pose more certain. Noise leaves little in the mean of all images; what is left is of all alike."""
+    usual = "use more images, even light, larger markers or a nearer camera"
+    if residual_px < LENS_PX:
+        return usual
+    return (
+        "are K_px and distortion of the camera file those of these images, and the markers where the board file has "
+        f"them? Otherwise {usual}"
+    )
+
+
 def uncertain(pose: BoardPose, limits: BoardLimits) -> Iterator[ImpossibleError]:
     """Doubt that the pose is certain enough to grasp, by its covariance."""
     spread, where = Spread.of(pose), "a hole" if len(pose.board.holes) else "its middle"
@@ -221,8 +237,7 @@ def uncertain(pose: BoardPose, limits: BoardLimits) -> Iterator[ImpossibleError]
     if over:
         yield ImpossibleError(
             f"board {pose.board.name}: its pose is too uncertain to grasp: {', '.join(over)}, standard deviations, "
-            f"with a residual of {pose.residual_px:.2f} px between corners and board; use more images, even light, "
-            "larger markers or a nearer camera",
+            f"with a residual of {pose.residual_px:.2f} px between corners and board; {_remedy(pose.residual_px)}",
             board=pose.board.name,
             sideways=spread.sideways,
             height=spread.height,

@@ -66,3 +66,24 @@ def test_corners_that_no_arrangement_explains_are_refused_without_one() -> None:
     with pytest.raises(ImpossibleError, match=r"corners do not fit") as refused:
         estimate_board_pose(BOARD, frames, CAMERA)
     assert not re.search("swapped|rotated by|is at", str(refused.value))
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "told"),
+    [
+        (2.0, 1.0, "with fx 4738 and fy 4738 px they fit"),
+        (1.0, 0.92, "with fx 4746 and fy 4746 px they fit"),
+        (0.5, 0.5, "with fx 4746 and fy 4738 px they fit"),
+    ],
+)
+def test_a_focal_length_of_other_images_is_told_and_not_the_markers(x: float, y: float, told: str) -> None:
+    """The images are those of CAMERA; the camera file has one of its focal lengths wrong, or both of half the size."""
+    rng = np.random.default_rng(3)
+    frames = seen_corners(BOARD, random_pose(rng, 15.0), CAMERA, rng)
+    K = CAMERA.K.copy()
+    K[0, 0] *= x
+    K[1, 1] *= y
+    with pytest.raises(
+        ImpossibleError, match=f"corners do not fit .*; {told} .*: is it that of these images"
+    ):
+        estimate_board_pose(BOARD, frames, replace(CAMERA, K=K))

@@ -26,6 +26,19 @@ def pose_of(size: float, common_px: float, seed: int = 0) -> BoardPose:
     return pose
 
 
+def test_an_uncertain_pose_that_fits_badly_doubts_the_lens_first() -> None:
+    rng = np.random.default_rng(0)
+    frames = seen_corners(lab_board(), random_pose(rng, 15.0), CAMERA, rng)
+    flat = replace(CAMERA, distortion=frozen(np.zeros(5)))
+    strict = BoardLimits(turn_rad=np.radians(0.05))
+    for camera, first in (
+        (CAMERA, "; use more images"),
+        (flat, "; are K_px and distortion of the camera file those"),
+    ):
+        doubts = [str(d) for d in assess_board(lab_board(), frames, camera, strict).doubts]
+        assert any("too uncertain" in d and first in d for d in doubts), doubts
+
+
 def test_a_pose_too_uncertain_to_grasp_is_refused_with_its_figures() -> None:
     rng = np.random.default_rng(0)
     board, T = lab_board(marker_size=0.020), random_pose(rng, 7.0)
