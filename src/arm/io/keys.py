@@ -7,6 +7,7 @@ docs/formats.md from them.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform, overload
@@ -106,12 +107,23 @@ def _unknown(
             absent = [
                 other for other in beside if other not in node.value
             ]  # more likely than one that is there
-            guess = difflib.get_close_matches(name, absent, n=1) or difflib.get_close_matches(
-                name, beside, n=1
-            )
+            guess = _alike(name, absent) or _alike(name, beside)
             before = one.key.removesuffix(name)
             near = f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
             yield one, _home(name, every) or near
+
+
+_UNIT = re.compile(
+    r"_(m|mm|cm|deg|rad|s|ms|us|px|mm_s|deg_s|rad_s|v|db)$"
+)  # with which the name of a key ends
+
+
+def _alike(name: str, known: Sequence[str]) -> list[str]:
+    """Return the known key that a name may mean, none or one: the same but for capitals or its unit, or by letters."""
+    low = name.lower()
+    but_for_unit = [one for one in known if _UNIT.sub("", one.lower()) == _UNIT.sub("", low)]
+    exact = [one for one in known if one.lower() == low]
+    return exact or but_for_unit[:1] or difflib.get_close_matches(name, known, n=1)
 
 
 def _names(declared: Mapping[str, Key]) -> list[str]:

@@ -52,8 +52,9 @@ KINDS = {  # the first of whose sets of marks one is there
     "list": _kind("a list of poses", "entries[]", "a465 plan CELL POSES takes it"),
     "study": _kind("a study file", "task vary or task stages or task points", "a465 study takes it"),
     "unit": _kind("a unit file", "registers homing", 'a cell file names it: unit = "..."'),
-    "task": _kind("a task file", "task", "look, reach, plan and run take it"),
-    "program": _kind("a program file", "program", "reach, plan and run take it"),
+    # also without the key that names the kind: that it is missing is then told
+    "task": _kind("a task file", "task or from_board cell", "look, reach, plan and run take it"),
+    "program": _kind("a program file", "program or steps[] cell", "reach, plan and run take it"),
     "calibration": _kind(
         "a calibration of an arm", "joint_offsets_rad[]", "a cell file names it as calibration"
     ),

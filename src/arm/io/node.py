@@ -125,7 +125,8 @@ class Node:
     def items(self) -> list[Node]:
         """Return the values of a list; raises FileInputError if this is not one."""
         if not isinstance(self.value, list):
-            raise self.error("must be a list")
+            single = isinstance(self.value, dict) and self.file.suffix == ".toml" and "[" not in self.key
+            raise self.error("must be a list", f"write [[{self.key}]], not [{self.key}]" if single else "")
         return [Node(self.file, f"{self.key}[{i}]", v, self.help) for i, v in enumerate(self.value)]
 
     def at(self, place: Iterable[int]) -> Node:

@@ -17,6 +17,7 @@ from arm.errors import A465Error
 from arm.io.foreign import no_file
 from arm.io.node import Node, Rule
 from arm.numerics.products import mul, norm
+from arm.numerics.units import unit_meant
 from arm.se3 import Array, frozen, orthonormalised
 
 T = TypeVar("T")
@@ -105,10 +106,8 @@ def numbers(
         )
         bad = ~((array >= low) & (array <= high)) if ranged else np.isinf(array)
         if not fits or (bad & ~np.isnan(array)).any() or (np.isnan(array).any() and not gaps):
-            in_metres = (
-                fits and unit == "mm" and low >= 1.0 and bool((array > 0.0).all() and (array < low).any())
-            ) and bool((1e3 * array >= low).all() and (1e3 * array <= high).all())
-            raise node.error(f"must be {words}", "is it in metres?" if in_metres else "")
+            meant = unit_meant(array, unit, low, high) if fits else ""
+            raise node.error(f"must be {words}", "; ".join(filter(None, (meant, node.help))))
         for place in np.argwhere(np.abs(array) > LARGEST):
             raise node.at(place).error(f"must be from {-LARGEST:g} to {LARGEST:g}")
         return frozen(_SI.get(unit, same)(array))

@@ -22,9 +22,9 @@ from cell.config.tool_keys import gripper_of_inputs
 from cell.export.urdf import Surroundings
 from cell.files.observation import read_observation, require_boards
 from cell.files.scene import read_scene_file
-from cell.files.task import POSES, Task, read_place
+from cell.files.task import POSES, Task, is_task_file, read_place
 from cell.program.planning import program_scene
-from cell.program.program_file import PROGRAM, ProgramTask, read_program
+from cell.program.program_file import ProgramTask, is_program, read_program
 from cell.scene.build import build_scene
 from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm
@@ -42,9 +42,9 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
         InputError: the file is none of them, or invalid.
     """
     root = Node.of_toml(path, "scene", "cell", "task", "program", "arm")
-    if "task" in root or "q_start_deg" in root or "camera" in root:
+    if is_task_file(root) or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
-    if PROGRAM in root:
+    if is_program(path):
         return _of_program(read_program(path), look)
     if look is not None:
         kind = "an arm" if ARM in root else "a scene"

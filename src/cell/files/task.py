@@ -29,6 +29,7 @@ from arm.io.rules import (
 )
 from arm.io.storage import canonical_json, sha256
 from arm.io.toml_reader import read_toml
+from arm.numerics.units import unit_meant
 from arm.se3 import Array, frozen
 from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell import Cell
@@ -175,6 +176,11 @@ def tasks_in(folder: Path) -> list[str]:
     return [str(file) for file in sorted(folder.glob("*.toml")) if _is_task(file)]
 
 
+def is_task_file(root: Node) -> bool:
+    """Whether the content of a file is a task's, perhaps without its key `task`."""
+    return "task" in root or kind_of(root.value) == "task"
+
+
 def _is_task(file: Path) -> bool:
     with suppress(InputError):
         return kind_of(read_toml(file)) == "task"
@@ -183,7 +189,7 @@ def _is_task(file: Path) -> bool:
 
 def cell_of(path: Path, on_uncalibrated: Callable[[InputError], None] | None = None) -> Cell:
     """Read a cell file, or the one that a task file names; see `read_task`."""
-    is_task = "task" in task_or_cell(path)
+    is_task = is_task_file(task_or_cell(path))
     return read_task(path, on_uncalibrated).cell if is_task else read_cell(path, on_uncalibrated)
 
 
@@ -199,7 +205,7 @@ def read_task(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
     """
     root = task_or_cell(path)
     root.require_kind("task")
-    is_clear_board = root.get("task", KIND) == KINDS[0]
+    is_clear_board = root.get("task", KIND) == KINDS[0] if "task" in root else "to_board" not in root
     keys = Task1Keys.read(root) if is_clear_board else Task2Keys.read(root)
     require_aim(keys.aim, keys.clearance_worth, root)
     cell = read_cell(keys.cell, on_uncalibrated)
@@ -257,7 +263,7 @@ def read_place(path: Path) -> Task:
     Raises:
         InputError: the file is neither, or is wrong.
     """
-    if "task" in task_or_cell(path):
+    if is_task_file(task_or_cell(path)):
         return read_task(path)
     cell = read_cell(path)
     return Task(
@@ -293,7 +299,8 @@ def board_of(ids: tuple[int, ...], root: Node, cell: Cell, key: str) -> Board:
 def _places(keys: Task1Keys, root: Node, cell: Cell) -> TablePlaces:
     gap = cell.cube_size * np.sqrt(2.0) + 0.005
     if keys.step.min() < gap:
-        raise root.error_at("places.step_mm", f"must be 2 numbers in mm from {1e3 * gap:g} to 500")
+        rule = f"must be 2 numbers in mm from {1e3 * gap:g} to 500"
+        raise root.error_at("places.step_mm", rule, unit_meant(1e3 * keys.step, "mm", 1e3 * gap, 500.0))
     nx, ny = keys.count
     if nx * ny < 4:
         raise root.error_at("places.count", "must make at least four places")

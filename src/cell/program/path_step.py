@@ -31,6 +31,7 @@ ALONG = {"along": 1.0, "against": -1.0}
 # m, by which the tool as it is sent may leave a rounded path: the builder's tolerance, chords, curves of a drawing
 _OFF_PATH = OFF_LINE + CHORD_ERROR + TOLERANCE
 _LEAST_DEVIATION, _MOST_DEVIATION = 2e-4, 0.05  # m
+_TOUCH = 'pairs of names of bodies, such as [["ring", "foot"]]'
 Pairs = frozenset[frozenset[str]]
 
 
@@ -48,6 +49,11 @@ def _axis(node: Node) -> str | Array:
 
 def _pairs(node: Node) -> Pairs:
     found = set()
+    listed = isinstance(node.value, list)
+    if not listed or not all(isinstance(pair, list) for pair in node.value):
+        two = listed and len(node.value) == 2 and all(isinstance(name, str) for name in node.value)
+        meant = f'[["{node.value[0]}", "{node.value[1]}"]]' if two else ""
+        raise node.error(f"must be {_TOUCH}", f"for one pair: {meant}" if two else "")
     for pair in node.items():
         names = [one.read(line()) for one in pair.items()]
         if len(names) != 2 or names[0] == names[1]:
@@ -57,10 +63,15 @@ def _pairs(node: Node) -> Pairs:
 
 
 def _names(node: Node) -> frozenset[str]:
+    if isinstance(node.value, str):
+        raise node.error("must be a list of names of bodies", f'for one: ["{node.value}"]')
     return frozenset(one.read(line()) for one in node.items())
 
 
 def _free(node: Node) -> str:
+    if isinstance(node.value, list) and all(isinstance(one, str) for one in node.value):
+        rule = "must be a string with names of directions"
+        raise node.error(rule, f'free = "{", ".join(node.value)}"')
     words = node.read(line())
     wrong = [name for name in words.replace(",", " ").split() if name not in FREE]
     if wrong:
@@ -76,7 +87,7 @@ def _deviation(node: Node) -> float:
     return deviation
 
 
-TOUCH = Rule('pairs of names of bodies, such as [["ring", "foot"]]', _pairs)
+TOUCH = Rule(_TOUCH, _pairs)
 DEVIATION = Rule(
     f"0, or a number in mm from {1e3 * _LEAST_DEVIATION:g} to {1e3 * _MOST_DEVIATION:g}", _deviation
 )
@@ -201,7 +212,8 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
     Raises:
         InputError: the keys do not make a path; names file, key, value and rule.
     """
-    for optional, sources in _NEEDS.items():
+    drawn = keys.line_of is not None and keys.line_of.suffix.lower() == ".svg"
+    for optional, sources in () if drawn else _NEEDS.items():
         if optional in node and not any(source in node for source in sources):
             raise node.error_at(optional, f"needs {' or '.join(sources)}")
     if "window_mm" in node and not isinstance(keys.axis, str):
@@ -218,6 +230,8 @@ def paths_of(node: Node, name: str, keys: PathKeys) -> Iterator[PathStep]:
     if keys.meander is not None:
         whole = _meander(node, keys.meander).moved(keys.corner)
     if keys.line_of is not None:
+        if keys.line_of.suffix.lower() == ".svg":
+            raise node.error_at("line_of", "names a drawing, must name a wire file", "svg takes drawings")
         wire = read_wire(keys.line_of)
         whole, bodies = wire.outline, wire.bodies
         if whole is None:

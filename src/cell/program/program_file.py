@@ -13,6 +13,7 @@ import numpy as np
 from arm.board import Board
 from arm.errors import InputError
 from arm.io.keys import Keys, key
+from arm.io.kind import kind_of
 from arm.io.node import Node, Rule
 from arm.io.rules import carried, integer, integers, line, number, numbers, path, text, triple
 from arm.io.storage import canonical_json, read_bytes, sha256
@@ -180,7 +181,9 @@ def is_program(path: Path) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    return PROGRAM in task_or_cell(path)
+    root = task_or_cell(path)
+    kind = kind_of(root.value)
+    return kind == PROGRAM or ("from_board" not in root and (PROGRAM in root or "steps" in root))
 
 
 def is_of_poses(path: Path) -> bool:

@@ -56,6 +56,13 @@ class JointStepKeys(ActionKeys):
     q: Array = key("joints_deg", numbers(6, "deg", -360, 360))
 
 
+_KEYS_OF: dict[str, type[ActionKeys]] = {
+    **dict.fromkeys(SOURCES, PathStepKeys),
+    "at_mm": PoseStepKeys,
+    "joints_deg": JointStepKeys,
+}
+
+
 @dataclass(frozen=True, eq=False)
 class PoseStep:
     """A pose of the tool, or the places of a grid that are visited one after the other.
@@ -121,6 +128,7 @@ def _read(node: Node) -> list[Step]:
     number = int(node.key.rpartition("[")[2].rstrip("]")) + 1
     found: list[Step] = []
     keys: ActionKeys
+    _require_own_keys(node, given[0] if given else "")
     match given[0] if given else "":
         case "":
             keys = ActionKeys.read(node)
@@ -144,6 +152,31 @@ def _read(node: Node) -> list[Step]:
     if keys.jaws is not None or keys.dwell_s > 0.0:
         found.append(Action(node.key, name, keys.jaws, keys.dwell_s))
     return found
+
+
+def _require_own_keys(node: Node, kind: str) -> None:
+    """Refuse keys of another kind of step; those that no step has are left to the keys of its own kind.
+
+    Args:
+        node: the step.
+        kind: of `_KINDS`, which the step has; "" for none.
+    """
+    if not kind:
+        written = {name.lower(): name for name in node.value}
+        if meant := [name for name in _KINDS if name in written]:
+            name = written[meant[0]]
+            raise node.error_at(name, "is not a known key", f"did you mean {node.key}.{meant[0]}?")
+    own = PathStepKeys if kind in SOURCES else _KEYS_OF.get(kind, ActionKeys)
+    for name in node.value:
+        takes = [kind for kind, keys in _KEYS_OF.items() if name in _tops(keys)]
+        if takes and name not in _tops(own):
+            has = f"this one has {kind}" if kind else "this one has none"
+            raise node.error_at(name, f"is a key of a step with {' or '.join(takes)}, and {has}")
+
+
+def _tops(kind: type[Keys]) -> set[str]:
+    """Return the keys of a step, and the names of its tables."""
+    return {name.partition(".")[0] for name in kind.names()}
 
 
 def _require_handles(node: Node, keys: ActionKeys) -> None:
@@ -172,6 +205,10 @@ def _pose(node: Node, name: str, keys: PoseStepKeys) -> PoseStep:
         raise node.error_at("grid.step_mm", rule)
     if count > MOST_PLACES:
         raise node.error_at("grid.count", f"makes {count} places; must be at most {MOST_PLACES}")
+    if "grid" in node:
+        for needed in ("count", "step_mm"):
+            if needed not in node["grid"]:
+                raise node.error_at(f"grid.{needed}", "is missing; a grid needs count and step_mm")
     shifts = [
         transform(t=keys.step * np.array([i, j, k])) for k, j, i in product(*map(range, keys.count[::-1]))
     ]

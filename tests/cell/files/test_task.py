@@ -9,6 +9,7 @@ import pytest
 from arm.errors import InputError
 from arm.io.storage import data_file
 from cell.files.task import read_place, read_task
+from cell.program.program_file import task_of_file
 from cell.scene.options import options_of
 from typed.command_line import replace_in
 
@@ -97,3 +98,22 @@ def test_a_task_by_a_link_without_its_cell_beside_it_is_told_with_the_task(
     (folder / "cell.toml").unlink()
     with pytest.raises(InputError, match=r"does not exist: [^ ]*$"):
         read_task(link)
+
+
+def test_a_task_with_the_key_of_a_program_is_told_as_a_task(scenes: Path) -> None:
+    file = scenes / "task2.toml"
+    replace_in(file, "task =", "program =")
+    with pytest.raises(
+        InputError, match=r"task: is missing; it must be one of .* .program is not a known key"
+    ):
+        task_of_file(file)
+
+
+def test_a_step_of_places_in_metres_or_cm_is_told(scenes: Path) -> None:
+    file = scenes / "task1.toml"
+    for stated, other in (("[0.075, 0.075]", "metres"), ("[7.5, 7.5]", "cm")):
+        text = file.read_text()
+        replace_in(file, "step_mm = [75, 75]", f"step_mm = {stated}")
+        with pytest.raises(InputError, match=rf"places.step_mm = .* 61.5685 to 500 .is it in {other}\?"):
+            read_task(file)
+        file.write_text(text)

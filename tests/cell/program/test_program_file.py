@@ -121,7 +121,7 @@ def test_every_body_of_a_file_has_a_name_that_no_look_gives(tmp_path: Path) -> N
         ('axis = "along"', "axis = [0, 0, 0]", r"steps\[1\].axis = \[0, 0, 0\]: must be along"),
         ('axis = "along"\n', "", r"steps\[1\].axis: is missing"),
         ('axis = "along"', 'axis = "along"\nthreaded = "bar"', r"steps\[1\].threaded = 'bar': must be a body of"),
-        ("dwell_s = 0.5", 'threaded = "ring"', r"steps\[0\].threaded.*is not a known key"),
+        ("dwell_s = 0.5", 'threaded = "ring"', r"steps\[0\].threaded.*is a key of a step with points_mm"),
         ("extend_mm = [60, -30]", "extend_mm = [60, -270]", r"steps\[1\].*nothing is left of a path of 200 mm"),
         ('free = "rz"\ntilt', 'free = "rw"\ntilt', r"steps\[1\].free = 'rw': has 'rw'; must be names of directions"),
         ('free = "rz"\ntilt', 'free = "rx"\ntilt', r"steps\[1\].free = 'rx': must be rz, or nothing, on a path"),
@@ -200,4 +200,30 @@ def test_arcs_to_strokes_are_at_most_200_mm(tmp_path: Path) -> None:
         read_program(file)
     replace_in(file, "lift_mm = 201\n", "")
     with pytest.raises(InputError, match=r"lift_mm: is missing; it must be a number in mm from 0.5 to 200"):
+        read_program(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('program = "', 'title = "', r"toml: program: is missing; it must be a string .title is not a known key"),
+        ('program = "', 'task = "', r"toml: program: is missing; it must be a string .task is not a known key"),
+    ],
+)  # fmt: skip
+def test_a_program_without_its_key_is_told_as_a_program(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    file = program(tmp_path)
+    replace_in(file, old, new)
+    with pytest.raises(InputError, match=message):
+        task_of_file(file)
+
+
+def test_a_drawing_where_a_wire_belongs_is_told(tmp_path: Path) -> None:
+    file = program(tmp_path)
+    (file.parent / "a.svg").write_text("<svg/>")
+    replace_in(file, 'line_of = "wire.toml"', 'line_of = "a.svg"')
+    with pytest.raises(
+        InputError, match=r"line_of = 'a.svg': names a drawing, must name a wire file .svg takes"
+    ):
         read_program(file)

@@ -45,3 +45,25 @@ def test_steps_of_a_grid_in_metres_are_told_as_such(tmp_path: Path, steps: str) 
         InputError, match=r"steps\[0\].grid.step_mm = .*: must be 0, or 1 mm or more.* 50 mm is 50"
     ):
         read_program(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("dwell_s = 0.5", "grid.step_mm = [50, 40, 30]", r"steps\[0\].grid.count: is missing; a grid needs count"),
+        ("dwell_s = 0.5", "grid.count = [2, 1, 1]", r"steps\[0\].grid.step_mm: is missing; a grid needs count"),
+        ("dwell_s = 0.5", "turn_deg = 5", r"turn_deg = 5: is a key of a step with points_mm .* one has at_mm"),
+        ("joints_deg", "approach_mm = 5\njoints_deg", r"approach_mm = 5: .* with at_mm, and this one has joints_deg"),
+        ("joints_deg", "Joints_deg", r"Joints_deg = .*: is not a known key .did you mean steps\[2\].joints_deg"),
+        ("dwell_s = 0.5", 'touch = ["ring", "block"]', r'must be pairs of names .* one pair: \[\["ring", "block"\]\]'),
+        ("dwell_s = 0.5", 'touch = "ring"', r"touch = 'ring': must be pairs of names of bodies, such as"),
+        ('free = "rz"', 'free = ["rz", "x"]', r'must be a string with names of directions .free = "rz, x"'),
+    ],
+)  # fmt: skip
+def test_keys_of_another_kind_of_step_and_halves_of_a_grid_are_told(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    file = program(tmp_path)
+    replace_in(file, old, new)
+    with pytest.raises(InputError, match=message):
+        read_program(file)
