@@ -25,7 +25,8 @@ def unit_meant(values: Array, unit: str, low: float, high: float) -> str:
     if low < 0.0 or len(found) < values.size or not found.all() or (values < 0.0).any():
         return ""
     for other, one in _OTHERS.get(unit, ()):
-        outside = (found < low).any() if one > 1.0 else (found > high).any()
+        beyond = found < low if one > 1.0 else found > high
+        outside = beyond.any() if one > 100.0 else beyond.all()  # a small number beside others may be right
         if outside and (found * one >= low).all() and (found * one <= high).all():
             return f"is it in {other}?"
     if not unit and high == 1.0 and (found >= 2.0).all() and (found <= 100.0).all():
