@@ -15,6 +15,8 @@ _HTML = re.compile(r"\s*<(!doctype html|html)\b", re.IGNORECASE)
 _YAML = re.compile(r"(?:---\s|(?:- +)?[A-Za-z_][\w/.-]*:(?:\s|\Z))")
 _ROW = re.compile(r"[-+]?\d[\d.eE+-]*(?:\s*[,;\t ]\s*[-+]?\d[\d.eE+-]*)+\s*")
 _TABLE = re.compile(r"^-{3,}(?: +-{3,})+ *$", re.MULTILINE)  # the line below the names of columns
+_HEADER = re.compile(r"\s*[A-Za-z_][\w .()/^-]*(?:\s*[,;\t]\s*[A-Za-z_][\w .()/^-]*)+\s*")  # names of columns
+_SPLIT = re.compile(r"\s*[,;\t ]\s*")
 _ROWS = 3  # of numbers, before a text counts as a table
 _BINARY = {
     b"\x89PNG": "a PNG image",
@@ -107,8 +109,12 @@ def printed(text: str) -> str:
 def table(text: str) -> str:
     """That a text is rows of numbers, such as a board file or a list of poses, for a message; "" if it is not."""
     lines = (line.partition("#")[0] for line in text[:10_000].split("\n"))
-    rows = [line for line in lines if line.strip()][:_ROWS]
+    rows = [line for line in lines if line.strip()][: _ROWS + 1]
     if text.startswith("time_s,"):
         return "is a table of samples, as a465 export writes it"
-    is_table = len(rows) == _ROWS and all(map(_ROW.fullmatch, rows))
+    if rows and _HEADER.fullmatch(rows[0]):
+        rows = rows[1:]
+    elif len(rows) < _ROWS:
+        rows = [row for row in rows if len(_SPLIT.split(row.strip())) > _ROWS]
+    is_table = len(rows) > 1 and all(map(_ROW.fullmatch, rows[:_ROWS]))
     return "is a table of numbers (CSV), such as a board file or a list of poses" if is_table else ""

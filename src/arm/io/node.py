@@ -110,6 +110,7 @@ class Node:
         if default is REQUIRED:
             guess = difflib.get_close_matches(name, list(self.value), n=1)
             near = f"the file has {self._child(guess[0], None).key}" if guess else ""
+            near = near or ("the file is empty" if not (self.value or self.key) else "")
             raise self._child(name, None).error(f"is missing; it must be {rule.words}", self.help or near)
         made: Any = None if default is None else rule.read(self._child(name, default))
         return made  # type: ignore[no-any-return]

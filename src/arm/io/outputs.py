@@ -11,7 +11,23 @@ from arm.io.storage import read_by_the_command
 
 SUFFIXES = (".toml", ".json", ".jsonl", ".csv")  # of files that have a kind
 _ENDS = {"plan": ".json", "look": ".json", "trajectory": ".json", "samples": ".csv"}  # of what commands write
-_OTHERS = {".html", ".htm", ".csv", ".json", ".toml", ".mcap", ".png", ".pdf"}  # suffixes of other formats
+_OTHERS = {  # suffixes of other formats
+    *(
+        ".html",
+        ".htm",
+        ".csv",
+        ".json",
+        ".jsonl",
+        ".toml",
+        ".yaml",
+        ".yml",
+        ".xml",
+        ".urdf",
+        ".srdf",
+        ".mcap",
+    ),
+    *(".npy", ".npz", ".png", ".jpg", ".pdf", ".xlsx", ".xls", ".ods", ".zip"),
+}
 PAGES = (".html", ".htm")  # what a browser opens as a page
 
 

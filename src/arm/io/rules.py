@@ -315,6 +315,8 @@ def _elsewhere(file: Path, named: str) -> str:
     beside = Path(named).name
     if beside != named and (file.parent / beside).is_file():
         return f'names are relative to the folder of {file.name}: "{beside}" is there'
+    if named and not os.path.isabs(named) and Path(named).is_file():  # written from the working folder
+        return f'names are relative to the folder of {file.name}: "{os.path.relpath(named, file.parent)}"'
     there = Path(os.path.realpath(file))
     if there.parent == Path(os.path.realpath(file.parent)) or not (there.parent / named).is_file():
         return ""

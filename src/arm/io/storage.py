@@ -189,12 +189,19 @@ def read_json(path: Path) -> Any:
     except json.JSONDecodeError as error:
         if foreign := markup(error.doc) or printed(error.doc) or table(error.doc) or yaml(error.doc):
             raise FileInputError(path, "", None, f"{foreign}, and a JSON file belongs here") from error
+        if not error.doc.strip():
+            raise FileInputError(path, "", None, "is empty, and a JSON file belongs here") from error
         last, rest = error.doc[: error.pos].rstrip()[-1:], error.doc[error.pos :].lstrip()
         if rest[:1] == ",":  # Python 3.13 points at a comma too many, older versions at what follows it
             last, rest = ",", rest[1:].lstrip()
         help = "a comma stands before a bracket that ends" if last == "," and rest[:1] in ("]", "}") else ""
         if error.msg == "Extra data":
-            help = "a second document follows the first; one document belongs here: put several in a list, [..., ...]"
+            help = (
+                "a second document follows the first; one document belongs here: was the file appended to? Several, "
+                "if they are allowed, stand in a list, [..., ...]"
+            )
+        if error.msg.startswith("Expecting property name") and rest[:1] == "'":
+            help = "text stands in double quotation marks: is it printed by Python? json.dump writes JSON"
         help = "the file ends too early: was it written to its end?" if error.pos and not rest else help
         raise FileInputError(path, "", None, f"is not JSON: {error}", help) from error
     except ValueError as error:

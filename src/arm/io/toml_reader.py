@@ -112,8 +112,19 @@ def _place(text: str, error: str) -> str:
         return ""
     line = lines[number - 1].strip() if number <= len(lines) else ""
     help = _twice(lines, number) if "overwrite" in error else ""
+    value = line.partition("=")[2].partition("#")[0].strip()
     if re.search(r"=\s*-?\d+,\d", line):
         help = " (the decimal sign is a point)"
+    elif re.search(r"[\d.]\s+-?[\d.]", value) and value.startswith("["):
+        help = " (numbers of a list are separated by commas)"
+    elif (header := re.fullmatch(r"\[+([\w-]+)\]+", line)) and ("twice" in error or line.startswith("[[")):
+        help = f" ({header[1]} stands above already; tables of which there may be several are written [[{header[1]}]])"
+    elif re.search("[\u2018-\u201f]", value):
+        help = ' (quotation marks are straight: ")'
+    elif re.fullmatch(r"-?[\d.]+\s*[A-Za-z%\u00b0\u00b5/]+", value):
+        help = " (the value is the number alone; its unit is part of the key's name)"
+    elif re.match(r"[\w-]+\s*:", line) or value.startswith("="):
+        help = " (a key and its value are separated by one =)"
     elif "Unclosed array" in error and (open_ := _without_comma(lines, number)):
         help = f" (a comma is missing at the end of line {open_})"
     elif re.search(r"=\s*[^\W\d]", line) and "Invalid value" in error:

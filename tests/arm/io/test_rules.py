@@ -258,3 +258,17 @@ def test_a_tool_is_on_the_flange_or_not_too_near_to_it_to_be_meant() -> None:
     for value in ([0, 0, 0.08], [-0.135, 0, 0.013]):
         with pytest.raises(FileInputError, match=r"must be \[0, 0, 0\], or 0.5 mm .* \(is it in metres\?\)$"):
             Node(Path("a.toml"), "tool_mm", value).read(rule)
+
+
+def test_a_file_named_from_the_working_folder_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cells/lenses").mkdir(parents=True)
+    (tmp_path / "cells/lenses/lab.toml").write_text("")
+    for named, told in (
+        ("cells/lenses/lab.toml", r'of cell.toml: "lenses/lab.toml"\)$'),
+        ("lenses/lap.toml", r"\(is it cells/lenses/lab.toml\?\)$"),
+    ):
+        with pytest.raises(FileInputError, match=told):
+            Node(Path("cells/cell.toml"), "camera", named).read(path())

@@ -263,7 +263,10 @@ def test_a_byte_order_mark_is_no_content(tmp_path: Path) -> None:
         ("1, 2, 3\n", "is not JSON: "),
         ("see: no, http://a\n"[5:], "is not JSON: "),
         ("-1\n-2", "is not JSON: "),
-        ("", "is not JSON: "),
+        ("", "is empty, and a JSON file belongs here"),
+        ("t,J1,J2\n0,1,2\n1,1,2\n", "is a table of numbers (CSV)"),
+        ("0,1,2,3\n1,1,2,3\n", "is a table of numbers (CSV)"),
+        ("{'a': 1}", "is not JSON: "),
     ],
 )
 def test_markup_and_yaml_in_place_of_json_are_told_as_such(tmp_path: Path, text: str, told: str) -> None:
@@ -289,3 +292,9 @@ def test_json_that_ends_early_or_has_a_comma_too_many_is_told_as_such(tmp_path: 
             read_json(file)
         assert f"{file}: is not JSON: " in str(refused.value)
         assert told in str(refused.value)
+
+
+def test_what_python_prints_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text("{'a': 1}")
+    with pytest.raises(FileInputError, match="double quotation marks: is it printed by Python"):
+        read_json(tmp_path / "a.json")

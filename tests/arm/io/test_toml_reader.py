@@ -151,6 +151,16 @@ def test_an_integer_of_more_than_64_bits_is_refused_by_its_key(tmp_path: Path) -
         ("unit = crs93", ": unit = crs93 (text stands in quotation marks)"),
         ("length_mm = 36,5", ": length_mm = 36,5 (the decimal sign is a point)"),
         ("length_mm 36", ": length_mm 36"),
+        ("length_mm = 36 mm", "(the value is the number alone; its unit is part of the key's name)"),
+        ("length_mm: 36", "(a key and its value are separated by one =)"),
+        ("length_mm == 36", "(a key and its value are separated by one =)"),
+        ("centre_mm = [350 0 -20]", "(numbers of a list are separated by commas)"),
+        ("unit = \u201ccrs93\u201d", '(quotation marks are straight: ")'),
+        (
+            "[walls]\n[walls]",
+            "(walls stands above already; tables of which there may be several are written [[walls]])",
+        ),
+        ("[walls]\n[[walls]]", "(walls stands above already; "),
         (f"a = [{'1 ' * 300}", "characters left out"),
     ],
 )
