@@ -207,8 +207,8 @@ def require_there(url: str) -> None:
 
 
 def missing_port(url: str) -> str:
-    """Say what is known of a device that is not there: a link whose target is gone, or a port's name on Windows; "" of
-    any other, and of what is there."""
+    """Say what is known of a device that is not there: a link whose target is gone, a name of something else, or a
+    device of nearly this name; "" of any other, and of what is there."""
     if "://" in url:
         return ""
     try:
@@ -221,9 +221,36 @@ def missing_port(url: str) -> str:
     if os.path.islink(url):
         target = os.path.realpath(url)
         return f"is a link to {target}, which is gone: the emulator or device behind it has ended; start it again"
-    if found := re.fullmatch(r"(?:\\\\\.\\)?(COM\d{1,3}):?", os.path.basename(url), re.IGNORECASE):
+    name = os.path.basename(url)
+    if found := re.fullmatch(r"(?:\\\\\.\\)?(COM\d{1,3}):?", name, re.IGNORECASE):
         return f"is not there: {found[1]} is a port's name on Windows; here a device is such as /dev/ttyUSB0"
-    return ""
+    if url.startswith(("~", "$")):
+        return "is not there: the shell did not replace its beginning, perhaps because of quotes"
+    if re.fullmatch(r"(?i)crs\d+", url):
+        return "is not there: it is a unit's name, and its port belongs here: a device, or socket://HOST:PORT"
+    if url == str(BAUD):
+        return "is not there: it is the line's speed, which is fixed; give the device alone"
+    if url.isdecimal():
+        return f"is not there: with a number alone the host is missing: socket://127.0.0.1:{url}, or a device"
+    if re.fullmatch(r"video\d+", name):
+        return "is not there: video is a camera's name, and the controller's port belongs here"
+    return f"is not there; is {like} meant, which is?" if (like := _alike(url)) else ""
+
+
+def _alike(url: str) -> str:
+    """Return a device that is there and has nearly this name: in other letters, with another number at its end, or in
+    /dev; "" if there is none."""
+
+    def stem(name: str) -> str:
+        return name.lower().rstrip("0123456789")
+
+    folder, name = os.path.split(url)
+    with contextlib.suppress(OSError):
+        for other in sorted(os.listdir(folder or ".")):
+            if stem(other) == stem(name) and Path(folder, other).is_char_device():
+                return os.path.join(folder, other)
+    absent = os.path.join("/dev", name)
+    return absent if Path(absent).is_char_device() else ""
 
 
 def _why(error: BaseException) -> str:
