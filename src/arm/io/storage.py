@@ -92,8 +92,13 @@ def open_file(path: Path, kind: str) -> BinaryIO:
         if stat.S_ISDIR(found.st_mode):
             raise FileInputError(path, "", None, "is a folder, must be a file", _inside(path))
         if not stat.S_ISREG(found.st_mode):
+            help = (
+                "is it the controller's port, in the place of a file?"
+                if os.isatty(handle)
+                else "copy it to a file"
+            )
             raise FileInputError(
-                path, "", None, f"is {_what(found.st_mode)}; only regular files are read", "copy it to a file"
+                path, "", None, f"is {_what(found.st_mode)}; only regular files are read", help
             )
         if found.st_size > MOST_BYTES[kind]:
             raise _too_large(path, kind)

@@ -32,7 +32,7 @@ _BEFORE = {"gripper": "gripper ACTION", "teach": "teach LIST"}
 def _no_port(context: typer.Context, place: Path) -> Path:
     """Refuse a port where the cell file belongs. `Path` has made one slash of the two of ``socket://``."""
     name, verb = str(place).replace("socket:/", "socket://"), context.info_name or ""
-    is_port = name.startswith(("/dev/", "socket://")) and place.suffix != ".toml"
+    is_port = place.suffix != ".toml" and (name.startswith(("/dev/", "socket://")) or place.is_char_device())
     if is_port and any(one.name == "port" for one in context.command.params):
         words = f"a465 {_BEFORE.get(verb, verb)} CELL {name}"
         why = f"{name}: is a port; the cell or task file is missing before it: {words}"

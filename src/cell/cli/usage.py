@@ -11,9 +11,22 @@ from typing import Any
 from arm.io.kind import kind_of_file
 
 MOST_OWNERS = 3  # commands that are named because they have an option; one of more says nothing
-ALIKE = {"--images": "--camera", "--camera": "--images"}  # of which a command has one
+# Options of other commands or programs, and what a command has instead.
+ALIKE = {
+    "--images": ("--camera",),
+    "--camera": ("--images",),
+    "--port": ("--link",),
+    "--cell": ("--task",),
+    "--speed": ("--time-scale",),
+    "--force": ("--unseen", "--supported", "--free"),
+    "--yes": ("--unseen", "--supported", "--free"),
+    "--unseen": ("--supported", "--free"),
+    "--free": ("--supported",),
+    **dict.fromkeys(("--device", "--serial", "--tty"), ("--port",)),
+}
+SIMULATED = ("--dry-run", "--simulate", "--simulated", "--sim")
 # Options of files, by `arm.io.kind.KINDS`.
-KINDS = {"cell": "--cell", "task": "--task", "look": "--look", "world": "--world"}
+KINDS = {"cell": "--cell", "task": "--task", "look": "--look", "world": "--world", "list": "--list"}
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 WRITTEN = (".html", ".json", ".csv", ".mcap")
 # What other programs call what a command of ours does.
@@ -61,6 +74,9 @@ def _of_option(
     option: str, typed: Sequence[str], verbs: Sequence[str], commands: Mapping[str, Any], command: Any
 ) -> str:
     if re.match(r"-[\d.]", option):
+        at = next((k for k, word in enumerate(typed) if word.startswith(option)), 0)
+        if command and not any(word.startswith("--") for word in typed[:at]):
+            return f"a word that begins with - is taken for an option; {' '.join(verbs)} takes no negative number there"
         return "the values of a list are joined by commas: --q=0,10,-80,0,-60,0"
     if option in ("-h", "-help", "-?"):
         return f"it is {' '.join(('a465', *verbs))} --help"
@@ -71,11 +87,13 @@ def _of_option(
         return ""
     name = option.lstrip("-").replace("-", "_")
     for one in command.params if command else ():
-        if one.param_type_name == "argument" and one.name == name:
+        if one.param_type_name == "argument" and name in _names(one):
             usage = " ".join(p.make_metavar(None) for p in command.params if p.param_type_name == "argument")
             return f"{name} is an argument and has no option: a465 {' '.join(verbs)} {usage}"
-    if (other := ALIKE.get(option)) and command and other in _options(command):
+    if other := next((one for one in ALIKE.get(option, ()) if one in _options(command)), ""):
         return f"it is {other} here"
+    if option in SIMULATED and "--port" in _options(command):
+        return "without --port the simulated cell is used"
     owners = [name for name, one in commands.items() if option in _options(one)]
     return f"{option} belongs to {', '.join(owners)}" if 0 < len(owners) <= MOST_OWNERS else ""
 
@@ -100,7 +118,16 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
             return f"what is written is given by -o {word}"
         if "--unit" in options and re.fullmatch(r"crs\d+", word.lower()):
             return f"a unit is given by --unit {word}"
-    return ""
+    ports = [word for word in typed if word.startswith("socket:") or Path(word).is_char_device()]
+    if ports and "--port" in options and "--port" not in typed:
+        return f"the port is given by --port {ports[0]}"
+    takes = command and any("PORT" in one for one in _metavars(command))
+    return f"{typed[0]} opens no port" if ports and not takes and "--port" not in options else ""
+
+
+def _names(argument: Any) -> set[str]:
+    """What a person may call an argument: its parameter, or a word of the help."""
+    return {argument.name, *re.findall(r"\w+", str(argument.metavar).lower())} - {"open", "close"}
 
 
 def _metavars(command: Any) -> set[str]:

@@ -168,6 +168,7 @@ def test_a_file_that_the_program_names_is_not_overwritten(
         (("move", "/dev/mars", "--q=0,0,0,0,0,0"), "move CELL /dev/mars"),
         (("gripper", "open", "/dev/mars"), "gripper ACTION CELL /dev/mars"),
         (("teach", "poses.json", "/dev/mars"), "teach LIST CELL /dev/mars"),
+        (("home", "/tmp/../dev/null"), "home CELL /tmp/../dev/null"),
     ],
 )
 def test_a_port_without_the_cell_is_told(typed: tuple[str, ...], words: str) -> None:
@@ -215,6 +216,7 @@ def test_a_file_of_another_kind_is_told_as_that_with_what_belongs_there(tmp_path
             f"the action comes first, then the cell: a465 gripper open {cell} mars",
         ),
         (("gripper", cell, "45"), f"a465 gripper 45 {cell}"),
+        (("gripper", cell, "mars"), f"a465 gripper open|close|WIDTH {cell} mars"),
         (("gripper", cell, "open"), f"the action comes first, then the cell: a465 gripper open {cell}"),
         (("calibrate", "following", task), "is a task file, and the log of a run belongs here"),
         (("teach", cell, "poses.json"), "the list comes first, then the cell or task file"),

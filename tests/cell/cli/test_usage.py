@@ -22,6 +22,29 @@ from typed.command_line import a465
         ("--json plan t.toml", "(--json stands after the command: a465 plan ... --json)"),
         ("run t.toml --speed 30s", "(give the number alone, such as 30; the help states its unit)"),
         ("calibrate camera x --world y", "No such option: --world (Possible options: "),
+        ("home --cell c.toml mars", "(cell is an argument and has no option: a465 home CELL [PORT])"),
+        ("status --port mars", "(port is an argument and has no option: a465 status [PORT] [CELL])"),
+        (
+            "gripper open c.toml --width 4",
+            "width is an argument and has no option: a465 gripper open|close|WIDTH",
+        ),
+        (
+            "gripper -5 c.toml",
+            "No such option: -5 (a word that begins with - is taken for an option; gripper",
+        ),
+        ("run t.toml /dev/null", "(the port is given by --port /dev/null); see"),
+        ("execute p.json socket://h:1 t.toml", "(the port is given by --port socket://h:1); see"),
+        ("execute p.json /dev/null t.toml", "(the port is given by --port /dev/null); see"),
+        ("run t.toml --port /dev/null x.toml", "extra argument(s) (x.toml); see"),
+        ("snap c.toml /dev/null -o seen", "(snap opens no port); see"),
+        ("move c.toml mars poses.json --name a", "(a list is given by --list poses.json); see"),
+        ("release mars --yes", "No such option: --yes (it is --supported here); see"),
+        (
+            "run t.toml --dry-run",
+            "No such option: --dry-run (without --port the simulated cell is used); see",
+        ),
+        ("emulate --cell c.toml", "No such option: --cell (it is --task here); see"),
+        ("emulate --speed 2", "No such option: --speed (it is --time-scale here); see"),
         ("look a.toml b.toml", "look: Got unexpected extra argument(s) (b.toml); see a465 look"),
     ],
 )
@@ -29,6 +52,7 @@ def test_words_are_told_where_they_belong(
     typed: str, help: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    Path("poses.json").write_text('{"entries": []}')
     assert help in a465(*typed.split(), code=2)[1]
 
 

@@ -73,6 +73,8 @@ def gripper_step(
     if action.endswith(".toml") or os.path.isfile(action):
         others = [str(place), *([port] if port is not None else [])]  # one of them is the action
         others.sort(key=lambda word: re.fullmatch(r"open|close|[\d.]+", word) is None)
+        if re.fullmatch(r"open|close|[\d.]+", others[0]) is None:
+            others.insert(0, "open|close|WIDTH")
         right = " ".join([others[0], action, *others[1:]])
         why = f"gripper {action}: is a file; the action comes first, then the cell: a465 gripper {right}"
         raise InputError(why, value=action)
