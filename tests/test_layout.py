@@ -26,7 +26,6 @@ DECIDES_NOTHING = {
     "cell/commands/render.py": "calls the renderer and writes images",
     "cell/commands/steps.py": "reads, calls observe, reach and plan, writes and prints",
     "cell/commands/report.py": "reads, prints and writes; test_runs runs the command",
-    "cell/config/camera_keys.py": "declares keys of the live camera; arm.io.keys checks them",
     "cell/config/cell_values.py": "declares keys of a cell file; arm.io.keys checks them",
     "cell/files/world_errors.py": "declares keys of a world file; arm.io.keys checks them",
     "cell/report/verdict_text.py": "words of a report",

@@ -110,7 +110,10 @@ def _unknown(
             guess = _alike(name, absent) or _alike(name, beside)
             before = one.key.removesuffix(name)
             near = f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
-            yield one, _home(name, every) or near
+            home = _home(name, every)
+            if isinstance(one.value, dict) and home == f"it belongs {_TOP}":  # no table belongs there
+                home = ""
+            yield one, home or near
 
 
 _UNIT = re.compile(

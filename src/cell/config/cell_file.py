@@ -24,7 +24,7 @@ from arm.robot.tool import FixedTool
 from arm.se3 import Array, frozen, transform
 from cell.config.board_keys import BoardKeys, boards_of
 from cell.config.bodies import BodyKeys, read_body, require_names_differ
-from cell.config.camera_keys import CameraKeys, camera_of
+from cell.config.camera_keys import CAMERA_FILE, CameraKeys, camera_of
 from cell.config.cell import Cell
 from cell.config.cell_values import ARM_PADDING_MM, CellValues, JawValues
 from cell.config.fixed_tool import read_fixed_tool, with_tool_stated
@@ -46,7 +46,7 @@ _REGISTERS = integers(6, 1, 32767)
 
 class _DeviceKeys(Keys):
     unit: Unit = key("unit", unit_rule())
-    camera: Path = key("camera", path())
+    camera: Path = key("camera", CAMERA_FILE)
     calibration: Path | None = key("calibration", path(exists=False), None)  # a run may begin without it
     background: Path | None = key("background", path(exists=False), None)  # as may a cell without it
 
@@ -163,7 +163,7 @@ def read_cell(path: Path, on_uncalibrated: Callable[[InputError], None] | None =
         stand_size=(float(keys.stand_size[0]), float(keys.stand_size[1])),
         zone=Body("zone", Box(keys.zone_size), transform(t=keys.zone_centre), "zone"),
         fixed=_fixed_bodies(keys, root),
-        live_camera=camera_of(keys, root),
+        live_camera=camera_of(keys, root, nominal_camera),
         speed_registers=_registers(root, "speed", keys.speed_registers, unit),
         acceleration_registers=_registers(root, "acceleration", keys.acceleration_registers, unit),
         inputs=inputs,

@@ -141,7 +141,7 @@ def test_what_may_be_added_reads_too(tmp_path: Path) -> None:
     cell = read_cell(file)
     assert cell.live_camera.device == "name:MY-CAMERA"
     assert cell.live_camera.basler.exposure == 0.008
-    assert cell.live_camera.video == VideoSettings((1920, 1080), None, 0.0, 0.5, 2.0, True)
+    assert cell.live_camera.video == VideoSettings((1920, 1200), None, 0.0, 0.5, 2.0, True)
     shipped = read_cell(data_file("scenes/cell.toml"))
     for key in (
         "velocity_fraction",

@@ -162,13 +162,13 @@ def test_what_is_wrong_in_the_cell_file_is_told(scenes: Path, lines: str, told: 
 def test_a_video_source_of_the_cell_file_affects_no_plan(scenes: Path) -> None:
     plain = read_cell(scenes / "cell.toml")
     lines = (
-        'device = "video:/dev/video2"\nsize_px = [1920, 1080]\nexposure_us = 8000\ngain = 4\nlatency_s = 0.2\n'
+        'device = "video:/dev/video2"\nsize_px = [1920, 1200]\nexposure_us = 8000\ngain = 4\nlatency_s = 0.2\n'
         'timeout_s = 1\nstamps = false\nfeatures = { FOURCC = "YUYV", FOCUS = 30 }'
     )
     replace_in(scenes / "cell.toml", "[motion]", f"[look.video]\n{lines}\n\n[motion]")
     cell_ = read_cell(scenes / "cell.toml")
     assert cell_.live_camera.device == "video:/dev/video2"
-    made = VideoSettings((1920, 1080), 0.008, 4.0, 0.2, 1.0, False, {"FOURCC": "YUYV", "FOCUS": 30})
+    made = VideoSettings((1920, 1200), 0.008, 4.0, 0.2, 1.0, False, {"FOURCC": "YUYV", "FOCUS": 30})
     assert cell_.live_camera.video == made
     assert cell_.digest == plain.digest
     assert not changes(plain.inputs, cell_.inputs)

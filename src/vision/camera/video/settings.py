@@ -73,7 +73,7 @@ def set_device(
     """
     import cv2
 
-    codes = {name: _property(name, value, refuse) for name, value in settings.features.items()}
+    codes = {name: property_code(name, value, refuse) for name, value in settings.features.items()}
     if form := settings.features.get("FOURCC"):  # the format first, as it decides on sizes
         wanted = float(cv2.VideoWriter.fourcc(*str(form)))
         _set(device, codes["FOURCC"], wanted, "features.FOURCC", form, refuse)
@@ -108,7 +108,8 @@ def _set_exposure(device: Any, exposure: float, refuse: Refuse) -> None:
     _set(device, cv2.CAP_PROP_EXPOSURE, units, "exposure_us", wanted_us, refuse)
 
 
-def _property(name: str, value: Any, refuse: Refuse) -> int:
+def property_code(name: str, value: Any, refuse: Refuse) -> int:
+    """Return OpenCV's number of a property, after a check of its name and the type of its value."""
     import cv2
 
     code = getattr(cv2, f"CAP_PROP_{name}", None)
