@@ -24,7 +24,8 @@ from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import POSES, place_or_arm
 from cell.program.doubts.depths import buried, depths
-from cell.program.doubts.hints import in_metres
+from cell.program.doubts.hints import in_metres, turned_up, unplaced
+from cell.program.doubts.stated import stated_doubts
 from cell.program.doubts.taken import taken_from_air
 from cell.program.path_speeds import HEADER, KeptSpeed, path_speeds
 from cell.program.planning import T_base_work, plan_of_program
@@ -233,7 +234,9 @@ def reach_program_step(program_file: Path, look: Path | None, console: Console) 
         ("step", "path mm", "x mm", "y mm", "z mm", "sampled solutions", "what limits it"),
         [(s.step, 1e3 * s.place, *(1e3 * v for v in s.position), s.solutions, s.reason()) for s in stations],
     )
-    require_reach(stations, in_metres(task))
+    beyond = [one for one in stations if one.best is None]
+    turned = turned_up(task, beyond[0].pose.T_base_tool) + unplaced(task) if beyond else ""
+    require_reach(stations, turned + in_metres(task))
     return {
         "stations": [
             {
@@ -256,7 +259,7 @@ def _task_and_look(
         InputError: a value is wrong, or the look is missing.
     """
     task = read_program(program_file)
-    for doubt in task.doubts():
+    for doubt in (*task.doubts(), *stated_doubts(task)):
         console.say(f"NOTE: {doubt}")
     if look is None and task.board is not None:
         why = f"--look is missing: the workpiece of {program_file} is on board {task.board.name}"

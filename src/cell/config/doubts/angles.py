@@ -1,4 +1,4 @@
-"""Joint angles given in deg that may be in rad."""
+"""Angles given in deg that may be in rad."""
 
 from __future__ import annotations
 
@@ -22,3 +22,25 @@ def doubt_of_deg(q: Array, unit: Unit) -> str:
         f"[{given}]: is it in rad? Then it must be [{meant}] in deg; as it is, the arm is within 3.2 deg of zero in "
         "all joints"
     )
+
+
+_HUNDREDTH = 0.0051  # rad, of angles with two decimals
+_WHOLE = np.radians(5.0)  # angles are rather multiples of this
+
+
+def doubt_of_small(stated: float | list[float]) -> str:
+    """Say that angles given in deg may be in rad; "" if not.
+
+    One at least is a multiple of 5 deg in rad to its two decimals or more, and none is more than a turn in rad.
+    """
+    values = np.atleast_1d(np.array(stated, dtype=float))
+    given = np.abs(values[values != 0.0])
+    meant = _WHOLE * np.rint(given / _WHOLE)
+    has_decimals = np.abs(given - np.round(given, 1)) > 1e-9
+    if not (has_decimals & (meant > 0.0) & (np.abs(given - meant) < _HUNDREDTH)).any():
+        return ""
+    if given.max() > 2.0 * np.pi + _HUNDREDTH or np.median(np.abs(given - meant)) > _HUNDREDTH:
+        return ""
+    in_deg = ", ".join(f"{v:.4g}" for v in np.degrees(values).tolist())
+    in_deg = in_deg if values.shape == (1,) and not isinstance(stated, list) else f"[{in_deg}]"
+    return f"{stated}: is it in rad? Then it must be {in_deg} in deg"

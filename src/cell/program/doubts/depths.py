@@ -20,22 +20,32 @@ _MOST = 400  # of them
 
 
 def depths(task: ProgramTask, T_base_work: Array) -> Iterator[str]:
-    """Say of each step with which body of the tool it goes deep into which body that its `touch` names, and where most.
+    """Say of each step with which body of the tool it goes deep into which body that its `touch` names, and where most;
+    and which body of the tool never comes as near as the clearance.
 
     The poses are those that the file states: what is free of them is not used.
     """
     around = {body.name: body for body in (*task.cell.fixed, *task.bodies_at(T_base_work))}
     deepest: dict[tuple[str, str, str], tuple[float, str]] = {}
+    apart: dict[tuple[str, str, str], float] = {}
     for step in (one for one in task.steps if isinstance(one, PathStep)):
         for names in map(sorted, step.touch):
             for of_tool, other in (names, names[::-1]):
                 depth, at = _deepest(task, step, T_base_work, of_tool, around.get(other))
+                pair = (step.key, of_tool, other)
+                apart[pair] = min(apart.get(pair, np.inf), -depth)
                 if depth > max(DEEP, deepest.get((step.key, of_tool, other), (0.0, ""))[0]):
                     where = f"on path {step.name!r}, {1e3 * at:.0f} mm from its start"
                     deepest[step.key, of_tool, other] = depth, where
     for (key, of_tool, other), (depth, where) in sorted(deepest.items()):
         deep = f"{of_tool} is {1e3 * depth:.1f} mm deep in {other}"
         yield f"{task.file.name}: {key}: {where}, {deep}, which touch allows"
+    for (key, of_tool, other), away in sorted(apart.items()):
+        if away >= task.required:
+            yield (
+                f"{task.file.name}: {key}.touch: {of_tool} stays {1e3 * away:.0f} mm from {other}, which it may touch: "
+                "are work.origin_mm, the place of the body and corner_mm right?"
+            )
 
 
 def buried(task: ProgramTask, T_base_work: Array) -> Iterator[str]:

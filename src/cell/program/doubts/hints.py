@@ -10,11 +10,14 @@ import numpy as np
 from arm.errors import ImpossibleError
 from arm.numerics.products import mul, norm
 from arm.robot.model import Robot
+from arm.se3 import Array, inverse
 from cell.program.path_step import PathStep
 from cell.program.program_file import ProgramTask
 from cell.program.steps import PoseStep, Step
 
 _AT_BASE = 2e-3  # m from the origin of the base, where no workpiece stands
+_IN_BASE = 0.1  # m from the arm's axis, where its base stands
+_DOWN = -0.3  # z of a direction that points down
 _EDGE = 1e-3  # m, by which a place is within a part of a path
 _LEG = ", leg "  # in the names of the legs of a path, before their number
 _SIZES = {  # keys of a step, or of its file, by which a path is as large as it is
@@ -34,7 +37,31 @@ def hint(task: ProgramTask, step: Step | None, error: ImpossibleError) -> str:
         found += _extended(step, error.data) + _too_large(task, step, error.data)
     if isinstance(step, PoseStep):
         found += _unlifted(step, error)
+    if isinstance(step, PathStep | PoseStep) and task.board is None and "out of reach" in str(error):
+        poses = step.poses.T_work_tool if isinstance(step, PathStep) else step.T_work_tool
+        found += turned_up(task, mul(task.T_on_work, poses[0])) + unplaced(task)
     return found + in_metres(task)
+
+
+def turned_up(task: ProgramTask, T_base_tool: Array) -> str:
+    """Say that the flange points up or sideways at a pose, which is seldom meant; "" if it points down."""
+    robot = task.cell.robot()
+    x, y, z = np.round(mul(T_base_tool, inverse(robot.T_end_tool))[:3, 2], 2).tolist()
+    if z < _DOWN:
+        return ""
+    where = "up" if z > -_DOWN else "sideways"
+    along = f"({x + 0.0:g}, {y + 0.0:g}, {z + 0.0:g})"
+    return (
+        f"; the flange would point {where}, along {along} of the base frame: are axis or rpy_deg of the step, and "
+        "work.rpy_deg, right?"
+    )
+
+
+def unplaced(task: ProgramTask) -> str:
+    """Say that a program does not state where its workpiece is; "" if it does."""
+    if task.board is not None or "work.origin_mm" in task.inputs:
+        return ""
+    return "; the program has no work.origin_mm, so the workpiece is at the origin of the base frame"
 
 
 def _unlifted(step: PoseStep, error: ImpossibleError) -> str:
@@ -110,9 +137,11 @@ def reach_of(robot: Robot) -> float:
 
 
 def in_metres(task: ProgramTask) -> str:
-    """Ask for the unit of a workpiece that is beside the origin of the base, as one in metres is; "" of any other."""
+    """Ask for the unit of a workpiece that is where the base stands, as one in metres or cm is; "" of any other."""
     origin = task.T_on_work[:3, 3]
-    if task.board is not None or not 0.0 < np.abs(origin).max() < _AT_BASE:
+    if task.board is not None or not 0.0 < np.abs(origin[:2]).max() < _IN_BASE:
         return ""
     shown = ", ".join(f"{1e3 * value:g}" for value in origin.tolist())
+    if np.abs(origin).max() >= _AT_BASE:
+        return f"; work.origin_mm = [{shown}] is where the arm's base stands: is it in cm?"
     return f"; work.origin_mm = [{shown}] is less than {1e3 * _AT_BASE:g} mm from that of the base: is it in metres?"

@@ -29,6 +29,7 @@ from plan.program.goals.attachments import AttachmentWorlds
 from plan.program.setting import planned_limits
 from vision.observation import Observation
 
+_TOLD = 3  # paths and poses that a refusal names
 _TRIED = 60  # solutions at a station whose distances are computed, until one is clear
 
 
@@ -126,7 +127,10 @@ def require_reach(stations: tuple[StationReach, ...], note: str = "") -> None:
         if not station.free:
             blocked.setdefault(station.step, station)
     if blocked:
-        shown = "; ".join(f"{s.step!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in blocked.values())
+        some = list(blocked.values())[:_TOLD]
+        shown = "; ".join(f"{s.step!r} at {1e3 * s.place:.0f} mm: {s.reason()}" for s in some)
+        if len(blocked) > _TOLD:
+            shown += f"; and {len(blocked) - _TOLD} more"
         why = f"the arm cannot do {shown}; move the workpiece, or free more directions{note}"
         first, *_ = ways = tuple(station.rejected() for station in blocked.values())
         kind = OUT_OF_REACH if first.pair is None else LINE_BLOCKED

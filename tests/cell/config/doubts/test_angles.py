@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import load_unit
-from cell.config.doubts.angles import doubt_of_deg
+from cell.config.doubts.angles import doubt_of_deg, doubt_of_small
 
 UNIT = load_unit("crs93")
 
@@ -24,3 +24,17 @@ def test_a_configuration_in_rad_is_told_with_what_is_meant_in_deg(seed: int) -> 
 )
 def test_whole_degrees_and_large_ones_raise_no_doubt(degrees: tuple[float, ...]) -> None:
     assert doubt_of_deg(np.radians(degrees), UNIT) == ""
+
+
+@pytest.mark.parametrize(
+    ("stated", "meant"),
+    [
+        (1.57, "89.95"), (-3.14, "-179.9"), (0.52, "29.79"), (0.436, "24.98"), ([0, 0, 1.5708], "[0, 0, 90]"),
+        ([-0.26, 0.26], "[-14.9, 14.9]"),
+        (0.5, ""), (1.5, ""), (25, ""), (0, ""), (0.61, "34.95"), (0.7, ""), ([0, -10, 0], ""), ([1.57, 40], ""),
+        ([0.37, 1.12, -0.64], ""),
+    ],
+)  # fmt: skip
+def test_multiples_of_5_deg_in_rad_are_told(stated: float | list[float], meant: str) -> None:
+    found = doubt_of_small(stated)
+    assert found == (f"{stated}: is it in rad? Then it must be {meant} in deg" if meant else "")

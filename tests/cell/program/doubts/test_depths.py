@@ -52,3 +52,16 @@ def test_a_pen_deep_in_the_table_is_told_before_it_is_planned(tmp_path: Path) ->
     assert said.startswith("NOTE: drawing.toml: steps[0]: on path 'drawing, stroke ")
     assert said.count("NOTE") == 1
     assert "mm from its start, pen is 10.0 mm deep in table, which touch allows\n" in said
+
+
+@pytest.mark.parametrize(("z", "told"), [("10", ""), ("95", "85")])
+def test_a_path_that_never_comes_near_what_it_may_touch_is_told(tmp_path: Path, z: str, told: str) -> None:
+    file = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "polish/pass.toml"
+    replace_in(file, "corner_mm = [10, 6, 9.5]", f"corner_mm = [10, 6, {z}]")
+    task = read_program(file)
+    found = list(depths(task, task.T_on_work))
+    assert len(found) == bool(told)
+    if told:
+        assert found[0].startswith(
+            f"pass.toml: steps[0].touch: ball stays {told} mm from block, which it may"
+        )

@@ -106,3 +106,21 @@ def test_a_refused_plan_has_the_hint(tmp_path: Path) -> None:
     task = changed(tmp_path, "hoop/b.toml", "extend_mm = [40, -27.5]", "extend_mm = [-40, 27.5]")
     with pytest.raises(ImpossibleError, match=r"; it is in the 27\.5 mm by which extend_mm prolongs the end"):
         plan_of_program(task, Observation(), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("axis = [0, 0, -1]", "axis = [0, 0, 1]", "; the flange would point up, along (0, 0, 1) of the base frame: "),
+        ("axis = [0, 0, -1]", "axis = [180, 0, 0]", "; the flange would point sideways, along (0, -1, 0) of the base"),
+        ("origin_mm = [380, 105, 1]", "", "; the program has no work.origin_mm, so the workpiece is at the origin of"),
+        ("[380, 105, 1]", "[38, 10.5, 0.1]", "; work.origin_mm = [38, 10.5, 0.1] is where the arm's base stands: is"),
+        ("[380, 105, 1]", "[0.38, 0.1, 0.1]", "; work.origin_mm = [0.38, 0.1, 0.1] is less than 2 mm from that of the"),
+    ],
+)  # fmt: skip
+def test_what_is_out_of_reach_asks_where_the_flange_points_and_where_the_workpiece_is(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    task = changed(tmp_path, "pen/drawing.toml", old, new)
+    assert told in hint(task, task.steps[0], ImpossibleError("the tool is out of reach"))
+    assert hint_of(changed(tmp_path / "plain", "pen/drawing.toml")) == ""

@@ -15,7 +15,8 @@ from arm.io.storage import data_file
 from arm.se3 import transform
 from cell.program.program_file import ProgramTask, read_program
 from cell.program.steps import PoseStep
-from cell.task.programs.reach import program_reach, require_reach
+from cell.task.programs.reach import StationReach, program_reach, require_reach
+from plan.kinematics.nearest import AskedPose
 from programs.program_files import PROGRAM as PATH_AND_POSE
 from programs.program_files import program
 from typed.command_line import a465
@@ -122,3 +123,10 @@ def test_the_ends_of_lines_and_what_is_in_the_jaws_count() -> None:
     long = tuple(replace(s, approach=1.0) if isinstance(s, PoseStep) else s for s in task.steps)
     with pytest.raises(ImpossibleError, match=r"'take' at -1000 mm: out of reach"):
         require_reach(program_reach(replace(task, steps=long), Observation(), 0.5))
+
+
+def test_a_refusal_names_three_of_many() -> None:
+    pose = AskedPose(transform())
+    some = tuple(StationReach(f"take {n}", 0.0, pose, 0, 0.005) for n in range(32))
+    with pytest.raises(ImpossibleError, match=r"'take 2' at 0 mm: [^;]*; and 29 more; move the workpiece"):
+        require_reach(some)
