@@ -84,9 +84,13 @@ def read_values(declared: Mapping[str, Key], node: Node) -> dict[str, Any]:
             names the unknown keys.
     """
     unknown = list(_unknown(node, [one.name for one in declared.values()], _names(declared)))
-    hints = [f"{one.key} is not a known key" + (f": {help}" if "?" in help else "") for one, help in unknown]
-    hinted = replace(node, help="; ".join(filter(None, [node.help, *hints])))
-    values = {name: hinted.get(one.name, one.rule, one.default) for name, one in declared.items()}
+    hints = [
+        f"{one.key} is not a known key" + ("" if help.startswith("known:") else f": {help}")
+        for one, help in unknown
+    ]
+    hinted = replace(node, unknown="; ".join(filter(None, [node.unknown, *hints])))
+    parts = {part for one in declared.values() for part in (one.name, one.name.partition(".")[0])}
+    values = {name: hinted.get(one.name, one.rule, one.default, parts) for name, one in declared.items()}
     for one, help in unknown:
         raise one.error("is not a known key", help)
     return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -42,12 +42,14 @@ class Node:
         key: such as ``tool.length_mm`` or ``poses[3].joints_rad``; "" for the whole file.
         value: the parsed value.
         help: advice for messages about broken rules and missing keys.
+        unknown: which keys of the table are not known, for the same messages.
     """
 
     file: Path
     key: str
     value: Any
     help: str = ""
+    unknown: str = ""
 
     @classmethod
     def of_toml(cls, path: Path, *kinds: str) -> Node:
@@ -74,7 +76,8 @@ class Node:
     def error(self, rule: str, help: str = "") -> FileInputError:
         """Return the error to raise if the value breaks `rule`; a long value is left out, a long string shortened."""
         hidden = not self.key or (not isinstance(self.value, str) and len(repr(self.value)) > MOST_VALUE)
-        return FileInputError(self.file, self.key, None if hidden else self.value, rule, help or self.help)
+        every = "; ".join(filter(None, (help or self.help, self.unknown)))
+        return FileInputError(self.file, self.key, None if hidden else self.value, rule, every)
 
     def error_at(self, name: str, rule: str, help: str = "") -> FileInputError:
         """Return the error to raise if the value of a key (dotted in a table) breaks `rule`."""
@@ -94,13 +97,14 @@ class Node:
             raise self._child(name, None).error("is missing")
         return node
 
-    def get(self, name: str, rule: Rule[T], default: Any = REQUIRED) -> T:
+    def get(self, name: str, rule: Rule[T], default: Any = REQUIRED, known: Container[str] = ()) -> T:
         """Return the checked value of a key (dotted in a table).
 
         Args:
             name: the key.
             rule: what the value must be.
             default: value for a missing key, written as in the file, or None; `REQUIRED`: a missing key is an error.
+            known: dotted keys, and tables, that are not meant by a missing key.
 
         Raises:
             FileInputError: the value breaks the rule, or is missing.
@@ -108,7 +112,7 @@ class Node:
         if (node := self._find(name)) is not None:
             return rule.read(node)
         if default is REQUIRED:
-            guess = difflib.get_close_matches(name, list(self.value), n=1)
+            guess = difflib.get_close_matches(name, [one for one in self.value if one not in known], n=1)
             near = f"the file has {self._child(guess[0], None).key}" if guess else ""
             near = near or ("the file is empty" if not (self.value or self.key) else "")
             raise self._child(name, None).error(f"is missing; it must be {rule.words}", self.help or near)
@@ -128,7 +132,9 @@ class Node:
         if not isinstance(self.value, list):
             single = isinstance(self.value, dict) and self.file.suffix == ".toml" and "[" not in self.key
             raise self.error("must be a list", f"write [[{self.key}]], not [{self.key}]" if single else "")
-        return [Node(self.file, f"{self.key}[{i}]", v, self.help) for i, v in enumerate(self.value)]
+        return [
+            Node(self.file, f"{self.key}[{i}]", v, self.help, self.unknown) for i, v in enumerate(self.value)
+        ]
 
     def at(self, place: Iterable[int]) -> Node:
         """Return the value at index `place` of nested lists."""
@@ -139,7 +145,7 @@ class Node:
 
     def _child(self, name: str, value: Any) -> Node:
         shown = name if name.isprintable() else ascii(name)[1:-1]  # a file's names may have any characters
-        return Node(self.file, f"{self.key}.{shown}" if self.key else shown, value, self.help)
+        return Node(self.file, f"{self.key}.{shown}" if self.key else shown, value, self.help, self.unknown)
 
     def _find(self, name: str) -> Node | None:
         """Return the value of a key (dotted in a table); None if it is missing."""

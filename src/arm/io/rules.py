@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import math
 import os
-import re
 import unicodedata
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +15,8 @@ import numpy as np
 from arm.errors import A465Error
 from arm.io.foreign import no_file
 from arm.io.node import Node, Rule
+from arm.io.slips.ports import port_fault
+from arm.io.slips.values import as_text, other_count
 from arm.numerics.products import mul, norm
 from arm.numerics.units import unit_meant
 from arm.se3 import Array, frozen, orthonormalised
@@ -43,12 +44,17 @@ _UNREADABLE = {
 }
 
 
-def rule_of(words: str, good: Callable[[Any], object], into: Callable[[Any], T]) -> Rule[T]:
-    """Return a rule that accepts values for which `good` is true; `into` converts them."""
+def rule_of(
+    words: str,
+    good: Callable[[Any], object],
+    into: Callable[[Any], T],
+    help: Callable[[Any], str] | None = None,
+) -> Rule[T]:
+    """Return a rule that accepts values for which `good` is true; `into` converts them, `help` says what was meant."""
 
     def read(node: Node) -> T:
         if not good(node.value):
-            raise node.error(f"must be {words}")
+            raise node.error(f"must be {words}", "" if help is None else help(node.value))
         return into(node.value)
 
     return Rule(words, read)
@@ -106,8 +112,8 @@ def numbers(
         )
         bad = ~((array >= low) & (array <= high)) if ranged else np.isinf(array)
         if not fits or (bad & ~np.isnan(array)).any() or (np.isnan(array).any() and not gaps):
-            meant = unit_meant(array, unit, low, high) if fits else ""
-            raise node.error(f"must be {words}", "; ".join(filter(None, (meant, node.help))))
+            help = as_text(node.value) or (other_count(node.value, shape[-1]) if len(shape) == 1 else "")
+            raise node.error(f"must be {words}", unit_meant(array, unit, low, high) if fits else help)
         for place in np.argwhere(np.abs(array) > LARGEST):
             raise node.at(place).error(f"must be from {-LARGEST:g} to {LARGEST:g}")
         return frozen(_SI.get(unit, same)(array))
@@ -201,7 +207,7 @@ def _scale(C: Array) -> Array:
 
 def integer(low: int, high: int) -> Rule[int]:
     """A whole number from `low` to `high`."""
-    return rule_of(f"a whole number from {low} to {high}", lambda v: is_whole(v, low, high), int)
+    return rule_of(f"a whole number from {low} to {high}", lambda v: is_whole(v, low, high), int, as_text)
 
 
 def integers(count: int, low: int, high: int) -> Rule[tuple[int, ...]]:
@@ -210,6 +216,7 @@ def integers(count: int, low: int, high: int) -> Rule[tuple[int, ...]]:
         f"{count} whole numbers from {low} to {high}",
         lambda v: isinstance(v, list) and len(v) == count and all(is_whole(one, low, high) for one in v),
         tuple,
+        lambda v: as_text(v) or other_count(v, count),
     )
 
 
@@ -225,7 +232,9 @@ def text(*choices: str) -> Rule[str]:
     def read(node: Node) -> str:
         if isinstance(node.value, str) and (node.value in choices or not choices):
             return node.value
-        guess = difflib.get_close_matches(str(node.value), choices, n=1)
+        given = str(node.value).strip()
+        alike = [choice for choice in choices if choice.lower() == given.lower()]
+        guess = alike or difflib.get_close_matches(given, choices, n=1)
         raise node.error(f"must be {words}", f"did you mean {guess[0]!r}?" if guess else "")
 
     return Rule(words, read)
@@ -339,30 +348,6 @@ def path(exists: bool = True) -> Rule[Path]:
         return found
 
     return Rule("a string", read)
-
-
-def port_fault(url: str) -> str:
-    """Return the rule that the name of a serial port breaks, "" if none; whether it is there is not asked."""
-    if (inner := url.strip(" \t\"'")) != url and inner:
-        around = "quotes" if {url[0], url[-1]} & {'"', "'"} else "spaces"
-        return f"has {around} in its value, which are no part of a name; must be {inner}"
-    if url.startswith("socket://"):
-        found = re.fullmatch(r"socket://[^/:]+:(\d+)/?(\?.*)?", url)
-        right = found and 0 < int(found[1]) < 2**16
-        return (
-            "" if right else "must be socket://HOST:PORT, such as socket://127.0.0.1:4650 (PORT up to 65535)"
-        )
-    if found := re.fullmatch(r"(?i)(?:socket|tcp|telnet)(?::/*|//)([^/:]+(:\d+)?)/?", url):
-        return f"must be socket://{found[1]}{'' if found[2] else ':PORT'}"
-    if found := re.fullmatch(r"(/.*):(9600|19200|38400|57600|115200)", url):
-        return f"must be {found[1]}: the line's speed is fixed, and no part of the name"
-    if "://" in url:
-        return "must be a device, or socket://HOST:PORT"
-    if re.fullmatch(r"(\d{1,3}\.){3}\d{1,3}", url):
-        return f"must be socket://{url}:PORT, or a device"
-    if re.fullmatch(r"[\w.-]+:\d{1,5}", url):
-        return f"must be socket://{url}, or a device"
-    return "" if url.strip() else "must be a device, such as /dev/mars, or socket://HOST:PORT"
 
 
 def port() -> Rule[str]:

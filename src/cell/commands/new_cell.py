@@ -16,7 +16,7 @@ from typing import Any
 from arm.controller.unit import SUFFIX, UNITS, Unit, load_unit
 from arm.errors import InputError
 from arm.io.keys import Keys
-from arm.io.rules import port_fault
+from arm.io.slips.ports import port_fault
 from arm.io.storage import data_file, read_text
 from arm.io.toml_reader import read_toml
 from cell.config.camera_keys import require_device

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from arm.errors import InputError
 from arm.io.node import Node
-from arm.io.rules import path, port, port_fault
+from arm.io.rules import path, port
+from arm.io.slips.ports import port_fault
 from arm.io.storage import leaves
 from cell.config.camera_keys import OF_CELL
 from cell.console import Console

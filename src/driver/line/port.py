@@ -19,7 +19,7 @@ import serial
 
 from arm.errors import InputError
 from arm.io.claim import Claim, Holder, holder_of
-from arm.io.rules import port_fault
+from arm.io.slips.ports import port_fault
 from driver.line.protocol import BAUD
 
 PORT_ERRORS = (OSError, termios.error)  # what using a port can raise; pyserial's own errors are OSErrors
