@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from math import inf
 from numbers import Integral, Real
@@ -189,7 +190,11 @@ def option_numbers(option: str, text: str, count: int, what: str) -> Array:
     except ValueError:
         values = np.zeros(0)
     if len(values) != count or not np.isfinite(values).all():
-        found = "" if len(parts) == count else f", not {len(parts)}; the decimal sign is a point"
+        found = "" if len(parts) == count else f", not {len(parts)}"
+        if foreign := re.search(r"[^\d.,+\-eE\s]", text):
+            found += f"; {foreign[0]!r} is no part of a number"
+        elif len(parts) > count:
+            found += "; the decimal sign is a point"
         why = f"{option}={text}: must be {count} numbers separated by commas, {what}{found}"
         raise InputError(why, option=option, value=text)
     return frozen(values)

@@ -56,7 +56,8 @@ def fail_usage(error: typer.TyperException, app: typer.Typer) -> NoReturn:
         sys.exit(InputError.exit_code)
     verbs = _typed() if context is None else _verbs(context)
     help = usage_help(words, sys.argv[1:], verbs, _commands(app))
-    why = " ".join(words.split()).removesuffix(".")
+    why = " ".join(words.split()).removesuffix(".").replace("is not a valid float", "is not a number")
+    why = why.removesuffix(". Did you mean 'release'?")  # nobody is led to where the arm may drop
     if help:  # better than the parser's guess
         why = f"{re.sub(r' [(]Possible options: .*[)]$', '', why)} ({help})"
     why = f"{why}; see {' '.join(('a465', *verbs))} --help"

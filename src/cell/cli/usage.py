@@ -44,6 +44,7 @@ ALSO = {
     **dict.fromkeys(("plan-poses", "plan-list"), "plan CELL LIST"),
     **dict.fromkeys(("capture", "photo", "photograph"), "snap CELL"),
 }
+FILES = frozenset("task cell plan program file input list poses log arm".split())  # options of other programs
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
 
 
@@ -59,12 +60,16 @@ def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands:
     command = commands.get(" ".join(verbs))
     if (found := re.search(r"No such command '(.+?)'", words)) and found[1].lower() in ALSO:
         return f"it is a465 {ALSO[found[1].lower()]}"
+    if found and (named := found[1].lower()) in {one.split()[0] for one in commands} - {found[1]}:
+        return f"it is {named}, in small letters"
     if found and found[1] == "help":
         return f"help is an option: a465 {' '.join(typed[1:2])} --help".replace("  ", " ")
     if found := re.search(r"No such option: (-\S+)", words):
         return _of_option(found[1].rstrip("."), typed, verbs, commands, command)
     if found := re.search(r"unexpected extra arguments?(?:\(s\))? \((.*)\)", words):
         return _of_extra(found[1].split(), typed, command)
+    if found := re.search(r"'([-+]?\d+),(\d+)' is not a valid float", words):
+        return f"the decimal sign is a point: {found[1]}.{found[2]}"
     if found := re.search(rf"'({_NUMBER.pattern})\s*[a-zA-Z°%]+' is not a valid (?:float|int)", words):
         return f"give the number alone, such as {found[1]}; the help states its unit"
     return ""
@@ -80,16 +85,22 @@ def _of_option(
         return "the values of a list are joined by commas: --q=0,10,-80,0,-60,0"
     if option in ("-h", "-help", "-?"):
         return f"it is {' '.join(('a465', *verbs))} --help"
+    for word in typed:  # of a word with one dash the parser names a letter
+        if re.match(r"-[a-zA-Z]", word) and (long := f"-{word.partition('=')[0]}") in _options(command):
+            return f"it is {long}"
     if not verbs:
         named = next((word for word in typed if word in commands), "")
         if named and option in _options(commands[named]):
             return f"{option} stands after the command: a465 {named} ... {option}"
         return ""
     name = option.lstrip("-").replace("-", "_")
-    for one in command.params if command else ():
-        if one.param_type_name == "argument" and name in _names(one):
-            usage = " ".join(p.make_metavar(None) for p in command.params if p.param_type_name == "argument")
-            return f"{name} is an argument and has no option: a465 {' '.join(verbs)} {usage}"
+    arguments = [one for one in (command.params if command else ()) if one.param_type_name == "argument"]
+    metavars = [one.make_metavar(None) for one in arguments]
+    usage = " ".join(["a465", *verbs, *(one.upper() if one.islower() else one for one in metavars)])
+    if any(name in _names(one) for one in arguments) or (
+        name in FILES and re.search("FILE|TASK|CELL|PLAN", usage)
+    ):
+        return f"{name} is an argument and has no option: {usage}"
     if other := next((one for one in ALIKE.get(option, ()) if one in _options(command)), ""):
         return f"it is {other} here"
     if option in SIMULATED and "--port" in _options(command):

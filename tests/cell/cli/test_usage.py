@@ -20,6 +20,13 @@ from typed.command_line import a465
         ("doctor --images x", "No such option: --images (it is --camera here); see"),
         ("new-cell hall crs93", "(a unit is given by --unit crs93)"),
         ("--json plan t.toml", "(--json stands after the command: a465 plan ... --json)"),
+        ("plan t.toml --speed 0,3", "'0,3' is not a number (the decimal sign is a point: 0.3)"),
+        ("plan t.toml -speed=0.3", "(it is --speed)"),
+        ("check t.toml -q 0,0,0", "(it is --q)"),
+        ("Check t.toml", "(it is check, in small letters)"),
+        ("plan --task t.toml", "(task is an argument and has no option: a465 plan FILE POSES)"),
+        ("execute --plan p.json", "(plan is an argument and has no option: a465 execute PLAN TASK)"),
+        ("reset", "No such command 'reset'; see a465 --help"),  # release, which is alike, may drop the arm
         ("run t.toml --speed 30s", "(give the number alone, such as 30; the help states its unit)"),
         ("calibrate camera x --world y", "No such option: --world (Possible options: "),
         ("home --cell c.toml mars", "(cell is an argument and has no option: a465 home CELL [PORT])"),
