@@ -44,7 +44,8 @@ ALSO = {
     **dict.fromkeys(("plan-poses", "plan-list"), "plan CELL LIST"),
     **dict.fromkeys(("capture", "photo", "photograph"), "snap CELL"),
 }
-FILES = frozenset("task cell plan program file input list poses log arm".split())  # options of other programs
+# Names that options of files have in other programs.
+FILES = ("task", "cell", "plan", "program", "file", "input", "list", "poses", "log", "arm")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
 
 
