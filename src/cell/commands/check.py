@@ -14,18 +14,25 @@ def check_step(
     file: Path, task_file: Path | None, configuration: str | None, console: Console
 ) -> dict[str, Any]:
     """Check a plan (JSON; of a cell against its task), a scene file, or with --q a configuration in such a file."""
-    if read_text(file, "JSON").lstrip().startswith("{"):
+    begin = read_text(file, "JSON").lstrip()[:1]
+    if not begin:
+        raise InputError(f"{file}: is empty; check takes a plan or a scene file", file=str(file))
+    if begin == "{" or file.suffix.lower() == ".json":
         if configuration is not None:
             raise InputError(f"{file} is a plan; --q needs a scene, cell or task file", file=str(file))
         return _check_plan(file, task_file, console)
     from cell.commands.check_scene import check_scene, closest_pairs
     from cell.files.scene import read_scene_file, read_surroundings
+    from cell.program.program_file import doubts_of_file
 
     if task_file is not None:
         raise InputError(f"{file} is not a plan and needs no task; leave out {task_file}", file=str(file))
     if configuration is None:
         return check_scene(read_scene_file(file), console)
-    return closest_pairs(read_surroundings(file), configuration, console)
+    result = closest_pairs(read_surroundings(file), configuration, console)
+    for doubt in doubts_of_file(file):
+        console.say(f"NOTE: {doubt}")
+    return result
 
 
 def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import ImpossibleError, InputError
-from arm.io.outputs import keep_page
+from arm.io.kind import kind_of_file
+from arm.io.outputs import PAGES, keep_page
 from arm.io.storage import keep_unread
 from cell.console import Console
 
@@ -29,6 +30,9 @@ def preview_file(
     """
     from driver.log.read import is_log
 
+    if output is None and file.suffix.lower() in PAGES:
+        why = f"{file}: is named as a page, which a browser opens; preview takes a plan or a log"
+        raise InputError(why, file=str(file))
     keep_page(output, file, task, look, image)
     output = output or file.with_suffix(".html")
     keep_unread(output)
@@ -39,6 +43,9 @@ def preview_file(
             if given is not None:
                 raise InputError(f"--{option} goes with a plan; {file} is a log", option=option)
         return preview_log(file, task, output, console)
+    if kind_of_file(file) == "log":
+        why = f"{file}: is part of a log: its first line, of the kind open, is missing; give the whole log"
+        raise InputError(why, file=str(file))
     return _preview_plan(file, task, output, console, look, image)
 
 

@@ -71,6 +71,8 @@ def compare_step(first: Path, second: Path, console: Console) -> dict[str, Any]:
     }
     if found:
         console.table(tuple(used), list(zip(*used.values(), strict=True)))
+    if first.samefile(second):
+        console.say(f"NOTE: {first} and {second} are the same file")
     count = f"{len(found)} difference{'' if len(found) == 1 else 's'}"
     console.say(f"{first} and {second}: {count if found else 'no difference'}")
     return {
@@ -115,9 +117,8 @@ def _kind(path: Path) -> str:
         return "plan"
     root = Node.of_toml(path)
     known = {"T_base_camera": "calibration", "intrinsics": "camera", "q_start_deg": "cell"}
-    return next(
-        (known.get(name, name) for name in (*known, "task", "program", "arm") if name in root), "other"
-    )
+    shown = (known.get(name, name) for name in (*known, "task", "program", "arm") if name in root)
+    return next(shown, kind_of(root.value) or "other")
 
 
 def _words(path: Path, kind: str) -> str:

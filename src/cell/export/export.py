@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 PERIOD_S = 0.02  # between samples of a plan
 URDF = "urdf"
 SUFFIXES = {"csv": ".csv", "trajectory": ".trajectory.json", "mcap": ".mcap"}
+_FILES = (".urdf", ".srdf", ".xml", ".json", ".csv", ".toml", ".mcap", ".html")  # suffixes that no folder has
 _KINDS = {"csv": "samples", "trajectory": "trajectory", "mcap": ""}  # of `arm.io.kind`
 
 
@@ -67,15 +68,15 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
         InputError: the file cannot be exported, a format or option does not apply to it, a library is missing, or the
             output cannot be written.
     """
-    suffix = "" if asked.output is None or asked.form is not None else asked.output.suffix.lower()
-    for form, ends in (("trajectory", ".json"), ("mcap", ".mcap")):
-        if suffix == ends:
-            why = f"{asked.output}: is of --format {form}, which is not given; without it a table (.csv) is written"
-            raise InputError(why, file=str(asked.output))
     if is_log(file):
+        _refuse_other_form(asked)
         _refuse_options(file, "a log", asked, ("planned", "unit", "cell"), tuple(SUFFIXES))
         return _log_step(file, asked, console)
+    if kind_of_file(file) == "log":
+        why = f"{file}: is part of a log: its first line, of the kind open, is missing; give the whole log"
+        raise InputError(why, file=str(file))
     if read_text(file, "JSON").lstrip().startswith(("{", "[")):
+        _refuse_other_form(asked)
         _refuse_options(file, "a plan", asked, ("period", "cell"), (*SUFFIXES, URDF))
         return _plan_step(file, asked, console)
     if (kind := kind_of_file(file)) not in ("", "scene", "cell", "task", "program", "arm"):
@@ -87,9 +88,22 @@ def export_file(file: Path, asked: ExportOptions, console: Console) -> dict[str,
         read_toml(file)  # what is no TOML is told as what it is
     _refuse_options(file, "a scene, cell, task or arm file", asked, ("look",), (URDF,))
     from cell.export.scene import surroundings_of_file
+    from cell.program.program_file import doubts_of_file
 
     output = asked.output or file.with_name(f"{file.stem}_{URDF}")
-    return {"scene": str(file), **_urdf_step(surroundings_of_file(file, asked.look), output, console)}
+    result = {"scene": str(file), **_urdf_step(surroundings_of_file(file, asked.look), output, console)}
+    for doubt in doubts_of_file(file):
+        console.say(f"NOTE: {doubt}")
+    return result
+
+
+def _refuse_other_form(asked: ExportOptions) -> None:
+    """Refuse an output that is named as one of a format that was not asked for, where a table is written."""
+    suffix = "" if asked.output is None or asked.form is not None else asked.output.suffix.lower()
+    for form, ends in (("trajectory", ".json"), ("mcap", ".mcap"), (URDF, ".urdf")):
+        if suffix == ends:
+            why = f"{asked.output}: is of --format {form}, which is not given; without it a table (.csv) is written"
+            raise InputError(why, file=str(asked.output))
 
 
 def _refuse_options(
@@ -188,6 +202,9 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
     from cell.export.folder import write_folder
     from cell.export.urdf import describe
 
+    if output.suffix.lower() in _FILES:
+        why = f"{output}: must be a folder, in which {URDF} writes cell.urdf and cell.srdf; give another name"
+        raise InputError(why, file=str(output))
     made = describe(there)
     write_folder(output, made.files)
     console.say(

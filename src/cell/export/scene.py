@@ -8,6 +8,7 @@ from typing import Any
 
 from arm.controller.unit import UNITS, Limits, Unit, load_unit
 from arm.errors import FileInputError
+from arm.io.kind import kind_of
 from arm.io.node import Node
 from arm.plan_file import Plan
 from arm.robot.gripper import HAND
@@ -44,7 +45,7 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     root = Node.of_toml(path, "scene", "cell", "task", "program", "arm")
     if is_task_file(root) or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
-    if is_program(path):
+    if kind_of(root.value) != "scene" and is_program(path):
         return _of_program(read_program(path), look)
     if look is not None:
         kind = "an arm" if ARM in root else "a scene"

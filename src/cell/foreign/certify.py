@@ -109,8 +109,16 @@ def certify_step(
     place = _place(place_file, look, clearance, speed)
     if (output is not None or page is not None) and place.sendable is None:
         option = "--page" if output is None else "--output"
+        if place.cell is not None:
+            why = (
+                f"{option} needs a cell, task or arm file; {place_file} is a program: give {place.cell.file}"
+            )
+            raise InputError(why, option=option)
         why = f"{option} needs a cell, task or arm file; a plan states unit and q_start, which {place_file} lacks"
         raise InputError(why, option=option)
+    if kind_of_file(trajectory_file) == "samples":
+        why = f"{trajectory_file}: is a table of samples; a465 export --format trajectory writes what certify takes"
+        raise InputError(why, file=str(trajectory_file))
     trajectory = read_trajectory(trajectory_file, place.robot.joint_names)
     peaks = peaks_of(trajectory, place.limits)
     if output is not None and trajectory.velocity is None:
@@ -193,8 +201,7 @@ def _place(file: Path, look: Path | None, clearance: float | None, speed: float 
     remarks = []
     if isinstance(place, Task) and not isinstance(place, ProgramTask) and look is None:
         remarks.append(_NO_LOOK)
-    if isinstance(place, ArmFile):
-        remarks.extend(f"NOTE: {doubt}" for doubt in place.doubts())
+    remarks.extend(f"NOTE: {doubt}" for doubt in place.doubts())
     if least < required - 1e-9:  # the same mm may differ in the last digit in m
         remarks.append(
             f"the clearance of {1e3 * least:g} mm is less than the {1e3 * required:g} mm of {_clearance_key(place)}"

@@ -74,9 +74,10 @@ def view_step(
     if image is not None:
         drawn["photograph"] = photograph_for(drawn, image, file)
     q = q_start if angles is None else _configuration(setting, angles)
-    given = "--q" if angles is not None else f"{file.name}: q_start_deg ="
-    if not is_virtual(setting.unit) and (doubt := doubt_of_deg(q, setting.unit)):
-        console.say(f"NOTE: {given} {doubt}")
+    if angles is not None and not is_virtual(setting.unit) and (doubt := doubt_of_deg(q, setting.unit)):
+        console.say(f"NOTE: --q {doubt}")
+    for doubt in place_of_file(file).doubts():
+        console.say(f"NOTE: {doubt}")
     closest = world_of(setting).distance(q)
     if closest.value <= 0.0:
         drawn["refused"] = Refused(nearness(closest.pair, closest.value, 0.0), 0.0, closest.pair)

@@ -43,7 +43,8 @@ def T_base_work(task: ProgramTask, observation: Observation) -> Array:
         return task.T_on_work
     seen = observation.board(task.board.name)
     if seen is None:
-        why = f"board {task.board.name}, on which the workpiece is, was not found"
+        none = "" if observation.boards or observation.missing else "; give a look of it with --look FILE"
+        why = f"board {task.board.name}, on which the workpiece is, was not found{none}"
         raise ImpossibleError(why, board=task.board.name)
     return frozen(mul(seen.pose.T_base_board, task.T_on_work))
 

@@ -13,7 +13,7 @@ import numpy as np
 from arm.board import Board
 from arm.errors import InputError
 from arm.io.keys import Keys, key
-from arm.io.kind import kind_of
+from arm.io.kind import kind_of, kind_of_file
 from arm.io.node import Node, Rule
 from arm.io.rules import carried, integer, integers, line, number, numbers, path, text, triple
 from arm.io.storage import canonical_json, read_bytes, sha256
@@ -26,6 +26,8 @@ from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
 from cell.config.doubts.angles import doubt_of_deg
 from cell.config.inputs import config_inputs
+from cell.files.scene import read_scene_file
+from cell.files.scene_doubts import scene_doubts
 from cell.files.task import NOTHING, Task, board_of, place_or_arm, read_place, require_aim, task_or_cell
 from cell.program.parts.handled import Part, parts_of
 from cell.program.path_step import FILES, Pairs, PathStep, ThreadedLine
@@ -375,3 +377,10 @@ def _digest(file: Path) -> str:
     """Hash the values of a TOML file, not its text; the bytes of any other."""
     content = canonical_json(Node.of_toml(file).value) if file.suffix == ".toml" else read_bytes(file, "SVG")
     return sha256(content)
+
+
+def doubts_of_file(file: Path) -> tuple[str, ...]:
+    """Say of a scene, cell, task, program or arm file which values are rather meant otherwise, each with its key."""
+    if kind_of_file(file) == "scene":
+        return tuple(f"{file.name}: {doubt}" for doubt in scene_doubts(read_scene_file(file)))
+    return tuple(place_of_file(file).doubts())
