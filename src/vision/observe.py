@@ -113,7 +113,7 @@ def look(
 
 
 def _refuse_mirrored(image: Image, camera: Camera, dictionary: str, boards: Sequence[Board]) -> None:
-    """Refuse an image that shows both markers of a board, but only if left and right are exchanged."""
+    """Refuse an image that shows both markers of a board only if left and right, or black and white, are exchanged."""
     mirrored = {
         marker.id for marker in detect_markers(np.ascontiguousarray(image[:, ::-1]), camera, dictionary)
     }
@@ -121,6 +121,12 @@ def _refuse_mirrored(image: Image, camera: Camera, dictionary: str, boards: Sequ
         if mirrored.issuperset(board.marker_ids):
             why = "the images are mirrored (left and right exchanged): markers are found in their mirror image alone"
             raise ImpossibleError(f"{why}; switch off the mirroring of the camera", board=board.name)
+    negative = {marker.id for marker in detect_markers(255 - image, camera, dictionary)}
+    if any(negative.issuperset(board.marker_ids) for board in boards):
+        why = (
+            "the images, or the prints, are negatives: markers are found with black and white exchanged alone"
+        )
+        raise ImpossibleError(f"{why}; give images as the camera takes them, or print black squares on white")
 
 
 def _other_markers(image: Image, dictionary: str, boards: Sequence[Board]) -> str:

@@ -83,6 +83,14 @@ def test_mirrored_images_are_told_as_such() -> None:
     assert look([np.full_like(mirrored[0], 90)], CAMERA, [A], DICTIONARY, CUBE).boards == ()
 
 
+def test_negatives_are_told_as_such() -> None:
+    negatives = [255 - image for image in two_boards().images]
+    with pytest.raises(
+        ImpossibleError, match="negatives: markers are found with black and white exchanged alone"
+    ):
+        look(negatives, CAMERA, [A, B], DICTIONARY, CUBE)
+
+
 def test_markers_of_another_dictionary_are_told() -> None:
     target = np.full((1200, 1920), 200, np.uint8)
     board = cv2.aruco.CharucoBoard((7, 5), 0.02, 0.015, predefined("DICT_5X5_100"))

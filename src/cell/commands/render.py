@@ -14,7 +14,7 @@ from cell.files.task import read_task
 from cell.session.connection import camera_at_start, target_camera
 from cell.sim.target_photos import random_poses
 from cell.task.look import write_png
-from vision.camera.frame_source import Image
+from vision.camera.frame_source import IMAGE_SUFFIXES, Image, require_folder_name
 from vision.targets.target import Target, read_target
 
 TARGET_IMAGES = 20  # default number
@@ -43,6 +43,7 @@ def render_step(
         raise InputError(f"--seed {seed}: must be 0 or more", seed=seed)
     if output.is_file():
         raise InputError(f"-o {output}: is a file; give a folder for the images", file=str(output))
+    require_folder_name(output)
     task = read_task(task_file)
     if target_file is None:
         wanted = count or task.cell.photographs
@@ -64,4 +65,9 @@ def _write(images: Iterable[Image], wanted: int, stem: Path, what: str, console:
         write_png(path, image)
         names.append(str(path))
     console.say(f"{len(names)} images{what} written to {stem.parent}")
+    others = {str(p) for p in stem.parent.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES} - set(names)
+    if others:
+        console.say(
+            f"NOTE: {stem.parent} has {len(others)} other images, which stay, and are read with these"
+        )
     return {"photographs": names}

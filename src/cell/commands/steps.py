@@ -89,8 +89,9 @@ def look_step(
         write_atomic(output, canonical_json(result) + "\n")
     _print_look(seen, console)
     _doubt(task.cell, seen, console)
-    if images is not None and (copies := _copies(seen)):
-        console.say(f"NOTE: {images}: {copies}")
+    for doubt in () if images is None else (_copies(seen), _without_markers(seen), _left_over(images, seen)):
+        if doubt:
+            console.say(f"NOTE: {images}: {doubt}")
     require_boards(seen, task)
     if task.kind not in KINDS:
         return result | {"placements": []}
@@ -160,6 +161,31 @@ def _copies(seen: Observation) -> str:
                 "measured; give images that were taken one by one"
             )
     return ""
+
+
+def _without_markers(seen: Observation) -> str:
+    """Say which images of a look show no marker, where others do; "" if all or none do."""
+    empty = [str(i) for i, markers in enumerate(seen.frames, start=1) if not markers]
+    if not 0 < len(empty) < len(seen.frames):
+        return ""
+    which = f"image{'s' if len(empty) > 1 else ''} {', '.join(empty)} of {len(seen.frames)}"
+    return (
+        f"{which} show{'' if len(empty) > 1 else 's'} no marker, and the others do: do all show the cell now?"
+    )
+
+
+def _left_over(folder: Path, seen: Observation) -> str:
+    """Say how many images of a folder a look did not use; "" if it used all."""
+    from vision.camera.frame_source import IMAGE_SUFFIXES
+
+    names = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
+    used = len(seen.images)
+    if len(names) <= used:
+        return ""
+    return (
+        f"has {len(names)} images, of which the first {used} by name were used, {names[0]} to {names[used - 1]} "
+        "(look.photographs): are they those of the cell as it is now?"
+    )
 
 
 def _foreseen(

@@ -112,6 +112,18 @@ def require_folder(path: Path) -> None:
         raise InputError(f"{path}: {rule}", path=str(path))
 
 
+def require_folder_name(path: Path) -> None:
+    """Refuse the name of a folder for images that is the name of an image.
+
+    Raises:
+        InputError: it is, and there is no folder of this name.
+    """
+    if path.suffix.lower() in IMAGE_SUFFIXES and not path.is_dir():
+        raise InputError(
+            f"-o {path}: is the name of an image; give that of a folder for images", path=str(path)
+        )
+
+
 def _beginning(path: Path) -> bytes:
     """Return the first bytes of a file, enough to see what it is; none if it cannot be read."""
     with suppress(FileInputError, OSError), open_file(path, "log") as stream:

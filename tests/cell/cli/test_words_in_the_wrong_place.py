@@ -127,6 +127,25 @@ def test_one_line_tells_the_key(file: str, old: str, new: str, typed: str, told:
     assert told in ended
 
 
+def test_images_of_another_time_are_told(at: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "one"
+    a465("render", "task2.toml", "-o", folder, "--count", "5")
+    dark = np.zeros((1200, 1920), np.uint8)
+    cv2.imwrite(str(folder / "photograph-002.png"), dark)
+    cv2.imwrite(str(folder / "yesterday.png"), dark)
+    said, _ = a465("look", "task2.toml", "--images", folder)
+    assert "one: image 2 of 5 shows no marker, and the others do: do all show the cell now?" in said
+    assert (
+        "one: has 6 images, of which the first 5 by name were used, photograph-001.png to photograph-005.png"
+        in said
+    )
+    said, _ = a465("render", "task2.toml", "-o", folder, "--count", "1")
+    assert f"NOTE: {folder} has 5 other images, which stay, and are read with these" in said
+    for command in (("render", "task2.toml"), ("snap", "cell.toml", "--camera", "name:a")):
+        told = a465(*command, "-o", tmp_path / "a.png", code=2)[1]
+        assert "a.png: is the name of an image; give that of a folder for images" in told
+
+
 def test_copies_of_one_photograph_are_told(at: Path, tmp_path: Path) -> None:
     a465("render", "task2.toml", "-o", str(tmp_path / "one"), "--count", "5")
     images = sorted((tmp_path / "one").glob("*.png"))

@@ -11,6 +11,7 @@ from cell.console import Console
 from cell.files.task import cell_of
 from cell.session.cameras import open_camera, selected
 from cell.task.look import write_png
+from vision.camera.frame_source import require_folder_name
 from vision.markers.detect import detect_markers
 
 MOST = 1000
@@ -37,6 +38,7 @@ def snap_step(
         raise InputError(f"--count {count}: must be from 1 to {MOST}", option="--count", value=count)
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: is not a folder", folder=str(output))
+    require_folder_name(output)
     selected(cell, camera)
     with console.doing("taking images"), open_camera(cell, camera) as source:
         images = source.grab(count or cell.photographs)
