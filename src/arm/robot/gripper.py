@@ -24,6 +24,7 @@ SHIPPED_URDF = "urdf/a465/a465.urdf"
 LEAST_BODY = 1e-3  # m; a shorter round body is left out
 SAME = 1e-9  # m, dimensions that differ by less count as equal
 HAND = ("gripper", "palm", "finger_l", "finger_r")  # links of the gripper; all others are the arm's
+LINKS = ("base", "turret", "upper_arm", "shoulder", "elbow", "forearm", "wrist", "hub")  # others with a body
 Size = tuple[float, float, float]
 
 

@@ -12,7 +12,7 @@ from arm.errors import FileInputError
 from arm.io.foreign import no_file
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import is_number, number, numbers, rule_of, same, standing, text, triple
+from arm.io.rules import is_number, number, numbers, rule_of, same, standing, text, triple, zero_or
 from arm.se3 import Array
 from cell.config.plain_board import read_board
 from vision.boards.checks import BoardLimits
@@ -49,7 +49,7 @@ class BoardKeys(Keys):
     board_files: list[str] = key("boards.files", rule_of("a list of board files", _are_names, list))
     marker_size: float = key("boards.marker_size_mm", number("mm", 5, 200))
     pocket: Array = key("boards.pocket_mm", numbers(2, "mm", 5, 60), (1e3 * POCKET_MOUTH, 1e3 * POCKET_FLOOR))
-    made_within: float = key("boards.made_within_mm", number("mm", 0, 2), MADE_WITHIN_MM)
+    made_within: float = key("boards.made_within_mm", zero_or(0.002, 2), MADE_WITHIN_MM)
     tilts_deg: list[float] = key("boards.tilts_deg", rule_of(_TILTS, _are_tilts, same), [])
     stand_size: Array = key("boards.stand_size_mm", numbers(2, "mm", 10, 240))
     zone_centre: Array = key("boards.zone_centre_mm", standing(3, -5000, 5000))

@@ -18,7 +18,7 @@ from arm.io.node import Node
 from arm.io.rules import integer, integers, number, numbers, path, standing, tables
 from arm.io.storage import canonical_json, sha256
 from arm.robot.dh import A465
-from arm.robot.gripper import Gripper
+from arm.robot.gripper import HAND, LINKS, Gripper
 from arm.robot.shapes import Body, Box
 from arm.robot.tool import FixedTool
 from arm.se3 import Array, frozen, transform
@@ -267,4 +267,7 @@ def _fixed_bodies(keys: _CommonKeys, root: Node) -> tuple[Body, ...]:
     top = Body("table", Box((width, depth, keys.thickness)), transform(t=(x, y, z)), "table")
     if keys.walls:
         require_names_differ(root["walls"], keys.walls, (top,))
+        for node, wall in zip(root["walls"].items(), keys.walls, strict=True):
+            if wall.name in (*LINKS, *HAND):
+                raise node.error_at("name", "is that of a body of the arm; names of bodies must differ")
     return top, *keys.walls
