@@ -8,7 +8,6 @@ from typing import Any
 
 from arm.controller.unit import UNITS, Limits, Unit, load_unit
 from arm.errors import FileInputError
-from arm.io.kind import kind_of
 from arm.io.node import Node
 from arm.plan_file import Plan
 from arm.robot.gripper import HAND
@@ -25,7 +24,7 @@ from cell.files.observation import read_observation, require_boards
 from cell.files.scene import read_scene_file
 from cell.files.task import POSES, Task, is_task_file, read_place
 from cell.program.planning import program_scene
-from cell.program.program_file import ProgramTask, is_program, read_program
+from cell.program.program_file import ProgramTask, is_program_file, read_program
 from cell.scene.build import build_scene
 from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm
@@ -45,7 +44,7 @@ def surroundings_of_file(path: Path, look: Path | None) -> Surroundings:
     root = Node.of_toml(path, "scene", "cell", "task", "program", "arm")
     if is_task_file(root) or "q_start_deg" in root or "camera" in root:
         return _of_cell(read_place(path), look)
-    if kind_of(root.value) != "scene" and is_program(path):
+    if is_program_file(root):
         return _of_program(read_program(path), look)
     if look is not None:
         kind = "an arm" if ARM in root else "a scene"

@@ -67,17 +67,17 @@ def require_boards(seen: Observation, task: Task, look: Path | None = None) -> N
         )
     source = seen.board(task.from_board.name)
     if source is not None and task.board_height is not None:
-        _require_flat(task, task.board_height, source)
+        _require_flat(task, task.board_height, source, of)
 
 
-def _require_flat(task: Task, stated: float, seen: ObservedBoard) -> None:
-    """Require that a board is at the height that the task states, m, and not tilted."""
+def _require_flat(task: Task, stated: float, seen: ObservedBoard, of: str) -> None:
+    """Require that a board is at the height that the task states, m, and not tilted; `of`: the look's file, or ""."""
     height = float(seen.pose.T_base_board[2, 3]) - task.cell.table_z
     if abs(height - stated) > HEIGHT_TOLERANCE or seen.pose.tilt() > FLAT_TOLERANCE:
         raise ImpossibleError(
-            f"board {seen.name} was detected {1e3 * height:.0f} mm above the table, tilted by "
+            f"{of}board {seen.name} was detected {1e3 * height:.0f} mm above the table, tilted by "
             f"{np.degrees(seen.pose.tilt()):.1f} deg, but the task says {1e3 * stated:.0f} mm and flat; "
-            f"correct board_height_mm in {task.file} or the stand",
+            f"correct board_height_mm in {task.file} or the stand{', or look again' if of else ''}",
             board=seen.name,
             height=height,
             tilt=seen.pose.tilt(),
@@ -193,7 +193,9 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
     ids = entry["marker_ids"]
     board = next((b for b in boards if list(b.marker_ids) == ids.value), None)
     if board is None:
-        raise ids.error("is not a board of the cell file")
+        listed = ", ".join(str(list(one.marker_ids)) for one in boards) or "none"
+        rule = f"is not a board of the cell file, which lists {listed}"
+        raise ids.error(rule, "is this a look at another cell? look again")
     node = replace(entry, key=board.name)
     node["verdict"].read(text("accepted"))
     _require_markers(node, board)

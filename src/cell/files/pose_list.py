@@ -22,6 +22,8 @@ from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import is_number, line, number, numbers, rule_of, zero_or
 from arm.io.storage import read_bytes
+from arm.number_rows import cells_of, has_decimal_commas, has_empty_cell, help_of, is_header, unit_of
+from arm.number_rows import is_number as is_number_word
 from arm.se3 import Array, frozen, orthonormalised
 
 FRAMES = ("flange", "tool")
@@ -31,6 +33,7 @@ WAYS = ("transit", "line")
 JAWS = {"open": 0.0, "close": 1.0}
 FARTHEST, NEAREST = 5.0, 2e-3  # largest coordinate in the base frame, and least largest one, m
 MOST = 5000  # entries
+_LEAST_RANGE = 5e-5  # m, of a direction that is free within limits
 PRINTED = 1e-3  # tolerance of a rotation matrix that was printed with few digits
 _POSES = {12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}  # by their count of numbers
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
@@ -86,7 +89,7 @@ JAWS_RULE = rule_of(
     lambda v: v in JAWS if isinstance(v, str) else is_number(v) and 0.0 <= v <= 1.0,
     lambda v: float(JAWS.get(v, v)),
 )
-_LENGTH = number("mm", 0.0, 1000.0)
+WITHIN = zero_or(0.05, 1000.0)  # of a corner that is cut
 AWAY = zero_or(0.5, 1000.0)  # of an approach or a retract
 _RANGES = {
     **{f"{axis}_mm": (axis, numbers(2, "mm", -5000.0, 5000.0)) for axis in "xyz"},
@@ -104,6 +107,10 @@ def _ranges(node: Node) -> dict[str, tuple[float, float]]:
             raise node.error_at(given, f"is unknown; must be one of {', '.join(_RANGES)}")
         name, rule = _RANGES[given]
         low, high = node.get(given, rule)
+        if given.endswith("_mm") and 0.0 < max(abs(low), abs(high)) < _LEAST_RANGE:
+            raise node.error_at(
+                given, f"must be [0, 0], or reach {1e3 * _LEAST_RANGE:g} mm or more", "is it in metres?"
+            )
         if low > high:
             raise node.error_at(given, "must be the lowest value, then the highest")
         found[name] = float(low), float(high)
@@ -127,7 +134,7 @@ class EntryValues(Keys):
     ranges: dict[str, tuple[float, float]] = key("ranges", RANGES, {})
     approach: float = key("approach_mm", AWAY, 0)
     retract: float = key("retract_mm", AWAY, 0)
-    within: float = key("within_mm", _LENGTH, 0)
+    within: float = key("within_mm", WITHIN, 0)
     speed: float | None = key("speed_mm_s", number("mm/s", 0.1, 2000.0), None)
     dwell_s: float = key("dwell_s", number("s", 0.0, 60.0), 0)
     jaws: float | None = key("jaws", JAWS_RULE, None)
@@ -215,6 +222,9 @@ def _of_array(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
     if array.ndim != 2:
         rule = "must be an array of (n, 4, 4), (n, 16), (n, 12) or (n, 6)"
         raise FileInputError(file.file, "", list(array.shape), rule)
+    if array.shape[1] not in (reading.joints, *_POSES) and array.shape[0] in (reading.joints, *_POSES):
+        rule = "has a pose or configuration in each column; must have it in each row"
+        raise FileInputError(file.file, "", list(array.shape), rule, "transpose it")
     for place, row in enumerate(array.astype(float), start=1):
         yield _bare(Node(file.file, f"row {place}", row.tolist()), row, place, reading)
 
@@ -227,55 +237,48 @@ def _of_text(file: Node, data: bytes, reading: Reading) -> Iterator[Entry]:
         raise file.error(f"{what}; a list of poses is CSV, JSON or .npy") from error
     if foreign := markup(text) or ("\0" in text and binary(data)):
         raise file.error(f"{foreign}; a list of poses is CSV, JSON or .npy")
-    count = 0
+    count, is_first = 0, True
     for row, words in enumerate(text.splitlines(), start=1):
-        # a spreadsheet may quote every cell
-        cells = [c for c in re.split(r"[,;\s]+", words.partition("#")[0].replace('"', "").strip()) if c]
-        if not cells:
+        if not (cells := cells_of(words)):
             continue
-        if not count and cells[0].lower() == "time_s":
+        node = Node(file.file, f"row {row}", words.strip())
+        if is_first and cells[0].lower() == "time_s":
             raise file.error("is a table of samples, as a465 export writes it, and no list of poses")
-        if not count and not any(map(_is_number, cells)):
-            _require_units(Node(file.file, f"row {row}", None), cells, reading)
+        if is_first and is_header(cells):
+            is_first = False
+            _require_units(node, re.split(r"[,;\t]", words.replace('"', "")), reading)
             continue  # the names of the columns
-        wrong = next((cell for cell in cells if not _is_number(cell)), None)
+        is_first = False
+        numbers = [cell for cell in cells if is_number_word(cell)]
+        wrong = next((cell for cell in cells if not is_number_word(cell)), None)
         if wrong is not None:
-            raise Node(file.file, f"row {row}", wrong).error("must be a number")
-        if _has_decimal_commas(words):
-            raise Node(file.file, f"row {row}", words.strip()).error(
-                "has decimal commas: decimals have a point"
-            )
+            raise replace(node, value=wrong).error("must be a number", help_of(wrong, len(numbers)))
+        if has_decimal_commas(words):
+            raise node.error("has decimal commas: decimals have a point")
+        if has_empty_cell(words):
+            raise node.error("has an empty cell; every cell must be a number")
         count += 1
         values = np.array([float(c) for c in cells])
-        yield _bare(Node(file.file, f"row {row}", values.tolist()), values, count, reading)
+        yield _bare(replace(node, value=values.tolist()), values, count, reading)
 
 
 def _require_units(node: Node, names: Sequence[str], reading: Reading) -> None:
     """Refuse columns that are named in another unit than their numbers would be read in."""
     for kind, given, units in (("angles", reading.angles, ANGLES), ("lengths", reading.lengths, LENGTHS)):
         for name in names:
-            unit = name.lower().rpartition("_")[2]
+            unit = unit_of(name.strip())
             if given is not None and unit in units and unit != given:
                 rule = f"is in {unit} by its name, but numbers are read in {given}; give --{kind} {unit}"
                 raise replace(node, value=name).error(rule)
 
 
-def _has_decimal_commas(row: str) -> bool:
-    """Whether semicolons, tabs or quotes separate numbers with decimal commas, as some spreadsheets write them."""
-    if any(re.fullmatch(r"\s*[-+]?\d+,\d+\s*", cell) for cell in re.findall(r'"([^"]*)"', row)):
-        return True
-    cells = [cell.strip() for cell in re.split(r"[;\t]", row.partition("#")[0]) if cell.strip()]
-    pairs = [bool(re.fullmatch(r"[-+]?\d+,\d+", cell)) for cell in cells]
-    whole = (re.fullmatch(r"[-+]?\d+", cell) for cell in cells)
-    return len(cells) > 1 and any(pairs) and all(a or b for a, b in zip(pairs, whole, strict=True))
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _help_of_count(count: int, kinds: Mapping[int, str], reading: Reading) -> str:
+    """Return what a row of another count of numbers than a pose or a configuration may be."""
+    if count == 7 and reading.angles is None:
+        return "x y z and a quaternion are not read: give 12 or 16 numbers"
+    if count - 1 in kinds:
+        return "is its first number that of the row? Leave it out"
+    return "a pose is one row" if reading.frame and count == 4 else ""
 
 
 def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
@@ -283,7 +286,8 @@ def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
     kinds = {reading.joints: "six joint angles" if reading.joints == 6 else "joint positions", **_POSES}
     if len(values) not in kinds:
         counts = ", ".join(f"{n} ({what})" for n, what in sorted(kinds.items()))
-        raise replace(node, value=f"{len(values)} numbers").error(f"must be one of {counts}")
+        told = replace(node, value=f"{len(values)} numbers")
+        raise told.error(f"must be one of {counts}", _help_of_count(len(values), kinds, reading))
     if not np.isfinite(values).all():
         raise node.error("must be finite numbers")
     bare = replace(node, value=None)  # the numbers are right

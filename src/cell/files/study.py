@@ -159,6 +159,7 @@ def read_study(file: Path, task: Path | None = None, world: Path | None = None) 
     task = keys.task if task is None else task
     if not task.is_file():
         raise root.error_at("task", *no_file(task))
+    Node.of_toml(task, "task")
     if world is None:
         world = task.with_suffix(".world.toml") if keys.world is None else keys.world
     if not world.is_file():

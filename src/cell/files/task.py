@@ -34,6 +34,7 @@ from arm.se3 import Array, frozen
 from cell.config.arm_file import ARM, ArmFile, read_arm_file
 from cell.config.cell import Cell
 from cell.config.cell_file import read_cell
+from cell.config.doubts.angles import doubt_of_small
 from cell.config.doubts.cell_doubts import cell_doubts
 from cell.config.inputs import Inputs, config_inputs
 from plan.options import AIMS, CHOICES, LOOKS
@@ -130,7 +131,10 @@ class Task(TaskValues):
 
     def doubts(self) -> tuple[str, ...]:
         """Say which values of the files may be in another unit; see `cell.config.doubts`."""
-        return cell_doubts(self.cell)
+        yaw = None if self.places is None else round(float(np.degrees(self.places.yaw)), 6)
+        doubt = "" if yaw is None else doubt_of_small(yaw)
+        own = (f"{self.file.name}: places.yaw_deg = {doubt}",) if doubt else ()
+        return (*cell_doubts(self.cell), *own)
 
 
 class TaskKeys(TaskValues):

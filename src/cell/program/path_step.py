@@ -13,7 +13,7 @@ import numpy as np
 from arm.errors import A465Error
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import flag, is_number, line, number, numbers, path
+from arm.io.rules import flag, is_number, line, number, numbers, path, zero_or
 from arm.numerics.products import norm
 from arm.robot.shapes import Body
 from arm.se3 import Array, frozen
@@ -87,6 +87,19 @@ def _deviation(node: Node) -> float:
     return deviation
 
 
+_EXTEND = numbers(2, "mm", -5000.0, 5000.0)
+_LEAST_EXTEND = 5e-4  # m
+
+
+def _extend(node: Node) -> Array:
+    found = node.read(_EXTEND)
+    if 0.0 < np.abs(found).max() < _LEAST_EXTEND:
+        raise node.error(
+            f"must be [0, 0], or {1e3 * _LEAST_EXTEND:g} mm or more at an end", "is it in metres?"
+        )
+    return found
+
+
 TOUCH = Rule(_TOUCH, _pairs)
 DEVIATION = Rule(
     f"0, or a number in mm from {1e3 * _LEAST_DEVIATION:g} to {1e3 * _MOST_DEVIATION:g}", _deviation
@@ -122,10 +135,10 @@ class PathKeys(FreedomKeys):
     corner: Array = key("corner_mm", PLACE, [0, 0, 0])
     lift: float | None = key("lift_mm", _LIFT, None)
     backwards: bool = key("backwards", flag(), False)
-    extend: Array = key("extend_mm", numbers(2, "mm", -5000.0, 5000.0), [0, 0])
+    extend: Array = key("extend_mm", Rule(_EXTEND.words, _extend), [0, 0])
     deviation: float = key("deviation_mm", DEVIATION, 0)
     axis: Any = key("axis", Rule("along, against, or a direction x, y, z", _axis))
-    window: float = key("window_mm", number("mm", 0.0, 500.0), 25)
+    window: float = key("window_mm", zero_or(0.5, 500.0), 25)
     turn: float = key("turn_deg", number("deg", -360.0, 360.0), 0)
     back: bool = key("back", flag(), False)
     steady: bool = key("steady", flag(), False)

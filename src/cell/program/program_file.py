@@ -183,9 +183,13 @@ def is_program(path: Path) -> bool:
     Raises:
         InputError: it cannot be read.
     """
-    root = task_or_cell(path)
-    kind = kind_of(root.value)
-    return kind == PROGRAM or ("from_board" not in root and (PROGRAM in root or "steps" in root))
+    return is_program_file(task_or_cell(path))
+
+
+def is_program_file(root: Node) -> bool:
+    """Whether the content of a file is a program's, perhaps without its key `program`."""
+    mine = PROGRAM in root or "steps" in root
+    return kind_of(root.value) == PROGRAM or (mine and "from_board" not in root)
 
 
 def is_of_poses(path: Path) -> bool:

@@ -13,14 +13,13 @@ from arm.io.rules import carried, integers, line, number, numbers, text
 from arm.numerics.products import mul
 from arm.se3 import Array, frozen, transform
 from cell.config.bodies import FARTHEST_MM, TURN, pose_of
-from cell.files.pose_list import AWAY, JAWS_RULE, WAYS
+from cell.files.pose_list import AWAY, JAWS_RULE, WAYS, WITHIN
 from cell.program.path_step import SOURCES, FreedomKeys, Pairs, PathKeys, PathStep, paths_of
 
 MOST_PLACES = 1000  # of a grid
 LEAST_STEP = 1e-3  # of a grid, m
 RESERVED = ("start", "end")  # names of where every plan of a program begins and ends
 TAKE, PUT = "take", "put"  # what a step does with a part
-_LENGTH = number("mm", 0.0, 1000.0)
 _KINDS = (*SOURCES, "at_mm", "joints_deg")  # the key of each kind of step that moves
 
 
@@ -45,7 +44,7 @@ class PoseStepKeys(FreedomKeys, ActionKeys):
     by: str = key("by", line(*WAYS), "transit")
     approach: float = key("approach_mm", AWAY, 0)
     retract: float = key("retract_mm", AWAY, 0)
-    within: float = key("within_mm", _LENGTH, 0)
+    within: float = key("within_mm", WITHIN, 0)
     count: tuple[int, ...] = key("grid.count", integers(3, 1, MOST_PLACES), [1, 1, 1])
     step: Array = key("grid.step_mm", numbers(3, "mm", -5000.0, 5000.0), [0, 0, 0])
 

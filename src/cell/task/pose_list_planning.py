@@ -195,7 +195,9 @@ class _Planner:
         if rule:
             own = is_virtual(self.place.unit)
             values = [round(float(v), 3) for v in (q if own else np.degrees(q))]
-            help = "" if own or np.abs(q).max() <= 2.0 * np.pi else "were degrees read as rad?"
+            help = (
+                "" if own or entry.in_deg or np.abs(q).max() <= 2.0 * np.pi else "were degrees read as rad?"
+            )
             raise FileInputError(self.poses.file, entry.key, values, rule, help)
         closest = self.world.distance(q)
         if closest.value < self.clearance:

@@ -304,3 +304,43 @@ def test_columns_that_name_the_unit_or_none_are_passed_over(tmp_path: Path, head
     file.write_text(f"{header}\n0,-10,-90,0,-70,0\n")
     (entry,) = read_pose_list(file, Reading(angles="deg")).entries
     assert entry.q == pytest.approx(np.radians([0, -10, -90, 0, -70, 0]))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("0\u00b0,1,2,3,4,5\n", r"row 1 = '0\u00b0': must be a number .write the number alone: 0"),
+        ("home,0,-10,-90,0,-70,0\n", r"row 1 = 'home': must be a number .rows have numbers only; names stand in"),
+        ("0,,-90,0,-70,0\n", r"row 1 = .*: has an empty cell; every cell must be a number"),
+        ("1,0,-10,-90,0,-70,0\n", r"row 1 = '7 numbers': must be one of .*is its first number that of the row\?"),
+        ("J1 (rad),J2 (rad),J3 (rad),J4 (rad),J5 (rad),J6 (rad)\n", r"'J1 \(rad\)': is in rad by its name, but"),
+        ("J1,J2\nJ3,J4\n0,-10,-90,0,-70,0\n", r"row 2 = 'J3': must be a number"),
+    ],
+)  # fmt: skip
+def test_what_a_row_has_that_is_no_number_is_told(tmp_path: Path, text: str, told: str) -> None:
+    file = tmp_path / "q.csv"
+    file.write_text(text)
+    with pytest.raises(FileInputError, match=told):
+        read_pose_list(file, Reading(angles="deg"))
+
+
+def test_a_quaternion_and_columns_of_poses_are_told(tmp_path: Path) -> None:
+    file = tmp_path / "q.csv"
+    file.write_text("0.42,0,0.25,0,1,0,0\n")
+    with pytest.raises(FileInputError, match=r"'7 numbers': .*x y z and a quaternion are not read"):
+        read_pose_list(file, Reading(frame="tool"))
+    np.save(tmp_path / "q.npy", np.zeros((6, 3)))
+    with pytest.raises(
+        FileInputError, match=r"\[6, 3\]: has a pose or configuration in each column; .*transpose"
+    ):
+        read_pose_list(tmp_path / "q.npy", Reading(angles="deg"))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("within_mm", 0.005), ("approach_mm", 0.04), ("ranges", {"x_mm": [-0.01, 0.01]})]
+)
+def test_lengths_of_an_entry_in_metres_are_told(tmp_path: Path, key: str, value: object) -> None:
+    file = tmp_path / "q.json"
+    file.write_text(json.dumps([{"T_base_tool": np.eye(4).tolist(), key: value}]))
+    with pytest.raises(FileInputError, match=r"is it in metres\?"):
+        read_pose_list(file)

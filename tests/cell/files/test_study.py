@@ -78,3 +78,12 @@ def test_a_study_without_its_tables_is_told_as_a_study(scenes: Path, old: str, n
     replace_in(file, old, new)
     with pytest.raises(FileInputError, match=told):
         read_study(file)
+
+
+def test_a_file_of_another_kind_as_task_of_a_study_is_told_before_its_world(scenes: Path) -> None:
+    study = write_study(scenes, [X])
+    replace_in(study, 'task = "task2.toml"', 'task = "pen/drawing.toml"')
+    with pytest.raises(
+        FileInputError, match=r"drawing.toml: is a program file, and a task file belongs here"
+    ):
+        read_study(study)

@@ -117,3 +117,12 @@ def test_a_step_of_places_in_metres_or_cm_is_told(scenes: Path) -> None:
         with pytest.raises(InputError, match=rf"places.step_mm = .* 61.5685 to 500 .is it in {other}\?"):
             read_task(file)
         file.write_text(text)
+
+
+def test_a_yaw_of_places_in_rad_is_told(scenes: Path) -> None:
+    file = scenes / "task1.toml"
+    assert read_task(file).doubts() == ()
+    replace_in(file, "yaw_deg = 0", "yaw_deg = 0.785")
+    assert read_task(file).doubts() == (
+        "task1.toml: places.yaw_deg = 0.785: is it in rad? Then it must be 44.98 in deg",
+    )

@@ -190,3 +190,15 @@ def test_keys_of_a_meander_belong_to_a_meander(tmp_path: Path, old: str, new: st
     replace_in(file, old, new)
     with pytest.raises(InputError, match=message):
         read_program(file)
+
+
+@pytest.mark.parametrize(
+    "change", ["window_mm = 0.025", "extend_mm = [0.04, -0.02]", "ranges = { x_mm = [0, 0.006] }"]
+)
+def test_lengths_of_a_path_in_metres_are_told(tmp_path: Path, change: str) -> None:
+    file = program(tmp_path)
+    text = file.read_text()
+    lines = [line for line in text.splitlines() if not line.startswith(change.partition(" ")[0])]
+    file.write_text("\n".join(lines).replace('axis = "along"', f'axis = "along"\n{change}'))
+    with pytest.raises(InputError, match=r"steps\[1\].*is it in metres\?"):
+        read_program(file)
