@@ -10,7 +10,13 @@ from arm.io.kind import KINDS, kind_of_file
 from arm.io.storage import read_by_the_command
 
 SUFFIXES = (".toml", ".json", ".jsonl", ".csv")  # of files that have a kind
-_ENDS = {"plan": ".json", "look": ".json", "trajectory": ".json", "samples": ".csv"}  # of what commands write
+_ENDS = {
+    "plan": ".json",
+    "look": ".json",
+    "trajectory": ".json",
+    "samples": ".csv",
+    "unit record": ".json",
+}  # of what commands write
 _OTHERS = {  # suffixes of other formats
     *(
         ".html",

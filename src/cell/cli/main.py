@@ -352,7 +352,7 @@ def execute(
     else:
         refuse_given(context, ("cell",), WITH_PORT)
     with answering("starting", as_json) as console:
-        from cell.commands.run import execute_plan, resume_plan
+        from cell.commands.run import execute_plan, require_sendable, resume_plan
         from cell.session.budget import budget_of
         from cell.session.connection import WhichCell
         from cell.session.ports import choose_port
@@ -365,13 +365,15 @@ def execute(
             task = task_of_plan_file(plan)
             console.say(f"task: {task}")
 
-    confirm = None
-    if port is not None:
-        port = choose_port(port, task, console)
-        approval = Approval(plan, yes, console, resumes=resume, unseen=unseen)
-        confirm = FreeCell(approval, port, homed or resume or free, console)
+    port = None if port is None else choose_port(port, task, console)
     contact = cell == shared.CellKind.MUJOCO
     where = WhichCell(port, world, images, camera, speed, time_scale, homed, preload, contact)
+    confirm = None
+    if port is not None:
+        if yes is None:  # what is wrong is told before a person is asked
+            require_sendable(plan, task, where)
+        approval = Approval(plan, yes, console, resumes=resume, unseen=unseen)
+        confirm = FreeCell(approval, port, homed or resume or free, console)
     with shared.watched(console, live, live_port) as watcher:
         if resume:
             allowed = budget_of(budget, give_up)

@@ -32,6 +32,7 @@ from cell.task.programs.run import ProgramRun
 from cell.task.resume import resume
 from cell.task.run import TaskRun
 from driver.execution.control import Control
+from driver.line.port import require_there
 from driver.line.protocol import AXIS_ERROR
 from driver.line.signals import caught, interruptible
 from driver.mars.mars import Mars
@@ -224,6 +225,21 @@ def _note_open_items(task: Task, where: WhichCell, console: Console) -> None:
         console.say(f"NOTE: {doubt}")
     if where.port is not None and may_be_real(where.port) and (note := note_of_open(task.cell)):
         console.say(note)
+
+
+def require_sendable(plan_file: Path, task_file: Path, where: WhichCell) -> None:
+    """Require what can be known without the unit, before a person is asked to confirm anything.
+
+    Raises:
+        InputError: a file, value or port is wrong.
+        ImpossibleError: the plan is for another cell, or an arm without a controller.
+    """
+    plan, task = _plan_to_send(plan_file), task_of_file(task_file)
+    override_of(plan, where.speed)
+    require_openable(task, where)
+    if where.port is not None:
+        require_there(where.port)
+    require_match(task, plan)
 
 
 def _plan_to_send(plan_file: Path) -> Plan:

@@ -256,3 +256,35 @@ def test_a_picture_is_not_written_under_the_name_of_another_kind(tmp_path: Path)
     _, told = a465("look", task, "-o", tmp_path / "a.png", "--picture", tmp_path / "look.json", code=2)
     assert "look.json: must end in .png" in told
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("task2.toml --images none", "none: no such folder of images"),
+        ("task2.toml --images shots --camera video:0", "--camera"),
+        ("task2.toml --images shots --time-scale 2", "--time-scale 2 is for the simulated cell"),
+        ("task2.toml --images shots --speed 0.9", "--speed 0.9: must be from 0.01 to 0.5"),
+        ("task2.toml --images shots", "port none: is not there"),
+        ("task1.toml --images shots", "port none: is not there"),
+    ],
+)
+def test_what_is_wrong_is_told_before_a_person_is_asked(
+    planned_scenes: Path, monkeypatch: pytest.MonkeyPatch, options: str, words: str
+) -> None:
+    monkeypatch.chdir(planned_scenes)
+    Path("shots").mkdir(exist_ok=True)
+    _, told = a465("execute", "plan.json", *options.split(), "--port", "none", code=2)
+    assert words in told
+    assert "terminal" not in told
+
+
+def test_a_plan_of_another_task_is_told_before_a_person_is_asked(
+    planned_scenes: Path, silent_port: str
+) -> None:
+    (planned_scenes / "shots").mkdir(exist_ok=True)
+    port = ("--port", silent_port, "--images", "shots")
+    told = a465("execute", "plan.json", "task1.toml", *port, code=3, cwd=planned_scenes)[1]
+    assert "the plan is for task task2" in told
+    told = a465("execute", "plan.json", "task2.toml", *port, code=2, cwd=planned_scenes)[1]
+    assert "no terminal to confirm plan.json on a real arm: give --yes CODE" in told

@@ -33,7 +33,7 @@ from cell.commands.manual.session import (
 )
 from cell.commands.manual.teach import taught_otherwise
 from cell.config.cell import Cell
-from cell.config.doubts.angles import doubt_of_deg
+from cell.config.doubts.angles import doubt_of_deg, doubt_of_turn
 from cell.console import Console
 from cell.files.pose_list import PoseList, Reading, read_pose_list
 from cell.files.task import read_place
@@ -115,13 +115,13 @@ def goal_entry(goal: Goal, cell: Cell, q: Array) -> dict[str, Any]:
             raise InputError(f"{_option(goal)}: {rule}", option=f"--{goal.kind}", value=list(goal.values))
         return {"name": NAME, "q_deg": q_deg.tolist()}
     T = cell.robot().T_base_tool(q).copy()
-    if np.abs(values).max() > FARTHEST_MM:
-        why = f"{_option(goal)}: must be within {FARTHEST_MM:g} mm"
-        raise InputError(why, option=f"--{goal.kind}", value=list(goal.values))
     if goal.kind == "to":
         T[:3, 3] = 1e-3 * values
     else:
         T[:3, 3] += 1e-3 * (values if goal.kind == "by" else mul(T[:3, :3], values))
+    if (far := np.abs(1e3 * T[:3, 3])).max() > FARTHEST_MM:
+        why = f"{_option(goal)}: leads the tool {far.max():.0f} mm from the base; must be within {FARTHEST_MM:g} mm"
+        raise InputError(why, option=f"--{goal.kind}", value=list(goal.values))
     return {"name": NAME, "T_base_tool": T.tolist(), **({"by": "line"} if goal.line else {})}
 
 
@@ -147,14 +147,16 @@ def move_step(
     """
     task = read_place(place)
     cell, low = task.cell, manual_speed(task.cell, speed)
-    require_person(unseen, UNSEEN, "that the arm may move", port)
     if goal.kind == "q" and (doubt := doubt_of_deg(np.radians(goal.values), cell.unit)):
         console.say(f"NOTE: --q {doubt}")
     if goal.kind in ("by", "along") and (most := max(map(abs, goal.values))) < LITTLE_MM:
         console.say(f"NOTE: {_option(goal)}: the numbers are mm: the tool moves by at most {most:g} mm")
-    if goal.kind == "q":
+    if goal.kind == "turn" and (doubt := doubt_of_turn(goal.values)):
+        console.say(f"NOTE: {_option(goal)}: {doubt}")
+    if goal.kind in ("q", "to"):
         goal_entry(goal, cell, cell.q_start)  # refuses a goal beyond the limits before the port is opened
     listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")
+    require_person(unseen, UNSEEN, "that the arm may move", port)
     plans: list[Plan] = []
     for line in () if listed is None else taught_otherwise(listed, cell):
         console.say(line)

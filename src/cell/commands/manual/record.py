@@ -8,6 +8,7 @@ from typing import Any
 
 from arm.controller.unit import UNITS, load_unit
 from arm.errors import A465Error, InputError
+from arm.io.outputs import keep_apart
 from arm.io.storage import write_atomic
 from cell.console import WIDTH, Console
 from cell.doctor.devices import FIRMWARE
@@ -43,6 +44,7 @@ def record_step(given: PortAndPlace, output: Path, seconds: float, console: Cons
         raise InputError(
             f"{output}: exists, and a recording replaces nothing; give another file", file=str(output)
         )
+    keep_apart(output, kind="unit record")
     url = choose_port(given.port, given.place, console)
     saver = _Saver(output, seconds, console)
     recorder = Recorder(url, FIRMWARE, seconds, progress=saver)

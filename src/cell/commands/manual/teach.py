@@ -52,6 +52,9 @@ def teach_step(
     """
     _read(pose_list, name)  # a list that cannot be extended is refused before the port is opened
     cell = cell_of(place)
+    if pose_list.exists():
+        for told in taught_otherwise(read_pose_list(pose_list, Interpretation(FRAME, "deg")), cell):
+            console.say(f"NOTE: {pose_list}: {told}")
     port = choose_port(port, place, console)
     with console.doing("asking"), identified(port, FIRMWARE) as (link, _):
         reading = read_arm(link, cell)
@@ -86,6 +89,9 @@ def _read(file: Path, name: str | None) -> tuple[dict[str, Any], set[str]]:
         help = "the list comes first, then the cell or task file"
         raise FileInputError(file, "", None, "is no JSON: teach appends to lists in JSON only", help)
     if not file.exists():
+        if file.suffix.lower() != ".json":
+            help = "the name of a pose is given by --name"
+            raise FileInputError(file, "", None, "must end in .json, as it is a list of poses", help)
         return {"frame": FRAME, "angles": "deg", "entries": []}, set()
     content = read_json(file)
     listed = read_pose_list(file, Interpretation(FRAME, "deg"))  # refuses what plan would
@@ -131,8 +137,8 @@ def taught_otherwise(poses: PoseList, cell: Cell) -> list[str]:
         off = 1e3 * float(norm(now[:3, 3] - then[:3, 3]))
         if off > SAME_MM:
             lines.append(
-                f"{entry.name!r} was taught before arm or tool were calibrated anew: the tool stood {off:.1f} mm from "
-                "where it was taken to be, and these angles lead it elsewhere than then; teach it again"
+                f"{entry.name!r} was taught with another calibration or tool than this cell has: the tool stood "
+                f"{off:.1f} mm from where it was taken to be, and these angles lead it elsewhere; teach it again"
             )
     return lines
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from arm.controller.unit import Unit
 from arm.se3 import Array
+
+LITTLE_DEG = 0.2  # by which somebody who types the number would seldom turn a joint
 
 
 def doubt_of_deg(q: Array, unit: Unit) -> str:
@@ -44,3 +48,12 @@ def doubt_of_small(stated: float | list[float]) -> str:
     in_deg = ", ".join(f"{v:.4g}" for v in np.degrees(values).tolist())
     in_deg = in_deg if values.shape == (1,) and not isinstance(stated, list) else f"[{in_deg}]"
     return f"{stated}: is it in rad? Then it must be {in_deg} in deg"
+
+
+def doubt_of_turn(degrees: Sequence[float]) -> str:
+    """Say that angles given in deg by which joints shall turn may be in rad, or are small; "" if neither."""
+    most = max(map(abs, degrees))
+    little = (
+        f"the numbers are deg: the joints turn by at most {most:g} deg" if 0.0 < most < LITTLE_DEG else ""
+    )
+    return doubt_of_small(list(degrees)) or little

@@ -151,7 +151,7 @@ def test_what_is_not_certified_is_refused_and_nothing_moves(
         assert "poses.json" not in str(refused.value)
         with pytest.raises(ImpossibleError, match=r"^--to=0\.42,0,0\.3: the goal at .*; the numbers are mm$"):
             _move(Goal("to", (0.42, 0.0, 0.3)))
-        with pytest.raises(InputError, match=r"^--by=0,0,6000: must be within 5000 mm"):
+        with pytest.raises(InputError, match=r"^--by=0,0,6000: leads the tool 6\d+ mm from the base; must"):
             _move(Goal("by", (0.0, 0.0, 6000.0)))
         beyond = r"^--turn=0,200,0,0,0,0: J2 would be at \d+\.\d deg, must be from \S+ to \S+ deg on crs93$"
         with pytest.raises(InputError, match=beyond):
@@ -185,6 +185,11 @@ def test_a_goal_as_an_entry_of_a_list(here: Cell) -> None:
         (("--name", "a"), "--name names an entry of a list; give --list LIST too"),
         (("--by=0,0,1", "--name", "a"), "--list LIST and --name NAME go together"),
         (("--by=0,0,1",), "no terminal to confirm that the arm may move: give --unseen"),
+        (("--list", "/none/p.json", "--name", "a"), "p.json: cannot be read"),
+        (
+            ("--to=4200,0,5300",),
+            "--to=4200,0,5300: leads the tool 5300 mm from the base; must be within 5000 mm",
+        ),
     ],
 )
 def test_a_goal_that_is_wrong_is_refused_before_a_port_is_opened(
@@ -215,6 +220,7 @@ def test_a_shift_of_the_tool_in_m_is_told() -> None:
         ("--by=0,0,0.05", True),
         ("--along=0,0,-0.3", True),
         ("--by=0,0,0.6", False),
+        ("--turn=0,0,0,0,0,90", False),
         ("--to=0,0,0.3", False),
     ):
         said, _ = a465("move", CELL, "/dev/none-such", given, "--unseen", code=2)

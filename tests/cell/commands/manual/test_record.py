@@ -136,6 +136,7 @@ def test_what_is_there_is_not_replaced_and_what_is_wrong_opens_no_port(tmp_path:
             ("record", "-o", "new.json", "--compare", file): "cannot be combined with --compare",
             ("record", "--seconds", "3", "--compare", file): "cannot be combined with --compare",
             ("record", "--compare", file): "is not JSON",
+            ("record", port, "-o", "new.toml"): "new.toml: must end in .json, as it is the record of a unit",
             ("record", tmp_path / "none", "-o", "new.json"): "is not there",
         }
         for words, rule in wrong.items():

@@ -65,7 +65,10 @@ def test_a_pose_that_was_taught_before_a_calibration_is_told(here: Cell, port: t
     zero = here.unit.counts_at_zero + [50, 0, 0, 0, 0, 0]
     turned = replace(here, unit=replace(here.unit, counts_at_zero=zero))
     (line,) = taught_otherwise(listed, turned)
-    assert re.search(r"^'tray' was taught before .* stood 0\.\d mm from .*; teach it again$", line)
+    assert re.search(
+        r"^'tray' was taught with another calibration .* stood 0\.\d mm from .*; teach it again$",
+        line,
+    )
     (line,) = taught_otherwise(listed, replace(here, unit=replace(here.unit, name="crs97")))
     assert line == "'tray' was taught on crs93, and this cell has crs97"
     entry = listed.entries[0]
@@ -115,6 +118,16 @@ def test_other_formats_are_refused() -> None:
     Path("poses.csv").write_text("0,0,0,0,0,0\n")
     _, told = a465("teach", "poses.csv", CELL, "/dev/none-such", code=2)
     assert "teach appends to lists in JSON only" in told
+    _, told = a465("teach", "above the tray", CELL, "/dev/none-such", code=2)
+    assert "must end in .json, as it is a list of poses (the name of a pose is given by --name)" in told
+
+
+def test_a_list_of_another_arm_is_told_before_a_pose_is_added() -> None:
+    taught = {"unit": "crs97", "counts": [0] * 6, "T_base_tool": np.eye(4).tolist()}
+    entry = {"name": "a", "q_deg": [0, 10, -80, 0, -60, 0], "taught": taught}
+    Path("poses.json").write_text(json.dumps({"entries": [entry]}))
+    said, _ = a465("teach", "poses.json", CELL, "/dev/none-such", code=2)
+    assert "NOTE: poses.json: 'a' was taught on crs97, and this cell has crs93" in said
 
 
 def test_an_arm_whose_position_is_not_known_is_not_taught(here: Cell, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arm.controller.unit import load_unit
-from cell.config.doubts.angles import doubt_of_deg, doubt_of_small
+from cell.config.doubts.angles import doubt_of_deg, doubt_of_small, doubt_of_turn
 
 UNIT = load_unit("crs93")
 
@@ -38,3 +38,20 @@ def test_whole_degrees_and_large_ones_raise_no_doubt(degrees: tuple[float, ...])
 def test_multiples_of_5_deg_in_rad_are_told(stated: float | list[float], meant: str) -> None:
     found = doubt_of_small(stated)
     assert found == (f"{stated}: is it in rad? Then it must be {meant} in deg" if meant else "")
+
+
+@pytest.mark.parametrize(
+    ("turn", "told"),
+    [
+        ((0.1745, 0, 0, 0, 0, 0), "is it in rad? Then it must be [9.998, 0, 0, 0, 0, 0] in deg"),
+        ((0, 0, -1.571, 0, 0, 0), "is it in rad? Then it must be [0, 0, -90.01, 0, 0, 0] in deg"),
+        ((0.05, 0, 0, 0, 0, 0), "the numbers are deg: the joints turn by at most 0.05 deg"),
+        ((0.5, 0, 0, 0, 0, 0), ""),
+        ((0, 0, 12.345, 0, 0, 0), ""),
+        ((0, 0, 0, 0, 0, 0), ""),
+    ],
+)
+def test_a_turn_that_may_be_in_rad_or_is_small_is_told(turn: tuple[float, ...], told: str) -> None:
+    found = doubt_of_turn(turn)
+    assert told in found
+    assert bool(told) == bool(found)
