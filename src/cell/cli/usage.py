@@ -126,7 +126,7 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
             return f"a plan is executed by a465 execute {word} TASK"
         if "--images" in options and Path(word).suffix.lower() in IMAGES:
             return f"--images takes the folder of the images: --images {Path(word).parent}"
-        if "--output" in options and Path(word).suffix.lower() in WRITTEN and not Path(word).exists():
+        if "--output" in options and Path(word).suffix.lower() in WRITTEN and kind in ("", "samples"):
             return f"what is written is given by -o {word}"
         if "--unit" in options and re.fullmatch(r"crs\d+", word.lower()):
             return f"a unit is given by --unit {word}"

@@ -42,7 +42,7 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     from cell.config.arm_file import ArmFile
     from cell.export.scene import arm_of_plan
     from cell.files.task import Task
-    from cell.program.find_task import task_or_none
+    from cell.program.find_task import naming_its_task, task_or_none
     from cell.program.program_file import place_of_file
     from cell.scene.options import options_of
     from cell.task.plan_matches import check_plan, replayed_to_json
@@ -66,7 +66,8 @@ def _check_plan(plan_file: Path, task_file: Path | None, console: Console) -> di
     else:
         if task_file is None:
             console.say(f"task: {found}")
-        result = check_plan(place, plan)
+        with naming_its_task(plan_file, plan, task_file):
+            result = check_plan(place, plan)
         cell = place.cell
         robot, unit, limits, options = cell.robot(), cell.unit, cell.limits, options_of(place, plan.speed)
     columns = ["name", "stated_mm", "proved_mm"]

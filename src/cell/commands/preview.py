@@ -66,7 +66,7 @@ def _preview_plan(
     from cell.preview.of_place import photograph_for
     from cell.preview.of_plan import write_page
     from cell.preview.page import Drawn, write_preview
-    from cell.program.find_task import task_or_none
+    from cell.program.find_task import naming_its_task, task_or_none
     from cell.program.program_file import place_of_file
     from cell.task.plan_matches import require_match
     from plan.trajectory.virtual_unit import NO_UNIT
@@ -84,7 +84,8 @@ def _preview_plan(
         raise InputError(why, file=str(plan_file))
     else:
         try:
-            require_match(task, plan)
+            with naming_its_task(plan_file, plan, task_file):
+                require_match(task, plan)
         except ImpossibleError as error:
             if "unit" in error.data["differing"]:  # on another unit, the same counts are other angles
                 raise

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from arm.errors import FileInputError, InputError
+from arm.errors import FileInputError, ImpossibleError, InputError
 from arm.io.storage import canonical_json
 from arm.plan_file import Plan, read_plan
 from cell.files.task import Task
@@ -40,6 +40,30 @@ def task_or_none(plan_file: Path, plan: Plan, given: Path | None) -> Path | None
         InputError: as `task_of_plan_file`.
     """
     return given if given is not None or plan.unit == NO_UNIT else _found(plan_file, plan)
+
+
+@contextmanager
+def naming_its_task(plan_file: Path, plan: Plan, given: Path | None) -> Iterator[None]:
+    """Add to a refusal of a plan with the file `given` which other file near the plan it was made for.
+
+    Raises:
+        ImpossibleError: as raised inside, and there is such a file, whose cell is that of the plan.
+    """
+    try:
+        yield
+    except ImpossibleError as error:
+        with suppress(InputError):
+            other = _found(plan_file, plan)
+            place = place_of_file(other)
+            if (
+                given is not None
+                and not other.samefile(given)
+                and isinstance(place, Task)
+                and _fits(place, plan)
+            ):
+                why = str(error).removesuffix("; plan again").removesuffix("; give its file or plan again")
+                raise ImpossibleError(f"{why}; it was made for {other}: give that", **error.data) from error
+        raise
 
 
 def _found(plan_file: Path, plan: Plan) -> Path:

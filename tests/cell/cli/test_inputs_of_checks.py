@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,30 @@ def test_one_line_tells_the_cause(typed: str, told: str, at: Path) -> None:
     said = a465(*typed.split(), code=2)[1]
     assert told in said
     assert sum(line.startswith("a465:") for line in said.splitlines()) == 1
+
+
+def test_the_other_task_of_the_name_is_told_if_the_plan_was_made_for_it(at: Path) -> None:
+    Path("other").mkdir()
+    replace_in(Path("cell.toml"), "clearance_mm = 10", "clearance_mm = 12")
+    Path("there.json").write_text(json.dumps({"entries": [{"q_deg": [-60, -40, -80, 0, -55, 0]}]}))
+    a465("plan", "cell.toml", "there.json", "-o", "other/plan.json")
+    shutil.copytree("cameras", "other/cameras")
+    shutil.copytree("boards", "other/boards")
+    shutil.copy("cell.toml", "other")
+    replace_in(Path("cell.toml"), "clearance_mm = 12", "clearance_mm = 10")
+    for verb, code in (("check", 3), ("preview", 0)):
+        said = "".join(a465(verb, "other/plan.json", "cell.toml", code=code))
+        assert "motion.clearance_mm 12, now 10; it was made for other/cell.toml: give that" in said
+    Path("other/cell.toml").unlink()
+    assert (
+        "motion.clearance_mm 12, now 10; plan again"
+        in a465("check", "other/plan.json", "cell.toml", code=3)[1]
+    )
+
+
+def test_a_page_that_is_there_is_an_output_too(at: Path) -> None:
+    told = a465("preview", "list.json", "task2.toml", "page.html", code=2)[1]
+    assert "(what is written is given by -o page.html)" in told
 
 
 def test_a_program_on_a_board_asks_for_a_look(at: Path) -> None:
