@@ -25,6 +25,8 @@ from vision.targets.marker_print import MarkerPrint, family
 _SADDLE_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 0.001)
 FEWEST_CORNERS = 6
 """Fewer do not give a pose fit for calibration."""
+SMALL_SQUARE = 0.006  # m; squares below are rather in cm
+SHARES = 0.4, 0.9  # of a marker's edge in its square's, between which bits are large and the border is white
 KIND = text("charuco", "checkerboard")
 
 
@@ -76,6 +78,20 @@ class Target:
         return [
             (i, j) for j in range(self.rows) for i in range(self.columns) if (i + j + self.white_first) % 2
         ]
+
+    def doubt(self) -> str:
+        """Say what of the sizes may be in another unit, or too much for a detector; "" if nothing."""
+        if self.square < SMALL_SQUARE:
+            return (
+                f"squares of {1e3 * self.square:g} mm: is the target in cm? All distances and limits are those of this "
+                "size"
+            )
+        if self.kind == "charuco" and not SHARES[0] <= (share := self.marker / self.square) <= SHARES[1]:
+            return (
+                f"markers of {1e3 * self.marker:g} mm in squares of {1e3 * self.square:g} mm: from {SHARES[0]:g} to "
+                f"{SHARES[1]:g} of a square they are found well, and these have {share:.2g}"
+            )
+        return ""
 
     def label(self) -> str:
         """A short description."""
@@ -134,6 +150,10 @@ def read_target(path: Path) -> Target:
             what, "a465 calibrate hand-eye takes it; for the same print give a file without [hand]"
         )
     is_charuco = root.get("kind", KIND, "charuco") == "charuco"
+    for name in () if is_charuco else ("marker_mm", "dictionary", "legacy"):
+        if name in root:
+            help = f'for one with markers write kind = "charuco", else leave {name} out'
+            raise root.error_at(name, 'is of a target with markers, and kind is "checkerboard"', help)
     return target_of((CharucoKeys if is_charuco else CheckerboardKeys).read(root), root)
 
 

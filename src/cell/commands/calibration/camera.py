@@ -31,9 +31,7 @@ NEAREST_MM = 20.0  # working distance: no lens of a cell looks at less, and a di
 NARROWEST_PX = 16.0  # part of an image: nothing of an arm is as small, and fractions of the image are smaller
 _LIFT = re.compile(r"(.+)=([^=]+?)(?:\+-([^=]+))?")
 _MM = re.compile(r"\d{1,9}(?:\.\d+)?")
-
-
-SMALL_SQUARE = 0.006  # m; squares below are rather in cm
+_ELSEWHERE = 2.0  # times nearer or farther than all views that a working distance is doubted
 
 
 @dataclass(frozen=True)
@@ -186,16 +184,15 @@ def camera_step(
         raise InputError("--camera and --simulated need --live; without it, the images in IMAGES are used")
     lifts = options.lifts([path.name for path in _images(images)])
     photos, size = find_target(images, target, console)
-    if target.square < SMALL_SQUARE:
-        edge = f"{1e3 * target.square:g} mm"
-        console.say(
-            f"NOTE: squares of {edge}: is the target in cm? All distances and limits are those of this size"
-        )
+    if doubt := target.doubt():
+        console.say(f"NOTE: {doubt}")
     console.step(f"fit: {sum(p.view is not None for p in photos)} views of {target.label()}")
     region = options.region(size)
     calibration = calibrate_camera(
         photos, target, size, held=hold, work=work, limits=limits, lifts=lifts, region=region
     )
+    if elsewhere := _elsewhere(calibration, work):
+        console.say(f"NOTE: {elsewhere}")
     print_lens(calibration, console)
     options.write_report(lambda: lens_page(calibration, images.name), console)
     if output is not None and calibration.accepted:
@@ -204,6 +201,20 @@ def camera_step(
     elif output is None and calibration.accepted:
         console.say("no camera file was written; give -o FILE to write one")
     return lens_json(calibration)
+
+
+def _elsewhere(c: CameraCalibration, work: tuple[float, float] | None) -> str:
+    """Say that the working distances are far from those of the views; "" if they are not."""
+    distances = [v.distance for v in c.views if v.used]
+    if work is None or not distances:
+        return ""
+    if work[1] * _ELSEWHERE > min(distances) and work[0] < _ELSEWHERE * max(distances):
+        return ""
+    near, far = (f"{1e3 * v:g}" for v in work)
+    return (
+        f"--work-mm {near} {far}: the target was {1e3 * min(distances):.0f} to {1e3 * max(distances):.0f} mm away in "
+        "all views: is it in mm? The lens is judged at distances that no view shows"
+    )
 
 
 def _require_replaceable(output: Path | None) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arm.credentials import without_url
 from arm.errors import CalibrationRefused, CameraError, InputError
 from arm.io.storage import unmade
 from arm.se3 import Array, rotation, transform
@@ -78,14 +79,18 @@ def open_source(
     """Open the camera, or the simulated camera of a task's cell.
 
     Raises:
-        InputError: not exactly one of them is given.
+        InputError: not exactly one of them is given, or the file is wrong.
         CameraError: the camera cannot be opened.
     """
     from cell.session.cameras import VARIABLE, camera_by, device_of
 
     if simulated is None:
         selector = selector or device_of(None)
-    if (selector is None) == (simulated is None):
+    if selector is not None and simulated is not None:
+        raise InputError(
+            f"--camera {without_url(selector)} and --simulated {simulated}: give only one source of images"
+        )
+    if selector is None and simulated is None:
         why = (
             f"--live needs --camera SELECTOR (or {VARIABLE}), or --simulated TASK to try it without a camera"
         )
@@ -147,7 +152,7 @@ def take_views(
     guided = GuidedViews(target, size, work, limits, region(size))
     if hand is not None:
         hand.advice = lambda: guided.advice
-    number = _resume(folder, finder, guided, console)
+    number = _resume(folder, finder, guided, console, size)
     taken, since = 0, clock()
     said, last = since, first
     console.say(f"show the target {guided.advice.words}")
@@ -195,11 +200,21 @@ def _next(source: FrameSource, views: int, console: Console) -> Image | None:
     return image
 
 
-def _resume(folder: Path, finder: TargetFinder, guided: GuidedViews, console: Console) -> int:
-    """Add the images in the folder as views; return the number of the last one."""
+def _resume(
+    folder: Path, finder: TargetFinder, guided: GuidedViews, console: Console, size: tuple[int, int]
+) -> int:
+    """Add the images in the folder as views; return the number of the last one.
+
+    Raises:
+        InputError: one has another size than the camera's images: the session would be in vain.
+    """
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     for file in files:
-        photo = TargetPhoto.of(file.name, read_grey(file), finder)
+        image = read_grey(file)
+        if (there := (image.shape[1], image.shape[0])) != size:
+            rule = f"is {there[0]} x {there[1]} px, and the camera's images are {size[0]} x {size[1]} px"
+            raise InputError(f"{file}: {rule}; give a new folder, or remove it", path=str(file))
+        photo = TargetPhoto.of(file.name, image, finder)
         guided.consider(photo)  # twice: a view counts only if the target is held still
         guided.consider(photo)
     if files:

@@ -68,11 +68,11 @@ class ChainOptions(ResultOptions):
     cell: Path | None = None
     apply: bool = False
 
-    def checked_all(self, inputs: Sequence[Path]) -> Self:
+    def checked_all(self, inputs: Sequence[Path], format: str = ".toml") -> Self:
         """Check all options, and return them with the name of the report; see `ResultOptions.checked`."""
         self.limits(HAND_EYE_LIMITS)
         self.encoder_step()
-        return self.checked(inputs, MARKS)
+        return self.checked(inputs, MARKS, format)
 
     def limits(self, usual: Limits, cell: Cell | None = None) -> Limits:
         """Return the limits of the verdict; `limit_mm` is that of held-out images, and of the tool in all directions.
@@ -108,7 +108,7 @@ def kinematic_step(data: Path, options: ChainOptions, console: Console) -> dict[
         InputError: a file or an option is wrong.
         CalibrationRefused: nothing could be computed.
     """
-    options = options.checked_all((data,))
+    options = options.checked_all((data,), ".json")
     recording = read_nao_recording(data)
     console.step(f"fit: {len(recording.pixels)} images of {len(recording.board)} vertices")
     images = [of for number in range(len(SIDES)) if len(of := np.flatnonzero(recording.side == number))]

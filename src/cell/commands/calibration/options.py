@@ -62,7 +62,10 @@ class ResultOptions:
             console.say(f"report: {self.report}")
 
     def checked(
-        self, inputs: Sequence[Path | None], marks: Mapping[str, Sequence[bytes]] | None = None
+        self,
+        inputs: Sequence[Path | None],
+        marks: Mapping[str, Sequence[bytes]] | None = None,
+        format: str = ".toml",
     ) -> Self:
         """Return the options with the name of the report.
 
@@ -71,6 +74,7 @@ class ResultOptions:
         Args:
             inputs: files that the command reads.
             marks: option -> texts. An existing file is overwritten only if it has one of them at its start.
+            format: suffix of the output; a name without any is allowed.
 
         Raises:
             InputError: an output file is one of `inputs`, not a regular file, named like an image, not an earlier
@@ -100,6 +104,8 @@ class ResultOptions:
             raise _file_error(*outputs[0], rule)
         if report is not None and (fault := page_fault(report)):
             raise _file_error(REPORT, report, fault)
+        if output is not None and output.suffix and output.suffix.lower() != format:
+            raise _file_error(OUTPUT, output, f"must end in {format}, as it is {format[1:].upper()}")
         return replace(self, report=report)
 
 

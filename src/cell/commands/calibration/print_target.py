@@ -36,6 +36,8 @@ def target_print_step(target_file: Path | None, output: Path, console: Console) 
     target = Target() if target_file is None else _read(target_file)
     write_atomic(output, target_svg(target))
     width, height = (1e3 * size for size in target.size)
+    if doubt := target.doubt():
+        console.say(f"NOTE: {doubt}")
     console.say(f"{output}: {target.label()}; the chessboard is {width:g} x {height:g} mm")
     console.say(
         "print it at 100 %, not fitted to the page; then measure the ruler below it and ten squares in a row"

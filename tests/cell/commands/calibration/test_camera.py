@@ -145,6 +145,26 @@ def test_a_target_in_cm_is_told(photographs: Path, tmp_path: Path) -> None:
         assert ("NOTE: squares of 3 mm: is the target in cm?" in said) == told
 
 
+def test_working_distances_in_cm_and_other_formats_are_told(photographs: Path, tmp_path: Path) -> None:
+    said, _ = a465("calibrate", "camera", photographs, "--work-mm", 90, 120)
+    assert "NOTE: --work-mm 90 120: the target was " in said
+    for name in ("lens.yaml", "lens.json"):
+        told = a465("calibrate", "camera", photographs, "-o", tmp_path / name, code=2)[1]
+        assert f"{name}: must end in .toml, as it is TOML" in told
+    told = a465(
+        "calibrate", "camera", tmp_path, "--live", "--camera", "video:0", "--simulated", "a.toml", code=2
+    )[1]
+    assert "--camera video:0 and --simulated a.toml: give only one source of images" in told
+
+
+def test_a_session_is_not_continued_with_images_of_another_size(tmp_path: Path) -> None:
+    (tmp_path / "views").mkdir()
+    cv2.imwrite(str(tmp_path / "views" / "old.png"), np.zeros((600, 800), np.uint8))
+    task = data_file("scenes/task2.toml")
+    told = a465("calibrate", "camera", tmp_path / "views", "--live", "--simulated", task, code=2)[1]
+    assert "old.png: is 800 x 600 px, and the camera's images are 1920 x 1200 px; give a new folder" in told
+
+
 def test_working_distances_in_metres_are_told() -> None:
     with pytest.raises(
         InputError, match=r"--work-mm \[0\.9, 1\.2\]: must be 20 mm or more: the unit is mm; are"

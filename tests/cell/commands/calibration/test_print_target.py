@@ -8,7 +8,7 @@ import pytest
 
 from arm.io.storage import data_file
 from cell.commands.calibration.print_target import target_svg
-from typed.command_line import a465
+from typed.command_line import a465, replace_in
 from vision.targets.target import Target, TargetFinder
 
 PX_PER_MM = 12
@@ -56,3 +56,23 @@ def test_the_command_draws_what_the_hand_is_to_hold(tmp_path: Path) -> None:
     assert TargetFinder(Target(square=0.012, marker=0.009)).find(image) is not None
     _, told = a465("calibrate", "target", "-o", tmp_path / "target.png", code=2)
     assert "must end in .svg" in told
+
+
+@pytest.mark.parametrize(
+    ("square", "marker", "told"),
+    [(3, 2.2, "is the target in cm?"), (30, 29.5, "from 0.4 to 0.9"), (30, 22, "")],
+)
+def test_a_print_that_is_hardly_meant_is_told(
+    tmp_path: Path, square: float, marker: float, told: str
+) -> None:
+    target = tmp_path / "target.toml"
+    target.write_text(
+        f'kind = "charuco"\nsquares = [7, 5]\nsquare_mm = {square}\nmarker_mm = {marker}\ndictionary = "DICT_5X5_100"\n'
+    )
+    said, _ = a465("calibrate", "target", target, "-o", tmp_path / "target.svg")
+    assert ("NOTE" in said) == bool(told)
+    assert told in said
+    replace_in(target, '"charuco"', '"checkerboard"')
+    _, why = a465("calibrate", "target", target, "-o", tmp_path / "other.svg", code=2)
+    assert "marker_mm = " in why
+    assert 'is of a target with markers, and kind is "checkerboard"' in why
