@@ -1,16 +1,10 @@
-"""What is in the place of a file: a name that no file has, or the content of another one. For messages only."""
+"""What the content of a file is that belongs elsewhere: an image, an archive, a page, a table. For messages only."""
 
 from __future__ import annotations
 
 import codecs
 import re
-from contextlib import suppress
-from difflib import get_close_matches
-from itertools import islice
-from pathlib import Path
 
-_MOST_LISTED = 1000  # names of a folder among which a similar one is searched
-_ALIKE = 0.8  # of two names, by `difflib`, before one is proposed for the other
 _HTML = re.compile(r"\s*<(!doctype html|html)\b", re.IGNORECASE)
 _YAML = re.compile(r"(?:---\s|(?:- +)?[A-Za-z_][\w/.-]*:(?:\s|\Z))")
 _ROW = re.compile(r"[-+]?\d[\d.eE+-]*(?:\s*[,;\t ]\s*[-+]?\d[\d.eE+-]*)+\s*")
@@ -36,39 +30,6 @@ _BINARY = {
     b"\x7fELF": "a program",
     b"\x89MCAP": "an MCAP recording",
 }
-
-
-def missing(path: Path) -> str:
-    """What may be meant by the name of a file that is not there; "" if nothing shows it."""
-    name = str(path)
-    if re.match(r"(?:https?|ftp|file):/", name):
-        return "it is an address; download the file, and give its path"
-    if name.startswith("~") or "$" in name:
-        return "~ and $NAME stand for nothing within quotes or in a file; write the path out"
-    if "*" in name or "?" in name:
-        return "no name matches the pattern"
-    if "\\" in name and (slashed := Path(name.replace("\\", "/"))).exists():
-        return f"with / for \\ it is {slashed}"
-    below = (Path(*path.parts[k:]) for k in range(1, len(path.parts)))
-    if not path.is_absolute() and (here := next((one for one in below if one.exists()), None)):
-        return f"from this folder it is {here}"
-    if gone := [folder for folder in path.parents if not folder.exists()]:
-        return f"there is no folder {gone[-1]}"
-    with suppress(OSError):
-        names = [one.name for one in islice(path.parent.iterdir(), _MOST_LISTED)]
-        same = [one for one in names if path.name.lower() in (one.lower(), Path(one).stem.lower())]
-        if alike := same or get_close_matches(path.name, names, 1, _ALIKE):
-            return f"is it {path.with_name(alike[0])}?"
-        if other := next(path.parent.glob(f"*/{path.name}"), None):
-            return f"is it {other}?"
-    return ""
-
-
-def no_file(path: Path) -> tuple[str, str]:
-    """Return the rule that a name breaks by which there is no file, and what would help."""
-    if path.is_dir():
-        return f"names a folder, must name a file: {path}", ""
-    return f"names a file that does not exist: {path}", missing(path)
 
 
 def binary(data: bytes) -> str:

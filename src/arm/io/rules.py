@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import os
 import unicodedata
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from arm.errors import A465Error
-from arm.io.foreign import no_file
 from arm.io.node import Node, Rule
+from arm.io.slips.names import no_file
 from arm.io.slips.ports import port_fault
 from arm.io.slips.values import as_text, other_count
 from arm.numerics.products import mul, norm
@@ -314,24 +313,6 @@ def zero_or(least: float, most: float) -> Rule[float]:
     return Rule(plain.words, read)
 
 
-def _elsewhere(file: Path, named: str) -> str:
-    """Say how to name a file that is beside the one that names it, or beside the one that a link leads to; or "".
-
-    Args:
-        file: the file that names another.
-        named: the name, relative to the folder of `file`.
-    """
-    beside = Path(named).name
-    if beside != named and (file.parent / beside).is_file():
-        return f'names are relative to the folder of {file.name}: "{beside}" is there'
-    if named and not os.path.isabs(named) and Path(named).is_file():  # written from the working folder
-        return f'names are relative to the folder of {file.name}: "{os.path.relpath(named, file.parent)}"'
-    there = Path(os.path.realpath(file))
-    if there.parent == Path(os.path.realpath(file.parent)) or not (there.parent / named).is_file():
-        return ""
-    return f"a link leads to {there}, which has it beside it: give that file"
-
-
 def path(exists: bool = True) -> Rule[Path]:
     """The path of a file, relative to the file that names it; `exists`: the file must exist."""
 
@@ -343,8 +324,7 @@ def path(exists: bool = True) -> Rule[Path]:
         except OSError as error:  # the name is too long, or a folder may not be read
             raise node.error(f"names a file that cannot be read: {error.strerror}") from error
         if exists and not is_there:
-            rule, help = no_file(found)
-            raise node.error(rule, _elsewhere(node.file, named) or help) from FileNotFoundError(found)
+            raise node.error(*no_file(found, node.file)) from FileNotFoundError(found)
         return found
 
     return Rule("a string", read)

@@ -23,7 +23,8 @@ from types import MappingProxyType
 from typing import Any, BinaryIO
 
 from arm.errors import FileInputError, InputError
-from arm.io.foreign import binary, markup, missing, printed, table, yaml
+from arm.io.foreign import binary, markup, printed, table, yaml
+from arm.io.slips.names import missing
 from arm.io.temporary import TemporaryFile, mode_of_new
 
 _SOURCE = Path(__file__).resolve().parents[2]

@@ -9,10 +9,10 @@ import numpy as np
 
 from arm.board import CUBE_SEAT_DEPTH, POCKET_FLOOR, POCKET_MOUTH, Board, seat_depth
 from arm.errors import FileInputError
-from arm.io.foreign import no_file
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import is_number, number, numbers, rule_of, same, standing, text, triple, zero_or
+from arm.io.slips.names import no_file
 from arm.se3 import Array
 from cell.config.plain_board import read_board
 from vision.boards.checks import BoardLimits
@@ -80,7 +80,7 @@ def boards_of(keys: BoardKeys, root: Node, cube_size: float) -> tuple[Board, ...
     for name in keys.board_files:
         path = root.file.parent / name
         if not path.is_file():
-            raise root.error_at("boards.files", *no_file(path))
+            raise root.error_at("boards.files", *no_file(path, root.file))
         board = replace(read_board(path, keys.marker_size, keys.made_within), pocket=pocket)
         dictionary = root["boards"]["dictionary"].read(DICTIONARY)
         most = DICTIONARIES[dictionary] - 1

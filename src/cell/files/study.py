@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from arm.errors import FileInputError
-from arm.io.foreign import no_file
 from arm.io.keys import Keys, key
 from arm.io.node import Node
 from arm.io.rules import integer, is_number, line, number, path, rule_of, same, tables, text
+from arm.io.slips.names import no_file
 from arm.io.storage import canonical_json
 
 STAGES = ("reach", "look", "plan", "run")
@@ -158,13 +158,13 @@ def read_study(file: Path, task: Path | None = None, world: Path | None = None) 
     keys = StudyKeys.read(root)
     task = keys.task if task is None else task
     if not task.is_file():
-        raise root.error_at("task", *no_file(task))
+        raise root.error_at("task", *no_file(task, file))
     Node.of_toml(task, "task")
     if world is None:
         world = task.with_suffix(".world.toml") if keys.world is None else keys.world
     if not world.is_file():
         default = f"is missing, and it is not beside the task file: {world}", ""
-        raise root.error_at("world", *(no_file(world) if keys.world else default))
+        raise root.error_at("world", *(no_file(world, file) if keys.world else default))
     if not keys.vary:
         raise root.error_at("vary", "must have one or more tables: what varies")
     nodes = root["vary"].items()

@@ -14,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from arm.errors import FileInputError, InputError
-from arm.io.foreign import archive, missing
+from arm.io.foreign import archive
 from arm.io.kind import kind_of_file, words_of
+from arm.io.slips.names import missing
 from arm.io.storage import open_file, read_bytes
 
 Image = npt.NDArray[np.uint8]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from arm.errors import FileInputError
-from arm.io.foreign import binary, markup, missing, no_file, table, yaml
+from arm.io.foreign import binary, markup, table, yaml
 from arm.io.storage import data_file, read_json, read_text
 from arm.io.toml_reader import read_toml
 from arm.plan_file import read_plan
@@ -58,35 +58,6 @@ def test_numbers_alone_are_a_table_and_words_between_them_are_none() -> None:
     assert table("1,2\n-3.5;4e-3\n# of Monday\n5 6\n")
     for text in ("1,2\n3,4\n", "a = 1\nb = 2\nc = 3\n", "1\n2\n3\n", "[1, 2]\n[3, 4]\n[5, 6]\n"):
         assert not table(text)
-
-
-def test_a_file_that_is_not_there_is_told_by_what_is_near(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "scenes").mkdir()
-    (tmp_path / "scenes" / "cell.toml").touch()
-    monkeypatch.chdir(tmp_path)
-    told = {
-        "scenes/cel.toml": "is it scenes/cell.toml?",
-        "scenes/cell": "is it scenes/cell.toml?",
-        "scenes/Cell.TOML": "is it scenes/cell.toml?",
-        "scene": "is it scenes?",
-        "cell.toml": "is it scenes/cell.toml?",
-        "scenes\\cell.toml": "with / for \\ it is scenes/cell.toml",
-        "Scenes/cell.toml": "there is no folder Scenes",
-        "https:/host/cell.toml": "it is an address; download the file, and give its path",
-        "~/cell.toml": "~ and $NAME stand for nothing within quotes or in a file; write the path out",
-        "$HOME/cell.toml": "~ and $NAME stand for nothing within quotes or in a file; write the path out",
-        "scenes/*.json": "no name matches the pattern",
-        "other": "",
-    }
-    assert {name: missing(Path(name)) for name in told} == told
-    monkeypatch.chdir(tmp_path / "scenes")
-    assert missing(Path("scenes/cell.toml")) == "from this folder it is cell.toml"
-    assert no_file(Path("cel.toml")) == ("names a file that does not exist: cel.toml", "is it cell.toml?")
-    assert no_file(tmp_path) == (f"names a folder, must name a file: {tmp_path}", "")
-    with pytest.raises(FileInputError, match=r"No such file or directory \(is it cell\.toml\?\)"):
-        read_text(Path("cel.toml"))
 
 
 def test_what_a_command_printed_is_told(tmp_path: Path) -> None:

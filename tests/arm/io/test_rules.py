@@ -268,7 +268,7 @@ def test_a_file_named_from_the_working_folder_is_told(
     (tmp_path / "cells/lenses/lab.toml").write_text("")
     for named, told in (
         ("cells/lenses/lab.toml", r'of cell.toml: "lenses/lab.toml"\)$'),
-        ("lenses/lap.toml", r"\(is it cells/lenses/lab.toml\?\)$"),
+        ("lenses/lap.toml", r'\(is it "lenses/lab.toml"\?\)$'),
     ):
         with pytest.raises(FileInputError, match=told):
             Node(Path("cells/cell.toml"), "camera", named).read(path())

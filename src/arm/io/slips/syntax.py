@@ -64,6 +64,7 @@ _SLIPS = (  # what a line and an error of `tomllib` have, and what helps
     (r"=\s*(null|None|nil|NULL)\b", "", "TOML has no such value: leave the key out"),
     (r"=\s*(yes|no|on|off)\b", "", "it is true or false"),
     (r"=\s*(#.*)?$", "Invalid value", "the value is missing"),
+    (r"^\s*\[\s*-?[\d.]+\s*,", "", "a row of a list whose first line, KEY = [, is missing"),
     (r"=\s*\.\d|=\s*-?\d+\.(?!\d)", "", "a digit stands on both sides of the decimal point"),
     (r"=\s*-?0\d", "", "a number does not begin with a 0"),
     (r"=\s*[^\W\d]", "Invalid value", "text stands in quotation marks"),

@@ -22,6 +22,7 @@ ESCAPE = "a backslash in quotation marks begins an escape: write / instead, or '
         ("q = (-60, -40)", "a list stands in square brackets"),
         ("q = -60, -40, 0", "a list stands in square brackets"),
         ("length_mm = 36,5", "the decimal sign is a point"),
+        ("[0.026, 0.998, -0.059, 0.492],", "a row of a list whose first line, KEY = [, is missing"),
         ("stamps = True", "true and false are written in small letters"),
         ("background = null", "TOML has no such value: leave the key out"),
         ("stamps = yes", "it is true or false"),
