@@ -39,7 +39,9 @@ def help_of(word: str, others: int) -> str:
     """Return what may help where a word stands for a number, in a row with `others` numbers; "" if nothing is known."""
     if any(dash in word for dash in _DASHES):
         return "its minus is a dash; write -"
-    if found := re.match(r"[-+]?[\d.]+(?:e[-+]?\d+)?(?=[^\d.])", word):
+    if re.fullmatch(r"\d{1,4}[./-](\d{1,2}|[^\W\d]{3,})([./-]\d{0,4})?", word):
+        return "did a spreadsheet make a date of it?"
+    if found := re.match(r"[-+]?\d+\.?\d*(?=(?:deg|rad|mm|m|%|\u00b0)$)", word):
         return f"write the number alone: {found[0]}"
     return "rows have numbers only; names stand in a list in JSON" if others >= 6 else ""
 

@@ -26,6 +26,9 @@ def test_names_are_a_header_and_numbers_with_a_unit_are_none() -> None:
 def test_what_stands_for_a_number_is_told() -> None:
     assert help_of("\u221210", 5) == "its minus is a dash; write -"
     assert help_of("-10.5deg", 5) == "write the number alone: -10.5"
+    for date in ("10.Jan", "3/4", "2026-01-10", "1.2.26"):
+        assert help_of(date, 5) == "did a spreadsheet make a date of it?"
+    assert help_of("1.5x", 5) == ""
     assert help_of("home", 6) == "rows have numbers only; names stand in a list in JSON"
     assert help_of("home", 5) == ""
 

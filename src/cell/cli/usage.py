@@ -44,6 +44,12 @@ ALSO = {
     **dict.fromkeys(("plan-poses", "plan-list"), "plan CELL LIST"),
     **dict.fromkeys(("capture", "photo", "photograph"), "snap CELL"),
 }
+# Options that a command does not need, or has in another one.
+ITSELF = {
+    ("run", "--look"): "run looks itself; a look that is there is planned by a465 plan TASK --look FILE",
+    ("plan", "--world"): "a look is made in a world: a465 look TASK --world FILE -o LOOK, then --look LOOK",
+    ("reach", "--world"): "a look is made in a world: a465 look TASK --world FILE -o LOOK, then --look LOOK",
+}
 # Names that options of files have in other programs.
 FILES = ("task", "cell", "plan", "program", "file", "input", "list", "poses", "log", "arm")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
@@ -86,6 +92,8 @@ def _of_option(
         return "the values of a list are joined by commas: --q=0,10,-80,0,-60,0"
     if option in ("-h", "-help", "-?"):
         return f"it is {' '.join(('a465', *verbs))} --help"
+    if (known := (" ".join(verbs), option)) in ITSELF:
+        return ITSELF[known]
     for word in typed:  # of a word with one dash the parser names a letter
         if re.match(r"-[a-zA-Z]", word) and (long := f"-{word.partition('=')[0]}") in _options(command):
             return f"it is {long}"

@@ -9,6 +9,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from arm.errors import InputError
 from arm.io.outputs import keep_apart
 from arm.io.storage import keep_unread
@@ -18,7 +20,7 @@ from cell.commands.manual.teach import taught_otherwise
 from cell.commands.steps import move_to_json, warn_of
 from cell.config.arm_file import ArmFile
 from cell.config.cell import Cell
-from cell.config.doubts.angles import doubt_of_deg
+from cell.config.doubts.angles import doubt_of_deg, doubt_of_small
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
 from cell.files.pose_list import PoseList, Reading, read_pose_list
@@ -50,6 +52,23 @@ def _angle_doubts(poses: PoseList, cell: Cell) -> Iterator[str]:
     for entry in poses.entries:
         if entry.in_deg and entry.q is not None and (doubt := doubt_of_deg(entry.q, cell.unit)):
             yield f"NOTE: {poses.file.name}: {entry.key} = {doubt}"
+            return
+
+
+def _small_angles(poses: PoseList) -> Iterator[str]:
+    """Say of the first tilt or range in deg that may be in rad that it may be; and of a speed that it has no effect."""
+    for entry in poses.entries:
+        angles = {"tilt_deg": [entry.tilt]}
+        angles |= {f"ranges.{name}_deg": list(entry.ranges[name]) for name in entry.ranges if name[0] == "r"}
+        for key, values in angles.items():
+            in_deg = [round(float(np.degrees(v)), 9) for v in values]
+            if doubt := doubt_of_small(in_deg if len(in_deg) > 1 else in_deg[0]):
+                yield f"NOTE: {poses.file.name}: {entry.key}.{key} = {doubt}"
+                return
+    for entry in poses.entries:
+        if entry.speed is not None and entry.by == "transit" and not entry.approach and not entry.retract:
+            rule = 'has no effect without lines: give by = "line", approach_mm or retract_mm'
+            yield f"NOTE: {poses.file.name}: {entry.key}.speed_mm_s: {rule}"
             return
 
 
@@ -116,6 +135,8 @@ def plan_poses_step(
     if not isinstance(task, ArmFile):
         for line in (*_angle_doubts(poses, task.cell), *taught_otherwise(poses, task.cell)):
             console.say(line)
+    for line in _small_angles(poses):
+        console.say(line)
     with within(budget):
         plan = plan_pose_list(place, poses, back, explain)
     erring = () if isinstance(task, ArmFile) else erring_clearances(task.cell, plan, seen)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import combinations, zip_longest
@@ -29,7 +29,7 @@ from cell.files.observation import observation_to_json, read_observation, requir
 from cell.files.task import KINDS, Task, read_task
 from cell.program.program_file import task_of_file
 from cell.scene.board_doubts import board_doubts
-from cell.scene.places import nothing_to_plan, reach_of
+from cell.scene.places import nothing_to_plan, out_of_view, reach_of
 from cell.session.budget import within
 from cell.session.speed import planning_speed, tool_words
 from cell.task.planning import (
@@ -144,9 +144,10 @@ def _print_look(seen: Observation, console: Console) -> None:
         )
 
 
-def _doubt(cell: Cell, seen: Observation, console: Console) -> None:
-    """Print what is doubtful about where boards were seen and the arm starts; a refusal may come from it."""
-    for doubt in (*cell_doubts(cell), board_doubts(cell, seen)):
+def _doubt(cell: Cell, seen: Observation, console: Console, own: Iterable[str] = ()) -> None:
+    """Print what is doubtful about where boards were seen and the arm starts, and `own` of the task; a refusal may come
+    from it."""
+    for doubt in (*cell_doubts(cell), board_doubts(cell, seen), *own):
         if doubt:
             console.say(f"NOTE: {doubt}")
 
@@ -274,7 +275,7 @@ def plan_step(
     keep_unread(output)
     task = read_task(task_file)
     seen = read_observation(look_file, task.cell)
-    _doubt(task.cell, seen, console)
+    _doubt(task.cell, seen, console, (*task.own_doubts(), out_of_view(task)))
     require_boards(seen, task, look_file)
     rest = Rest(task, seen, task.cell.q_start, planning_speed(task.cell, speed))
     stopped: PlanningInterrupted | None = None

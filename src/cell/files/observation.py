@@ -26,6 +26,7 @@ from vision.occupancy.classify import HoleState, Occupancy
 
 HEIGHT_TOLERANCE = 0.010  # between the stated and the detected height of Task 1's board, m
 FLAT_TOLERANCE = np.radians(2.0)
+_FARTHEST = 10.0  # m of a board from the base
 SAME_MM = 1e-4  # of sizes and places of markers in two files
 CAMERA_OFF, CAMERA_TURNED = 0.05e-3, float(np.radians(0.005))  # of the camera since a look, m and rad
 
@@ -175,6 +176,9 @@ def read_observation(path: Path, cell: Cell) -> Observation:
     scenes = root["scenes"].items()
     if not scenes:
         raise root["scenes"].error("must have a scene")
+    if len(scenes) > 1:
+        rule = f"has {len(scenes)} scenes; must have one: a plan is for one look"
+        raise replace(root["scenes"], value=None).error(rule)
     if (
         scenes[0].get("lens", text(), cell.camera.lens_digest) != cell.camera.lens_digest
     ):  # older ones lack it
@@ -182,6 +186,9 @@ def read_observation(path: Path, cell: Cell) -> Observation:
         raise FileInputError(path, "", None, rule, "look again")
     entries = scenes[0]["boards"].items()
     found = tuple(_board_from_json(entry, cell.boards) for entry in entries)
+    names = [one.name for one in found]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise replace(scenes[0]["boards"], value=None).error(f"has board {twice[0]} a second time")
     for entry, seen in zip(entries, found, strict=True):
         _require_camera(scenes[0], entry, seen.pose.T_base_board, cell)
     missing = scenes[0].get("missing", _TABLE, {})
@@ -200,6 +207,9 @@ def _board_from_json(entry: Node, boards: Sequence[Board]) -> ObservedBoard:
     node["verdict"].read(text("accepted"))
     _require_markers(node, board)
     rows = node["T_base_board"].read(numbers((4, 4)))
+    if np.abs(rows[:3, 3]).max() > _FARTHEST:
+        rule = f"is a position in m; must be within {_FARTHEST:g} m of the base"
+        raise replace(node["T_base_board"], value=rows[:3, 3].tolist()).error(rule, "is it in mm?")
     try:
         T_base_board = orthonormalised(rows)
     except A465Error as error:

@@ -331,6 +331,8 @@ def _pose(node: Node, values: Array, lengths: str) -> Array:
 def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
     root = Node.of_json(path, "list")
     if isinstance(root.value, dict):
+        if any(name in root for name in _BY_KEY):
+            raise root.error("is one entry, must be a list of entries", "put it in [ ]")
         given = _ListKeys.read(root)
         stated = {name: value for name, value in vars(given).items() if name != "entries" and value}
         reading = replace(reading, **stated)

@@ -131,10 +131,13 @@ class Task(TaskValues):
 
     def doubts(self) -> tuple[str, ...]:
         """Say which values of the files may be in another unit; see `cell.config.doubts`."""
+        return (*cell_doubts(self.cell), *self.own_doubts())
+
+    def own_doubts(self) -> tuple[str, ...]:
+        """Say which values of the task file may be in another unit."""
         yaw = None if self.places is None else round(float(np.degrees(self.places.yaw)), 6)
         doubt = "" if yaw is None else doubt_of_small(yaw)
-        own = (f"{self.file.name}: places.yaw_deg = {doubt}",) if doubt else ()
-        return (*cell_doubts(self.cell), *own)
+        return (f"{self.file.name}: places.yaw_deg = {doubt}",) if doubt else ()
 
 
 class TaskKeys(TaskValues):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Set
 
+import numpy as np
+
 from arm.errors import ImpossibleError
 from cell.files.task import HOLES, Task
 from cell.scene.build import RELEASE_GAP, covering_boards, free_table_stations, hole_station
@@ -82,6 +84,23 @@ def taken_places(
     return (
         f" of {len(covered)}: {', '.join(counts)}",
         f"{cure} {' and '.join(away)}, {more}" if away else more,
+    )
+
+
+def out_of_view(task: Task) -> str:
+    """Say that fewer places on the table than a board has holes are in the camera's view, which shall look at the cubes
+    there; "" if enough are, or nobody looks."""
+    if task.places is None or task.look_after == "never":
+        return ""
+    cell = task.cell
+    centres = np.array([(x, y, cell.table_z + cell.cube_size) for x, y in task.places.centres])
+    pixels = cell.camera.project_base(centres)
+    inside = int(((pixels >= 0.0) & (pixels <= np.array(cell.camera.size) - 1.0)).all(axis=1).sum())
+    if inside >= len(HOLES):
+        return ""
+    return (
+        f"{task.file.name}: places.origin_mm: {inside} of {len(centres)} places are in the camera's view, so looks "
+        "cannot confirm the cubes at the others: is it x, then y, and are their signs right?"
     )
 
 

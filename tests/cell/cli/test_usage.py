@@ -110,3 +110,10 @@ def test_a_path_with_a_space_that_the_shell_split_is_told(
     told = a465("look", "my", "cell/task.toml", code=2)[1]
     assert "(a path with a space needs quotes: 'my cell/task.toml'); see a465 look --help" in told
     assert "needs quotes" not in a465("look", "my", "cell/tusk.toml", code=2)[1]
+
+
+def test_an_option_that_a_command_does_not_need_is_told() -> None:
+    assert (
+        "(run looks itself; a look that is there is planned by" in a465("run", "t", "--look", "l", code=2)[1]
+    )
+    assert "(a look is made in a world: a465 look TASK" in a465("plan", "t", "--world", "w", code=2)[1]

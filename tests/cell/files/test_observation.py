@@ -257,3 +257,23 @@ def test_a_missing_board_is_told_with_why(task: Task) -> None:
     told = r"^l1\.json: board 03-04 was not found: marker 4 .* and look again; this look has board 01-02$"
     with pytest.raises(ImpossibleError, match=told):
         require_boards(seen, task, Path("l1.json"))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda s: s["scenes"].append(s["scenes"][0]), r"look.json: scenes: has 2 scenes; must have one"),
+        (lambda s: s["scenes"][0]["boards"].append(s["scenes"][0]["boards"][0]), r"boards: has board 01-02 a second"),
+        (
+            lambda s: s["scenes"][0]["boards"][0]["T_base_board"][0].__setitem__(3, 457.0),
+            r"T_base_board = \[457.0, .*: is a position in m; must be within 10 m of the base .is it in mm\?",
+        ),
+    ],
+)  # fmt: skip
+def test_a_look_that_was_edited_by_hand_is_told(task: Task, tmp_path: Path, change: Any, told: str) -> None:
+    path = tmp_path / "look.json"
+    value = observation_to_json(_seen(task), task.cell.camera)
+    change(value)
+    path.write_text(canonical_json(value))
+    with pytest.raises(FileInputError, match=told):
+        read_observation(path, task.cell)

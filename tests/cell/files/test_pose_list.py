@@ -344,3 +344,30 @@ def test_lengths_of_an_entry_in_metres_are_told(tmp_path: Path, key: str, value:
     file.write_text(json.dumps([{"T_base_tool": np.eye(4).tolist(), key: value}]))
     with pytest.raises(FileInputError, match=r"is it in metres\?"):
         read_pose_list(file)
+
+
+def test_one_entry_without_its_list_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "q.json"
+    file.write_text(json.dumps({"q_deg": [0, -10, -90, 0, -70, 0]}))
+    with pytest.raises(
+        FileInputError, match=r"q.json: is one entry, must be a list of entries .put it in \[ \]"
+    ):
+        read_pose_list(file)
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"ranges": {"rz_deg": [-1.57, 1.57]}}, "[0].ranges.rz_deg = [-1.57, 1.57]: is it in rad? Then it"),
+        ({"free": "rz", "tilt_deg": 0.26}, "[0].tilt_deg = 0.26: is it in rad? Then it must be 14.9 in deg"),
+        ({"free": "rz", "speed_mm_s": 60}, '[0].speed_mm_s: has no effect without lines: give by = "line"'),
+    ],
+)  # fmt: skip
+def test_angles_in_rad_and_speeds_without_lines_are_noted(
+    tmp_path: Path, more: dict[str, Any], told: str
+) -> None:
+    file = tmp_path / "q.json"
+    T = [[1, 0, 0, 0.42], [0, -1, 0, 0], [0, 0, -1, 0.25], [0, 0, 0, 1]]
+    file.write_text(json.dumps([{"T_base_tool": T, **more}]))
+    said = a465("plan", data_file("scenes/cell.toml"), file, "-o", tmp_path / "plan.json")[0]
+    assert f"NOTE: q.json: {told}" in said.replace("\n", " ")

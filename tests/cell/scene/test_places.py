@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from arm.io.storage import data_file
 from arm.se3 import inverse
 from cell.files.task import read_task
 from cell.scene.build import RELEASE_GAP
-from cell.scene.places import hole_stations, reach_of, unused_holes
+from cell.scene.places import hole_stations, out_of_view, reach_of, unused_holes
 from tasks.true_look import true_look
+from typed.command_line import replace_in
 
 TASK = read_task(data_file("scenes/task2.toml"))
 
@@ -41,3 +43,13 @@ def test_reach_is_of_every_hole_that_the_task_uses() -> None:
     table = reach_of(replace(TASK, to_holes=(2,)), true_look(TASK))
     assert len(table.holes) == 5
     assert all(hole.ok for hole in table.holes)
+
+
+def test_places_that_the_camera_does_not_see_are_told(scenes: Path) -> None:
+    file = scenes / "task1.toml"
+    assert out_of_view(read_task(file)) == out_of_view(TASK) == ""
+    replace_in(file, "origin_mm = [320, -215]", "origin_mm = [-215, 320]")
+    told = "task1.toml: places.origin_mm: 0 of 8 places are in the camera's view, so looks cannot confirm the cubes"
+    assert out_of_view(read_task(file)).startswith(told)
+    replace_in(file, 'look_after = "each"', 'look_after = "never"')
+    assert out_of_view(read_task(file)) == ""
