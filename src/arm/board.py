@@ -135,7 +135,7 @@ def read_board_csv(path: Path, marker_size: float, tolerance: float = 0.0) -> Bo
         lines.pop()
     if len(lines) != 5:
         why = f"has {len(lines)} lines; a board file has 5: the two marker ids, then x,y of four holes in mm"
-        raise FileInputError(path, "", None, why)
+        raise FileInputError(path, "", None, why, _no_row(lines))
     ids = _pair(path, 1, lines[0], "two marker ids such as 1,2")
     if not all(v == int(v) and 0 <= v <= 999 for v in ids) or ids[0] == ids[1]:
         why = "must be two different marker ids from 0 to 999, such as 1,2"
@@ -188,11 +188,24 @@ def layout_fault(
 
 def _likely(holes_mm: Array, marker_size: float) -> str:
     """Return a guess at what is wrong with the numbers (4, 2) of a board file."""
+    second, centre = 1e3 * np.array(SECOND_MARKER), 1e3 * np.array(PLATE_CENTRE)
+    corner = 500.0 * np.array(PLATE_SIZE[:2]) - centre
     readings = (
         (1e3 * holes_mm, "these are metres: multiply them by 1000"),
         (10.0 * holes_mm, "these are centimetres: multiply them by 10"),
         (holes_mm[:, ::-1], "x and y are swapped: x runs along the plate's long side, 240 mm"),
         (1e3 * holes_mm[:, ::-1], "these are metres, and x and y are swapped"),
+        (25.4 * holes_mm, "these are inches: multiply them by 25.4"),
+        (
+            holes_mm * (1.0, -1.0),
+            "y points down: it points up in the picture of the marker with the lower id",
+        ),
+        (
+            holes_mm + second,
+            f"these are from the marker with the higher id: add {second[0]:g} and {second[1]:g}",
+        ),
+        (holes_mm + centre, f"these are from the plate's centre: add {centre[0]:g} and {centre[1]:g}"),
+        (holes_mm - corner, f"these are from the plate's corner: subtract {corner[0]:g} and {corner[1]:g}"),
     )
     for as_meant, words in readings:
         if layout_fault(as_meant, marker_size) is None:
@@ -200,12 +213,44 @@ def _likely(holes_mm: Array, marker_size: float) -> str:
     return "values are millimetres from the centre of the lower-ID marker"
 
 
+def _no_row(lines: list[str]) -> str:
+    """Say which line of a board file is none of its rows; "" if all may be."""
+    for number, line in enumerate(lines, start=1):
+        if not line:
+            return f"line {number} is empty"
+        if line.startswith(("#", "//")):
+            return f"line {number} is a comment, and a board file has none"
+        if any(character.isalpha() for character in line):
+            return f"line {number} is {line[:40]!r}: a board file has no header and no words"
+    return ""
+
+
+def _pair_help(line: str) -> str:
+    """Say what is often wrong in a line that is not two numbers; "" if nothing is known."""
+    parts = line.split(",")
+    if "," not in line:
+        return "a comma stands between them"
+    if '"' in line or "'" in line:
+        return "numbers stand without quotation marks"
+    if len(parts) > 2 and not any(part.strip() for part in parts[2:]):
+        return "the commas at its end are those of empty cells: remove them"
+    if any(character in line for character in ";\t"):
+        return "the decimal sign is a point, and a comma stands between the two"
+    if len(parts) > 2:
+        return f"it has {len(parts)} values"
+    words = "".join(line.replace("mm", "").split())
+    return (
+        "numbers stand without their unit"
+        if words != line and all(c in "0123456789.,-" for c in words)
+        else ""
+    )
+
+
 def _pair(path: Path, number: int, line: str, what: str) -> tuple[float, float]:
     try:
         first, second = (float(part) for part in line.split(","))
     except ValueError:
-        help = "a comma stands between them" if "," not in line else ""
-        raise FileInputError(path, f"line {number}", line, f"must be {what}", help) from None
+        raise FileInputError(path, f"line {number}", line, f"must be {what}", _pair_help(line)) from None
     if not np.isfinite([first, second]).all():
         raise FileInputError(path, f"line {number}", line, f"must be {what}, finite")
     return first, second

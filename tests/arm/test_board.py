@@ -124,3 +124,34 @@ def test_a_separator_that_is_no_comma_is_told(tmp_path: Path) -> None:
         file.write_text(f"1,2\n{line}\n80,60\n100,140\n140,0\n")
         with pytest.raises(FileInputError, match=told):
             read_board_csv(file, 0.036)
+
+
+ROWS = "0,80\n80,60\n100,140\n140,0"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"id1,id2\n1,2\n{ROWS}", "(line 1 is 'id1,id2': a board file has no header and no words)"),
+        (f"# mine\n1,2\n{ROWS}", "(line 1 is a comment, and a board file has none)"),
+        (f"1,2\n\n{ROWS}", "(line 2 is empty)"),
+        (f'"1","2"\n{ROWS}', "(numbers stand without quotation marks)"),
+        (f"1,2,,\n{ROWS}", "(the commas at its end are those of empty cells: remove them)"),
+        ("1,2\n0,80,0\n80,60\n100,140\n140,0", "(it has 3 values)"),
+        ("1,2\n0 mm,80 mm\n80,60\n100,140\n140,0", "(numbers stand without their unit)"),
+        ("1,2\n0,0;80,0\n80,60\n100,140\n140,0", "a comma stands between the two)"),
+        ("1,2\n0,3.15\n3.15,2.362\n3.937,5.512\n5.512,0", "these are inches: multiply them by 25.4)"),
+        ("1,2\n0,-80\n80,-60\n100,-140\n140,0", "y points down: it points up in the picture of the marker"),
+        ("1,2\n-90,10\n-10,-10\n10,70\n50,-70", "these are from the plate's centre: add 90 and 70)"),
+        ("1,2\n30,110\n110,90\n130,170\n170,30", "these are from the plate's corner: subtract 30 and 30)"),
+        ("1,2\n-180,-60\n-100,-80\n-80,0\n-40,-140", "these are from the marker with the higher id: add 180 and 140)"),
+    ],
+)  # fmt: skip
+def test_what_a_spreadsheet_or_another_origin_makes_of_it_is_told(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    path = tmp_path / "board.csv"
+    path.write_text(text)
+    with pytest.raises(FileInputError) as refused:
+        read_board_csv(path, 0.036)
+    assert told in str(refused.value)

@@ -30,6 +30,8 @@ UNITS = ("crs93", "crs97")
 """Names of the shipped units."""
 SUFFIX = ".toml"  # of a unit's file
 _CHOICES = f"one of {', '.join(UNITS)}, or a unit file (NAME{SUFFIX})"
+_FEW, _MANY = 0.4, 3.0  # of the data sheet's range that the counts allow: less, or more, is another unit's
+_SLOW = np.radians(10.0)  # rad/s; no arm is slower in all joints, and none is faster in rad/s read as deg/s
 # what a log notes of its unit: the name, and of one of a user's own the file
 _NOTED, _FILE = "unit", "unit_file"
 
@@ -344,11 +346,25 @@ def _unit_of(root: Node, digest: str) -> Unit:
             "with upper_counts must not leave a joint without range; check direction",
             "are these degrees? counts belong here" if in_deg else "",
         )
+    share = np.abs(encoder_upper - encoder_lower) / (2.0 * keys.sheet)
+    if (share < _FEW).all() or (share > _MANY).all():
+        least, most = np.rint(100.0 * share.min()), np.rint(100.0 * share.max())
+        rule = f"with gear and limits gives joints {least:.0f} to {most:.0f} % of the range of limits.data_sheet_deg"
+        help = "are these 4 times too many? Lines before quadrature belong here" if share.max() < _FEW else ""
+        raise root.error_at(
+            "encoder.counts_per_turn", rule, help or "are limits, turns and gear of one unit?"
+        )
     sheet = np.floor(keys.velocity_cap * np.abs(counts_per_rad) * 256.0 / 1e3)
     for axis, speed, most in zip(keys.axes, keys.speed_registers, sheet, strict=True):
         if speed > most:
             rule = f"axis {axis} must be at most {most:.0f}: limits.data_sheet_deg_s allows no more"
-            raise root.error_at("registers.speed", rule)
+            in_rad = "is limits.data_sheet_deg_s in rad/s?" if keys.velocity_cap.max() < _SLOW else ""
+            raise root.error_at("registers.speed", rule, in_rad)
+    if not ((lower <= keys.soft_home) & (keys.soft_home <= upper)).all():
+        k = int(np.flatnonzero((keys.soft_home < lower) | (keys.soft_home > upper))[0])
+        least, most = np.degrees([lower[k], upper[k]])
+        rule = f"J{k + 1} must be from {least:.1f} to {most:.1f} deg, its limits"
+        raise root.error_at("homing.soft_home_deg", rule)
     registers = {name: getattr(keys, name) for name in UnitKeys.declared() if "REG" in name}
     return Unit(
         **keys.values_of(UnitValues),

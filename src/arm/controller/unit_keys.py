@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from arm.io.keys import Keys, key
-from arm.io.rules import integer, integers, number, numbers, rule_of, text
+from arm.io.rules import integer, integers, number, numbers, rule_of, text, turns
 from arm.se3 import Array
 
 MOST_REST_TOLERANCE = 500  # counts, 0.45 to 0.9 deg
@@ -27,6 +27,12 @@ _NAME = rule_of(
     f"up to 40 letters, digits, - and _, and not {NO_UNIT}",
     lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9][\w-]{0,39}", v, re.ASCII) and v != NO_UNIT,
     str,
+)
+_FIRMWARE = rule_of(
+    "a string",
+    lambda v: isinstance(v, str) and v.strip(),
+    str,
+    lambda v: "an empty one fits every controller" * (v == ""),
 )
 _GROUPS = rule_of("groups of axis letters", lambda v: isinstance(v, list) and all(map(_is_letters, v)), list)
 _SIX_COUNTS = integers(6, -(2**23), 2**23 - 1)
@@ -50,7 +56,7 @@ class UnitValues(Keys):
     """
 
     name: str = key("name", _NAME)
-    firmware: str = key("firmware", text())
+    firmware: str = key("firmware", _FIRMWARE)
     axes: tuple[str, ...] = key(
         "axes", rule_of("six letters from A to H", lambda v: _is_letters(v, 6), tuple)
     )
@@ -61,7 +67,7 @@ class UnitValues(Keys):
     speed_registers: tuple[int, ...] = key("registers.speed", _SIX_SPEEDS)
     acceleration_registers: tuple[int, ...] = key("registers.acceleration", _SIX_SPEEDS)
     idle_release_s: int = key("registers.idle_release_s", integer(0, 86400))
-    soft_home: Array = key("homing.soft_home_deg", numbers(6, "deg", -360, 360))
+    soft_home: Array = key("homing.soft_home_deg", turns(6))
 
 
 class GripperValues(Keys):

@@ -313,3 +313,23 @@ def test_limits_of_the_data_sheet_in_rad_are_told_by_their_key(tmp_path: Path) -
     file.write_text(text.replace(sheet[0], f"data_sheet_deg = {in_rad}"))
     with pytest.raises(FileInputError, match=r"own.toml: limits.data_sheet_deg = .*6.28 deg.*is it in rad\?"):
         load_unit(file)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("counts_per_turn", "[4000, 4000, 4000, 2000, 2000, 2000]", r"\(are these 4 times too many\?"),
+        ("counts_per_turn", "[100, 100, 100, 50, 50, 50]", r"\(are limits, turns and gear of one unit\?"),
+        ("soft_home_deg", "[0, 0, -0.7854, 0, -0.7854, 0]", r"\(in deg: \[0, 0, -45.*, 0, -45"),
+        ("soft_home_deg", "[0, 0, -145, 0, -45, 0]", r"J3 must be from -109\.0 to 109\.0 deg, its limits"),
+        ("firmware", '""', r"firmware = '': must be a string \(an empty one fits every controller\)"),
+        ("data_sheet_deg_s", "[3.14, 3.14, 3.14, 2.98, 3.02, 2.98]", r"is limits.data_sheet_deg_s in rad/s\?"),
+    ],
+)  # fmt: skip
+def test_values_of_another_unit_are_told(tmp_path: Path, key: str, value: str, told: str) -> None:
+    text = data_file("urdf/a465/crs93.toml").read_text().replace('"crs93"', '"mine"')
+    (tmp_path / "mine.toml").write_text(
+        re.sub(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
+    )
+    with pytest.raises(FileInputError, match=told):
+        load_unit(tmp_path / "mine.toml")
