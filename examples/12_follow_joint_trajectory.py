@@ -42,6 +42,8 @@ SUCCEEDED, CANCELED, ABORTED = 4, 5, 6  # of action_msgs/GoalStatus
 SUCCESSFUL, INVALID_GOAL, INVALID_JOINTS, OLD_HEADER_TIMESTAMP = 0, -1, -2, -3
 PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = -4, -5
 TOLERANCES = ["path_tolerance", "component_path_tolerance", "goal_tolerance", "component_goal_tolerance"]
+FIELDS = ["trajectory", "multi_dof_trajectory", "goal_time_tolerance"]  # beside them
+MESSAGES = 'a message is {"goal": ..}, {"cancel": {}} or {"joint_state": {}}, on one line'
 AT_ITS_END = ("position", "settle", "time")  # reasons of a stop after all of the path
 CELL = Path(__file__).resolve().parents[1] / "scenes" / "cell.toml"
 
@@ -70,6 +72,9 @@ def refuse_what_is_not_kept(goal: dict[str, Any]) -> None:
         raise Refused("the first point must be where the arm is, with time_from_start 0", code=INVALID_GOAL)
     more = goal.get("multi_dof_trajectory")
     given = {**goal, "multi_dof_trajectory": more.get("points") if isinstance(more, dict) else more}
+    if strange := [name for name in goal if name not in (*TOLERANCES, *FIELDS)]:
+        fields = ", ".join((*FIELDS, *TOLERANCES))
+        raise Refused(f"{strange[0]} is no field of a goal; must be of {fields}", code=INVALID_GOAL)
     if asked := [name for name in (*TOLERANCES, "multi_dof_trajectory") if given.get(name)]:
         why = f"{asked[0]} must be empty: tolerances are those of unit and driver, and all joints are in trajectory"
         raise Refused(why, code=INVALID_GOAL)
@@ -107,7 +112,9 @@ class Bridge:
                 threading.Thread(target=self._write, args=(client, out), daemon=True).start()
                 with suppress(OSError, ValueError), client.makefile() as lines:
                     for line in lines:
-                        out.put(self._answer(line, out))
+                        out.put(answer := self._answer(line, out))
+                        if "error" in answer:  # it may have been a cancel: as if the client were gone
+                            break
                 out.put(None)
                 if self.control is not None:
                     self.control.abort()
@@ -118,9 +125,12 @@ class Bridge:
                 client.sendall((json.dumps(message) + "\n").encode())
 
     def _answer(self, line: str, out: Messages) -> dict[str, Any]:
-        message, control = json.loads(line), self.control
-        if not isinstance(message, dict):
-            raise ValueError("no message")
+        try:
+            message, control = json.loads(line), self.control
+        except ValueError as error:
+            return {"error": f"is not JSON: {error}; {MESSAGES}"}
+        if not isinstance(message, dict) or len(message.keys() & {"goal", "cancel", "joint_state"}) != 1:
+            return {"error": f"{line.strip()[:80]}: {MESSAGES}"}
         if "cancel" in message:
             if control is not None:
                 control.abort()
@@ -128,11 +138,15 @@ class Bridge:
         if "goal" in message:
             goal = message["goal"]
             trajectory = goal.get("trajectory") if isinstance(goal, dict) else None
-            fits = isinstance(trajectory, dict) and "points" in trajectory
-            if fits and control is None:
+            if not isinstance(trajectory, dict) or "points" not in trajectory:
+                why = "a goal is {trajectory: {joint_names: .., points: ..}}"
+            elif control is not None:
+                why = "another goal is executed"
+            else:
                 self.control = Control()
                 self.goals.put((goal, self.control, out))
-            return {"goal_response": {"accepted": fits and control is None}}
+                return {"goal_response": {"accepted": True}}
+            return {"goal_response": {"accepted": False, "error_string": why}}
         return {"joint_state": {"name": self.joints, "position": self._positions().tolist()}}
 
     def close(self) -> None:
@@ -176,6 +190,7 @@ class Bridge:
             joints = str(error.data.get("key")).endswith("joint_names")
             code = error.data.get("code", INVALID_JOINTS if joints else INVALID_GOAL)
             status, why = ABORTED, re.sub(r"^\S*goal\.json(, |: )", "", str(error))
+            why = re.sub(r"\S*goal\.json", "the goal", why.replace("--output needs", "it needs"))
         return {"status": status, "result": {"error_code": code, "error_string": why}}
 
     def _certified(self, goal: dict[str, Any]) -> Move:

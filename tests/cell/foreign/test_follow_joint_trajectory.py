@@ -207,6 +207,13 @@ def late(start: Any) -> Any:
     return made
 
 
+def without_velocities(start: Any) -> Any:
+    made = goal(start, {4: 0.1})
+    for point in made["trajectory"]["points"]:
+        del point["velocities"]
+    return made
+
+
 TOLERANCE = {"name": "J1", "position": 0.1, "velocity": 0.0, "acceleration": 0.0}
 TWO_MORE = {"joint_names": ["x"], "points": [{"transforms": []}]}
 
@@ -230,6 +237,8 @@ TWO_MORE = {"joint_names": ["x"], "points": [{"transforms": []}]}
         (refused(component_goal_tolerance=[TOLERANCE]), -1, "component_goal_tolerance must be empty"),
         (refused(multi_dof_trajectory=TWO_MORE), -1, "multi_dof_trajectory must be empty"),
         (refused(goal_time_tolerance="long"), -1, "is no time"),
+        (refused(speed=0.5), -1, "speed is no field of a goal; must be of trajectory, "),
+        (without_velocities, -1, "^it needs points with velocities, which the goal lacks: "),
     ],
 )
 def test_what_is_not_proved_or_not_kept_does_not_move_and_the_result_says_why(
@@ -241,6 +250,20 @@ def test_what_is_not_proved_or_not_kept_does_not_move_and_the_result_says_why(
     assert re.search(why, told), told
     assert "goal.json" not in told
     assert served.emulator.counts() == heard
+
+
+@pytest.mark.parametrize("message", ["hello", [1], {}, {"gaol": {}}, {"goal": {}, "cancel": {}}])
+def test_what_is_no_message_is_told_and_ends_the_connection(client: Client, message: Any) -> None:
+    client.say(message)
+    assert 'a message is {"goal": ..}, {"cancel": {}} or {"joint_state": {}}' in client.next()["error"]
+    assert client.lines.readline() == ""
+
+
+def test_a_goal_that_is_none_is_not_accepted_and_told_why(client: Client) -> None:
+    client.say({"goal": {"points": []}})
+    answer = client.next()["goal_response"]
+    assert not answer["accepted"]
+    assert answer["error_string"] == "a goal is {trajectory: {joint_names: .., points: ..}}"
 
 
 def moves(client: Client, served: Served, by: float) -> Any:
@@ -272,7 +295,7 @@ def test_a_second_goal_is_not_accepted_while_one_is_executed(served: Served, cli
     start = moves(client, served, -0.5)
     client.say({"goal": goal(start, {0: 0.1})})
     answer, _ = client.until("goal_response")
-    assert answer == {"goal_response": {"accepted": False}}
+    assert answer == {"goal_response": {"accepted": False, "error_string": "another goal is executed"}}
     client.say({"cancel": {}})
     last, _ = client.until("result")
     assert last["status"] == CANCELED  # that of the first
