@@ -208,7 +208,8 @@ def read_json(path: Path) -> Any:
             )
         if error.msg.startswith("Expecting property name") and rest[:1] == "'":
             help = "text stands in double quotation marks: is it printed by Python? json.dump writes JSON"
-        help = "the file ends too early: was it written to its end?" if error.pos and not rest else help
+        if error.pos and (not rest or error.msg.startswith("Unterminated string")):
+            help = "the file ends too early: was it written to its end?"
         raise FileInputError(path, "", None, f"is not JSON: {error}", help) from error
     except ValueError as error:
         most = sys.get_int_max_str_digits()

@@ -55,7 +55,10 @@ def emulate_step(
     if link is not None and _is_dead(link):
         link.unlink()  # left by an emulator that was killed
     if link is not None and os.path.lexists(link):
-        raise InputError(f"{link}: exists already; choose another name for the link", link=str(link))
+        what = (
+            "is the port of a unit or of an emulator that runs" if link.is_char_device() else "exists already"
+        )
+        raise InputError(f"{link}: {what}; choose another name for the link", link=str(link))
     if tcp is not None and not 0 <= tcp <= 65535:
         raise InputError(f"tcp = {tcp}: must be a port from 0 to 65535", tcp=tcp)
     keep_apart(log_file, fault_file, task_file, world, kind=None)

@@ -73,6 +73,8 @@ def runs_step(folder: Path | None, days: float | None, unasked: bool, console: C
     size = f"{sum(run.size for run in listed) / 1e6:.1f} MB"
     if days is None:
         console.say(f"\n{len(runs)} runs, {size}")
+        if not runs and any((folder or RUNS).iterdir()):
+            console.say(f"NOTE: no folder in {folder or RUNS} has the log or the report of a run")
         return {"runs": [run.to_json() for run in runs]}
     if not listed:
         console.say(f"none of {len(runs)} runs has been left unwritten for {days:g} days: nothing is removed")

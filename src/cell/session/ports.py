@@ -87,6 +87,11 @@ def choose_port(given: str | None, place: Path | None, console: Console) -> str:
         raise InputError(f"no port is named: give PORT, such as /dev/mars, {others}", port=None)
     if why := missing_port(found):
         raise file.error_at(KEY, why)
+    named = str(file.value[KEY])
+    if not os.path.exists(found) and "://" not in found and os.path.exists(named):
+        there = os.path.relpath(named, file.file.parent)
+        why = f"is beside this file, where there is none; the one of the working folder is {there}"
+        raise file.error_at(KEY, why)
     console.say(f"port: {found}, of {file.file}")
     return found
 

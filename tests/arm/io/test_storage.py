@@ -283,6 +283,7 @@ def test_json_that_ends_early_or_has_a_comma_too_many_is_told_as_such(tmp_path: 
     for text, told in (
         ('{"a": [1, 2', "(the file ends too early"),
         ('{"a": 1, ', "(the file ends too early"),
+        ('{"a": "wor', "(the file ends too early"),
         ("[1, 2,]", "(a comma stands before a bracket that ends)"),
         ("[1 2]", "(char 3)"),
         ('{"a": 1}\n{"a": 2}\n', "(a second document follows the first; one document belongs here"),

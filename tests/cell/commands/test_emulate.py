@@ -139,6 +139,12 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_is_served(tmp_path
     assert f"log {log}: cannot be written" in ended.stderr
 
 
+def test_a_link_to_a_port_that_is_served_is_told(tmp_path: Path) -> None:
+    (tmp_path / "mars").symlink_to("/dev/null")
+    told = a465("emulate", "--link", tmp_path / "mars", code=2)[1]
+    assert "mars: is the port of a unit or of an emulator that runs; choose another name for the link" in told
+
+
 def test_a_file_that_is_no_wire_log_is_not_replaced_by_one(tmp_path: Path) -> None:
     file = tmp_path / "look.json"
     file.write_text("{}")

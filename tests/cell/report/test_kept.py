@@ -146,3 +146,9 @@ def test_a_file_in_place_of_a_folder_of_runs_is_told_as_what_it_is(tmp_path: Pat
         ):
             _, told = a465(command, file, code=2)
             assert words in told
+
+
+def test_a_folder_of_other_things_is_told(tmp_path: Path) -> None:
+    assert "NOTE" not in a465("runs", tmp_path)[0]
+    (tmp_path / "cell.toml").touch()
+    assert f"NOTE: no folder in {tmp_path} has the log or the report of a run" in a465("runs", tmp_path)[0]

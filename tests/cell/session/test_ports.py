@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -176,3 +177,19 @@ def test_a_port_that_is_not_there_is_told_with_the_file_that_names_it(scenes: Pa
     said, told = a465("status", cell, code=2, cwd=tmp_path)
     assert f"port: {scenes / 'none-such'}, of {cell}" in said
     assert f"port {scenes / 'none-such'}: is not there" in told
+
+
+def test_a_relative_port_that_is_in_the_working_folder_alone_is_told(
+    scenes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    Path("mars").touch()
+    with pytest.raises(FileInputError) as refused:
+        choose_port(None, _with_port(scenes, '"mars"'), Heard())
+    there = os.path.relpath("mars", scenes)
+    assert str(refused.value) == (
+        f"{scenes / 'cell.toml'}: port = 'mars': is beside this file, where there is none; the one of the working "
+        f"folder is {there}"
+    )

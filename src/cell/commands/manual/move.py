@@ -156,6 +156,12 @@ def move_step(
     if goal.kind in ("q", "to"):
         goal_entry(goal, cell, cell.q_start)  # refuses a goal beyond the limits before the port is opened
     listed = None if goal.poses is None else _entry_of(goal.poses, goal.name or "")
+    if (
+        listed is not None
+        and (q := listed.entries[0].q) is not None
+        and (doubt := doubt_of_deg(q, cell.unit))
+    ):
+        console.say(f"NOTE: {listed.file}: {goal.name!r} {doubt}")
     require_person(unseen, UNSEEN, "that the arm may move", port)
     plans: list[Plan] = []
     for line in () if listed is None else taught_otherwise(listed, cell):

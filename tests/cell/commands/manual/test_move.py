@@ -215,6 +215,15 @@ def test_joint_angles_that_may_be_in_rad_are_told_before_a_port_is_opened() -> N
         ) == told
 
 
+def test_a_pose_of_a_list_that_may_be_in_rad_is_told(tmp_path: Path) -> None:
+    (tmp_path / "p.json").write_text(
+        '{"entries": [{"name": "a", "q_deg": [-1.05, -0.7, -1.4, 0, -1.05, 0.1]}]}'
+    )
+    typed = ("--list", tmp_path / "p.json", "--name", "a", "--unseen")
+    said, _ = a465("move", CELL, "/dev/none-such", *typed, code=2)
+    assert f"NOTE: {tmp_path / 'p.json'}: 'a' [-1.05, -0.7, -1.4, 0, -1.05, 0.1]: is it in rad?" in said
+
+
 def test_a_shift_of_the_tool_in_m_is_told() -> None:
     for given, told in (
         ("--by=0,0,0.05", True),
