@@ -208,6 +208,8 @@ def read_json(path: Path) -> Any:
             )
         if error.msg.startswith("Expecting property name") and rest[:1] == "'":
             help = "text stands in double quotation marks: is it printed by Python? json.dump writes JSON"
+        if rest.startswith(("//", "/*", "#")):
+            help = "JSON has no comments"
         if error.pos and (not rest or error.msg.startswith("Unterminated string")):
             help = "the file ends too early: was it written to its end?"
         raise FileInputError(path, "", None, f"is not JSON: {error}", help) from error

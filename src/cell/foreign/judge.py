@@ -27,6 +27,7 @@ SCAN, MOST_SCANNED = 0.02, 1000  # rad or m, and number of samples
 MOMENT_S = 5e-4
 # Times are probably in another unit beyond these: a factor, a share of the velocity limits, and a duration.
 MOST_SLOWER, LEAST_SHARE, LONG_S = 50.0, 1e-3, 300.0
+_AGAINST = 0.5  # cosine between stated velocities and motion, of which the negative is rather a wrong sign
 _FAR = 10.0  # ranges of a joint beyond its limits, where a unit is rather wrong than a motion
 STEEPER = (35.0, 90.0)  # between which velocities are rather in deg/s: 57.3 times those in rad/s
 TIMES = "time_from_start is in s, by sec and nanosec"
@@ -56,6 +57,7 @@ class Peaks:
         beyond: by how much positions are beyond their limits, rad (m); at most 0 if they are not.
         duration: of the trajectory, s.
         steeper: how many times the velocities at the points are those of the positions, rms; NaN if not known.
+        along: cosine between the velocities at inner points and those from point to point; NaN if not known.
         meant: in which unit the positions of the joint farthest beyond its limits may be; "" if not known.
     """
 
@@ -65,9 +67,14 @@ class Peaks:
     duration: float
     steeper: float = np.nan
     meant: str = ""
+    along: float = np.nan
 
     def in_deg(self) -> str:
-        """Say that the velocities may be in deg/s; "" if they go with the positions."""
+        """Say that the velocities may be in deg/s, or of the other sign, or are all 0; "" if they go with positions."""
+        if self.along < -_AGAINST:
+            return " (have the velocities the other sign? They are against the motion from point to point)"
+        if self.steeper == 0.0:
+            return " (the velocities of all inner points are 0: the arm stops at each of them)"
         if not STEEPER[0] < self.steeper < STEEPER[1]:
             return ""
         return f" (are the velocities in deg/s? They are {self.steeper:.0f} times those from point to point)"
@@ -77,6 +84,8 @@ class Peaks:
         most = float(self.velocity.max())
         if most == 0.0:
             return "no joint moves: the positions of all its points are the same"
+        if self.along < -_AGAINST:
+            return self.in_deg().strip(" ()")
         if not 0.0 < most < LEAST_SHARE or self.duration < LONG_S:
             return ""
         return (
@@ -93,8 +102,15 @@ def peaks_of(trajectory: JointTrajectory, limits: Limits) -> Peaks:
     beyond = np.maximum(limits.lower - low.min(axis=0), high.max(axis=0) - limits.upper)
     push = None if trajectory.velocity is None else acceleration.max(axis=0) / limits.acceleration
     share = velocity.max(axis=0) / limits.velocity
+    steeper, along = _steeper(trajectory)
     return Peaks(
-        share, push, beyond, trajectory.duration, _steeper(trajectory), _meant(trajectory, limits, beyond)
+        share,
+        push,
+        beyond,
+        trajectory.duration,
+        steeper,
+        _meant(trajectory, limits, beyond),
+        along,
     )
 
 
@@ -119,13 +135,17 @@ def _meant(trajectory: JointTrajectory, limits: Limits, beyond: Array) -> str:
     return ""
 
 
-def _steeper(trajectory: JointTrajectory) -> float:
-    """How many times the stated velocities at inner points are those from the point before to the one after, rms."""
+def _steeper(trajectory: JointTrajectory) -> tuple[float, float]:
+    """How many times the stated velocities at inner points are those from the point before to the one after, rms; and
+    the cosine between both."""
     if trajectory.velocity is None or len(trajectory.times) < 3:
-        return np.nan
+        return np.nan, np.nan
     slopes = (trajectory.q[2:] - trajectory.q[:-2]) / (trajectory.times[2:] - trajectory.times[:-2])[:, None]
-    moved = float(np.sqrt(np.square(slopes).sum()))
-    return float(np.sqrt(np.square(trajectory.velocity[1:-1]).sum())) / moved if moved > 0.0 else np.nan
+    moved, stated = (float(np.sqrt(np.square(rates).sum())) for rates in (slopes, trajectory.velocity[1:-1]))
+    if moved == 0.0:
+        return np.nan, np.nan
+    together = float((slopes * trajectory.velocity[1:-1]).sum())
+    return stated / moved, together / (stated * moved) if stated > 0.0 else np.nan
 
 
 def certified(world: World, curve: Curve, clearance: float) -> ClearanceCertificate:

@@ -109,10 +109,7 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
     if len(late):
         before, after = times[late[0]], times[late[0] + 1]
         rule = f"is {after:.9g} s, not after {before:.9g} s of the point before; times must increase by 1 us or more"
-        help = (
-            "is it the time from the point before? It counts from the start" if after > LEAST_STEP_S else ""
-        )
-        raise points[int(late[0]) + 1].error_at("time_from_start", rule, help)
+        raise points[int(late[0]) + 1].error_at("time_from_start", rule, _late(points, int(late[0]), times))
     row = numbers(len(names), "rad (m where a joint slides)", -1e4, 1e4)
     rate = numbers(len(names), "rad/s (m/s)", -1e4, 1e4)
     q = np.stack([point.get("positions", row) for point in points])[:, order]
@@ -127,6 +124,20 @@ def read_trajectory(path: Path, joints: Sequence[str]) -> JointTrajectory:
     return JointTrajectory(frozen(times), frozen(q), None if velocity is None else frozen(velocity))
 
 
+def _late(points: Sequence[Node], k: int, times: Array) -> str:
+    """Say why point k + 1 may not be later than point k; "" if nothing is known."""
+    same = [point.value.get("positions") for point in points[k : k + 2]]
+    if times[k + 1] == times[k] and same[0] == same[1]:
+        return "the point is there twice: leave out one"
+    if times[k + 1] > times[k] and isinstance(points[k + 1].value["time_from_start"], dict):
+        return "nanosec is in ns"
+    return (
+        "is it the time from the point before? It counts from the start"
+        if times[k + 1] >= LEAST_STEP_S
+        else ""
+    )
+
+
 def _message(node: Node) -> Node:
     """Return the JointTrajectory in a file."""
     whole = node
@@ -134,7 +145,8 @@ def _message(node: Node) -> Node:
         inside = [] if "points" in node else [name for name in WRAPPERS if name in node]
         if len(inside) > 1:
             raise node.error_at(inside[1], f"is a second trajectory beside {inside[0]}; must be one")
-        if "multi_dof_joint_trajectory" in node and node.value["multi_dof_joint_trajectory"].get("points"):
+        more = node.value.get("multi_dof_joint_trajectory") if isinstance(node.value, dict) else None
+        if more.get("points") if isinstance(more, dict) else more:
             raise node.error_at(
                 "multi_dof_joint_trajectory", "moves what this arm has not; must have no points"
             )

@@ -295,6 +295,12 @@ def test_json_that_ends_early_or_has_a_comma_too_many_is_told_as_such(tmp_path: 
         assert told in str(refused.value)
 
 
+def test_a_comment_in_json_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text('{"a": 1, // first\n"b": 2}')
+    with pytest.raises(FileInputError, match=r"\(JSON has no comments\)$"):
+        read_json(tmp_path / "a.json")
+
+
 def test_what_python_prints_is_told(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text("{'a': 1}")
     with pytest.raises(FileInputError, match="double quotation marks: is it printed by Python"):

@@ -153,6 +153,17 @@ def test_velocities_in_degrees_are_told_as_such(tmp_path: Path) -> None:
         ) == told
 
 
+def test_velocities_against_the_motion_or_all_0_are_told() -> None:
+    limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
+    of = trajectory([START, START + 0.1, START + 0.2], [0.0, 1.0, 2.0])
+    for factor, told in ((-1.0, "other sign? They are against"), (0.0, "inner points are 0"), (1.0, "")):
+        velocity = np.stack([np.zeros(6), np.full(6, 0.1), np.zeros(6)]) * factor
+        peaks = peaks_of(replace(of, velocity=velocity), limits)
+        assert told in peaks.in_deg()
+        assert bool(peaks.in_deg()) == bool(told)
+        assert ("other sign" in peaks.slow()) == (factor < 0.0)
+
+
 def test_positions_in_degrees_are_told_as_such(tmp_path: Path) -> None:
     limits = Limits(*np.array([[-3.0], [3.0], [9.0], [9.0]]) * np.ones(6))
     for factor, told in ((np.degrees(1.0), True), (4.0, False)):

@@ -129,6 +129,12 @@ def test_joints_are_put_into_the_order_of_the_arm_and_without_velocities_move_on
             1.5,
             r"\(is it the time from the point before\? It counts from the",
         ),
+        (("points", 2), _GOOD["points"][1], r"time_from_start.*\(the point is there twice: leave out one\)$"),
+        (
+            ("points", 1, "time_from_start"),
+            {"sec": 0, "nanosec": 4},
+            r"time_from_start.*\(nanosec is in ns\)$",
+        ),
         (("points", 1, "velocity"), [0.0, 0.0, 0.0], r"points\[1\].velocity.*\(did you mean velocities\?\)$"),
         (("points", 1, "time"), 1.0, r"points\[1\].time.*\(did you mean time_from_start\?\)$"),
         (("points", 1, "q"), [0.0, 0.0, 0.0], r"points\[1\].q.*\(known: positions, velocities"),
@@ -171,6 +177,15 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
 def test_what_is_there_instead_of_a_trajectory_is_told(tmp_path: Path, value: Any, told: str) -> None:
     with pytest.raises(InputError, match=told):
         read_trajectory(_written(tmp_path, value), JOINTS)
+
+
+@pytest.mark.parametrize("more", [None, [], {}, {"points": []}, {"points": None}])
+def test_no_points_of_other_joints_are_no_fault(tmp_path: Path, more: Any) -> None:
+    value = {"joint_trajectory": _GOOD, "multi_dof_joint_trajectory": more}
+    assert len(read_trajectory(_written(tmp_path, value), JOINTS).times) == 3
+    for full in ({"points": [1]}, [1], 7):
+        with pytest.raises(InputError, match="moves what this arm has not; must have no points"):
+            read_trajectory(_written(tmp_path, {**value, "multi_dof_joint_trajectory": full}), JOINTS)
 
 
 def test_a_unit_that_is_the_right_one_is_no_fault(tmp_path: Path) -> None:
