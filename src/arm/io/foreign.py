@@ -6,7 +6,7 @@ import codecs
 import re
 
 _HTML = re.compile(r"\s*<(!doctype html|html)\b", re.IGNORECASE)
-_YAML = re.compile(r"(?:---\s|(?:- +)?[A-Za-z_][\w/.-]*:(?:\s|\Z))")
+_YAML = re.compile(r"(?:---\s|%YAML[ :]|(?:- +)?[A-Za-z_][\w/.-]*:(?:\s|\Z))")
 _ROW = re.compile(r"[-+]?\d[\d.eE+-]*(?:\s*[,;\t ]\s*[-+]?\d[\d.eE+-]*)+\s*")
 _TABLE = re.compile(r"^-{3,}(?: +-{3,})+ *$", re.MULTILINE)  # the line below the names of columns
 _HEADER = re.compile(r"\s*[A-Za-z_][\w .()/^-]*(?:\s*[,;\t]\s*[A-Za-z_][\w .()/^-]*)+\s*")  # names of columns

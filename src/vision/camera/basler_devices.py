@@ -84,8 +84,10 @@ class Selector:
         raise self._refused(found, "missing", f"not found{self._webcam()}")
 
     def _webcam(self) -> str:
-        """What a number or a device of a webcam is written as; "" for what is none."""
+        """What a number or a device of a webcam, or an address, is written as; "" for what is none."""
         is_webcam = not self.kind and re.fullmatch(r"[0-9]{1,2}|/dev/(video|v4l/).+", self.text)
+        if not self.kind and re.fullmatch(r"(\d{1,3}\.){3}\d{1,3}", self.text):
+            return f" (for a camera of this address give ip:{self.text})"
         return f" (for a webcam give video:{self.text})" if is_webcam else ""
 
     def _refused(self, found: Sequence[FoundDevice], reason: str, rule: str) -> CameraError:
@@ -117,6 +119,15 @@ def find_devices(pylon: Any) -> list[tuple[FoundDevice, Any]]:
     return [(device(info), info) for info in pylon.TlFactory.GetInstance().EnumerateDevices()]
 
 
+def _meant(shown: str, kind: str) -> str:
+    """What may be meant by a selector of no such kind."""
+    if kind.lower() in KINDS and kind:
+        return f"kinds are written small: {kind.lower()}:"
+    if "://" in shown:
+        return f"a stream is video:{shown}"
+    return "cameras of other makes are video:SOURCE"
+
+
 def read_selector(text: str) -> Selector:
     """Parse a selector.
 
@@ -133,7 +144,7 @@ def read_selector(text: str) -> Selector:
         shown = without_url(text)
         raise InputError(
             f"camera {shown!r}: must be name:NAME, serial:NUMBER, ip:ADDRESS or class:CLASS; "
-            "a bare text is a user name or a serial number; cameras of other makes are video:SOURCE",
+            f"a bare text is a user name or a serial number; {_meant(shown, kind)}",
             camera=shown,
         )
     if kind == "ip":

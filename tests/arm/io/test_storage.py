@@ -258,6 +258,7 @@ def test_a_byte_order_mark_is_no_content(tmp_path: Path) -> None:
         ("<HTML>", "is an HTML page, such as a preview or a report, and"),
         ("# of a topic\nheader:\n  stamp: 0\n", "looks like YAML, and"),
         ("---\nname: a\n", "looks like YAML, and"),
+        ("%YAML:1.0\n---\nK: !!opencv-matrix\n", "looks like YAML, and"),
         ("- name: a\n", "looks like YAML, and"),
         ("joint_names: [J1]\n", "looks like YAML, and"),
         ("1, 2, 3\n", "is not JSON: "),

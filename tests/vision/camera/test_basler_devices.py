@@ -97,3 +97,22 @@ def test_the_number_or_device_of_a_webcam_is_told_with_its_kind(text: str, told:
     with pytest.raises(CameraError) as refused:
         read_selector(text).choose([])
     assert (f"for a webcam give video:{text}" in str(refused.value)) == told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("Serial:21923415", "kinds are written small: serial:"),
+        ("rtsp://host/a", "a stream is video:rtsp://"),
+        ("sn:21923415", "cameras of other makes are video:SOURCE"),
+    ],
+)
+def test_what_may_be_meant_by_another_kind_is_told(text: str, told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_selector(text)
+    assert told in str(caught.value)
+
+
+def test_a_bare_address_is_sent_to_its_kind() -> None:
+    with pytest.raises(CameraError, match=r"not found.*\(for a camera of this address give ip:10\.0\.0\.7\)"):
+        read_selector("10.0.0.7").choose([])

@@ -10,12 +10,14 @@ from urllib.parse import urlsplit
 
 from arm.credentials import hide_credentials, without_url
 from arm.errors import InputError
+from vision.camera.frame_source import IMAGE_SUFFIXES
 
 PREFIX = "video:"
 STREAMS = ("rtsp", "rtsps", "rtmp", "http", "https", "rtp", "udp", "tcp", "srt")
 COUNTED = ("http", "https")  # their time stamps may be a count of frames, as those of motion JPEG are
 FORMS = "video:NUMBER, video:/dev/NAME, video:URL or video:FILE"
 _SIZED = re.compile(r"(?P<device>\d+|/dev/[^@]+)@(?P<width>\d{2,5})x(?P<height>\d{2,5})")
+_HALF_SIZED = re.compile(r"(\d+|/dev/[^@]+)@.*")
 CALLED = ("rtsp", "rtsps", "rtmp", "http", "https")  # their URLs name a host
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
 
@@ -63,7 +65,8 @@ def read_video(text: str) -> VideoSelector:
     ``video:0@1920x1080``.
 
     Raises:
-        InputError: it is empty, a stream of an unknown protocol, or a URL without host or with a port that is none.
+        InputError: it is empty, an image, a stream of an unknown protocol, a URL without host or with a port that is
+            none, or a device with a size that is none.
     """
     source = text.strip().removeprefix(PREFIX).strip()
     if not is_video(text) or not source:
@@ -76,7 +79,13 @@ def read_video(text: str) -> VideoSelector:
         return VideoSelector("stream", source)
     if sized := _SIZED.fullmatch(source):
         return VideoSelector("device", sized["device"], (int(sized["width"]), int(sized["height"])))
+    if found := _HALF_SIZED.fullmatch(source):
+        rule = f"its size must be WIDTHxHEIGHT in px: {PREFIX}{found[1]}@1920x1200"
+        raise InputError(f"camera {PREFIX}{source}: {rule}", camera=source)
     path = Path(source)
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        rule = f"is an image, and {PREFIX}FILE is a recording; --images FOLDER reads a folder of images"
+        raise InputError(f"camera {PREFIX}{source}: {rule}", camera=source)
     if source.isdigit() or path.is_char_device() or (source.startswith("/dev/") and not path.is_file()):
         return VideoSelector("device", source)
     return VideoSelector("file", source)

@@ -83,3 +83,17 @@ def test_paths_and_protocols() -> None:
     assert read_video("video:3").path == Path("/dev/video3")
     assert read_video("video:RTSP://h/x").scheme == "rtsp"
     assert read_video("video:clip.mp4").scheme == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("video:0@1920", "video:0@1920: its size must be WIDTHxHEIGHT in px: video:0@1920x1200"),
+        ("video:/dev/video0@1920*1200", "its size must be WIDTHxHEIGHT in px: video:/dev/video0@1920x1200"),
+        ("video:seen/image-0001.PNG", "is an image, and video:FILE is a recording; --images FOLDER reads"),
+    ],
+)
+def test_a_size_that_is_none_and_an_image_are_told(text: str, told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_video(text)
+    assert told in str(caught.value)
