@@ -111,7 +111,7 @@ def _unknown(
             absent = [
                 other for other in beside if other not in node.value
             ]  # more likely than one that is there
-            guess = _alike(name, absent) or _alike(name, beside)
+            guess = alike(name, absent) or alike(name, beside)
             before = one.key.removesuffix(name)
             near = f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
             home = _home(name, every)
@@ -125,7 +125,7 @@ _UNIT = re.compile(
 )  # with which the name of a key ends
 
 
-def _alike(name: str, known: Sequence[str]) -> list[str]:
+def alike(name: str, known: Sequence[str]) -> list[str]:
     """Return the known key that a name may mean, none or one: the same but for capitals or its unit, or by letters."""
     low = name.lower()
     but_for_unit = [one for one in known if _UNIT.sub("", one.lower()) == _UNIT.sub("", low)]

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from arm.io.keys import Keys, key
+from arm.io.keys import Keys, alike, key
 from arm.io.node import Node, Rule
 from arm.io.rules import carried, integers, line, number, numbers, text
 from arm.numerics.products import mul
@@ -55,6 +55,13 @@ class JointStepKeys(ActionKeys):
     q: Array = key("joints_deg", numbers(6, "deg", -360, 360))
 
 
+_ALSO = {  # what lists of poses, and other programs, call what a key of a step is
+    **dict.fromkeys(("q_deg", "q_rad", "q"), "joints_deg"),
+    **dict.fromkeys(("T_base_tool", "T_base_flange", "pose", "position_mm", "xyz_mm"), "at_mm, with rpy_deg"),
+    **dict.fromkeys(("pause_s", "wait_s", "sleep_s", "delay_s"), "dwell_s"),
+    **dict.fromkeys(("line_mm", "path_mm"), "points_mm"),
+    "gripper": "jaws",
+}
 _KEYS_OF: dict[str, type[ActionKeys]] = {
     **dict.fromkeys(SOURCES, PathStepKeys),
     "at_mm": PoseStepKeys,
@@ -161,10 +168,15 @@ def _require_own_keys(node: Node, kind: str) -> None:
         kind: of `_KINDS`, which the step has; "" for none.
     """
     if not kind:
-        written = {name.lower(): name for name in node.value}
-        if meant := [name for name in _KINDS if name in written]:
-            name = written[meant[0]]
-            raise node.error_at(name, "is not a known key", f"did you mean {node.key}.{meant[0]}?")
+        every = sorted({name for keys in _KEYS_OF.values() for name in _tops(keys)})
+        for name in (one for one in node.value if one not in every):
+            near = [_ALSO[name]] if name in _ALSO else alike(name, every)
+            help = (
+                f"did you mean {near[0]}?"
+                if near
+                else f"a step has one of {', '.join(_KINDS)}, or jaws or dwell_s"
+            )
+            raise node.error_at(name, "is not a known key", help)
     own = PathStepKeys if kind in SOURCES else _KEYS_OF.get(kind, ActionKeys)
     for name in node.value:
         takes = [kind for kind, keys in _KEYS_OF.items() if name in _tops(keys)]

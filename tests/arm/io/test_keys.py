@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from arm.errors import FileInputError
-from arm.io.keys import Keys, key
+from arm.io.keys import Keys, alike, key
 from arm.io.node import REQUIRED, Node
 from arm.io.rules import integer, number, tables, text
 
@@ -144,3 +144,19 @@ def test_an_unknown_key_is_likelier_one_that_is_missing_than_one_that_is_there()
             Motion.read(Node(Path("a.toml"), "", {there: 1, "q_deg": 2}))
     with pytest.raises(FileInputError, match=r"to_dg = 2: is not a known key \(did you mean to_deg\?\)$"):
         Motion.read(Node(Path("a.toml"), "", {"from_deg": 1, "to_deg": 1, "to_dg": 2}))
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [
+        ("SVG", ["svg", "axis"], ["svg"]),
+        ("at", ["part", "at_mm"], ["at_mm"]),
+        ("joints_rad", ["joints_deg", "part"], ["joints_deg"]),
+        ("clearence_mm", ["clearance_mm"], ["clearance_mm"]),
+        ("zz", ["part", "at_mm"], []),
+    ],
+)
+def test_a_name_in_capitals_or_without_its_unit_is_recognised(
+    name: str, known: list[str], meant: list[str]
+) -> None:
+    assert alike(name, known) == meant

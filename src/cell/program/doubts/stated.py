@@ -16,6 +16,8 @@ from cell.program.path_step import PathStep
 from cell.program.program_file import ProgramTask
 
 _AT_BOARD = 2.0  # mm from a board's origin; a place in m, read as mm, is nearer
+_AT_CENTRE = 1.0  # mm from the workpiece's origin; the same for the middle of a body
+_SHORT_MM = 2.0  # of a path; one in m, read as mm, is shorter
 _MOST_ROUNDED = (
     0.1  # of the size of a path, by which its corners are rounded; more leaves little of its shape
 )
@@ -28,7 +30,7 @@ _TURNS = ("tilt_deg", "turn_deg", "rpy_deg")
 def stated_doubts(task: ProgramTask) -> Iterator[str]:
     """Say of each value that is doubtful what it may be meant as, with its key."""
     root = read_toml(task.file)
-    for key, words in (*_angles(root), *_origin(task, root), *_steps(task, root)):
+    for key, words in (*_angles(root), *_origin(task, root), *_bodies(root), *_steps(task, root)):
         yield f"{task.file.name}: {key}{words}"
 
 
@@ -49,7 +51,22 @@ def _origin(task: ProgramTask, root: dict[str, Any]) -> Iterator[tuple[str, str]
     """Yield the origin of a workpiece on a board that may be in metres."""
     origin = root.get("work", {}).get("origin_mm")
     if task.board is not None and origin and 0.0 < max(map(abs, origin)) < _AT_BOARD:
-        yield "work.origin_mm", f" = {origin}: is it in metres? In mm it must be {[1e3 * v for v in origin]}"
+        yield "work.origin_mm", f" = {origin}: is it in metres? In mm it must be {_in_mm(origin)}"
+
+
+def _bodies(root: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield bodies whose centre may be in metres: in mm it would be in the workpiece's origin, but for its digits."""
+    for number, one in enumerate(root.get("bodies", ())):
+        centre = one.get("centre_mm")
+        if centre and any(centre[:2]) and max(map(abs, centre)) < _AT_CENTRE:
+            yield (
+                f"bodies[{number}].centre_mm",
+                f" = {centre}: is it in metres? In mm it must be {_in_mm(centre)}",
+            )
+
+
+def _in_mm(metres: list[float]) -> str:
+    return f"[{', '.join(f'{1e3 * v:g}' for v in metres)}]"
 
 
 def _steps(task: ProgramTask, root: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -68,7 +85,9 @@ def _of_path(task: ProgramTask, key: str, one: dict[str, Any]) -> Iterator[tuple
     if "meander_mm" in one and one["pitch_mm"] > one["meander_mm"][1]:
         yield "pitch_mm", f" = {one['pitch_mm']}: is more than meander_mm[1], so there are two lines only"
     rounded = one.get("deviation_mm", 0.0)
-    size = _size_mm(task, key) if rounded else 0.0
+    size = _size_mm(task, key) if rounded or "points_mm" in one else 0.0
+    if "points_mm" in one and size < _SHORT_MM:
+        yield "points_mm", f": the path is {size:.3g} mm large: are the points in metres?"
     if rounded > _MOST_ROUNDED * size:
         yield (
             "deviation_mm",
