@@ -283,21 +283,33 @@ def carried(most: float) -> Rule[Array]:
     return Rule(plain.words, read)
 
 
-def turns(size: int) -> Rule[Array]:
+def _require_not_rad(node: Node, found: Array) -> None:
+    """Refuse angles, read in rad from deg, of which one is a multiple of 5 deg if it was typed in rad."""
+    typed = np.degrees(found)
+    meant = np.radians(5.0) * np.rint(typed / np.radians(5.0))  # if they are in rad
+    if np.any((meant != 0.0) & (np.abs(typed - meant) < _DIGITS)):
+        in_deg = ", ".join(f"{v:.6g}" for v in np.degrees(typed).ravel().tolist())
+        help = f"in deg: [{in_deg}]" if typed.ndim else f"in deg: {in_deg}"
+        raise node.error("must be in deg, and has a multiple of 5 deg in rad", help)
+
+
+def turns(*size: int) -> Rule[Array]:
     """Angles in deg that a person wrote, from -360 to 360, read in rad. Multiples of 5 deg that are in rad, such as
     0.1745 and 1.5708, are told: no angle in deg has these digits."""
     plain = numbers(size, "deg", -360, 360)
 
     def read(node: Node) -> Array:
         found = plain.read(node)
-        typed = np.degrees(found)
-        meant = np.radians(5.0) * np.rint(typed / np.radians(5.0))  # if they are in rad
-        if np.any((meant != 0.0) & (np.abs(typed - meant) < _DIGITS)):
-            in_deg = ", ".join(f"{v:.6g}" for v in np.degrees(typed).tolist())
-            raise node.error("must be in deg, and has a multiple of 5 deg in rad", f"in deg: [{in_deg}]")
+        _require_not_rad(node, found)
         return found
 
     return Rule(plain.words, read)
+
+
+def turn() -> Rule[float]:
+    """An angle in deg, as one of `turns`."""
+    angle = turns()
+    return Rule(angle.words, lambda node: float(angle.read(node)))
 
 
 def zero_or(least: float, most: float) -> Rule[float]:

@@ -10,6 +10,9 @@ _OTHERS = {  # of numbers in a unit: the units that they may be in, and how many
     "mm": (("metres", 1e3), ("cm", 10.0)),
     "mm/s": (("m/s", 1e3), ("mm/min", 1.0 / 60.0)),
     "s": (("ms", 1e-3),),
+    "deg/s": (("rad/s", 180.0 / np.pi),),
+    "V": (("mV", 1e-3),),
+    "kg": (("g", 1e-3),),
 }
 
 
@@ -29,6 +32,13 @@ def unit_meant(values: Array, unit: str, low: float, high: float) -> str:
         outside = beyond.any() if one > 100.0 else beyond.all()  # a small number beside others may be right
         if outside and (found * one >= low).all() and (found * one <= high).all():
             return f"is it in {other}?"
-    if not unit and high == 1.0 and (found >= 2.0).all() and (found <= 100.0).all():
+    percent = found * 0.01
+    if (
+        not unit
+        and 1.0 <= high <= 1.5
+        and (found >= 2.0).all()
+        and (low <= percent).all()
+        and (percent <= high).all()
+    ):
         return f"is it in percent? {found.ravel()[0]:g} % are {found.ravel()[0] / 100.0:g}"
     return ""

@@ -330,7 +330,7 @@ def doctor(
     ] = None,
     as_json: shared.Json = False,
 ) -> None:
-    from cell.doctor.doctor import doctor_step
+    from cell.doctor.doctor import doctor_step, wrong_in
 
     if cell is None:
         refuse_given(context, ("ask", "output"), "needs --cell: the built-in cell has no checklist")
@@ -348,7 +348,7 @@ def doctor(
     report = doctor_step(port, camera, cell, console, answer, output)
     console.result(report)
     if report["wrong"]:
-        refuse(f"doctor: wrong: {', '.join(report['wrong'])}")
+        refuse(wrong_in(report))
 
 
 @tools.command(

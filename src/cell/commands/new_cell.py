@@ -136,7 +136,7 @@ def _asked(folder: Path, console: Console, answer: Answer | None) -> Own:
     if unit is None or answer is None:
         raise InputError(
             f"--unit is missing: must be {' or '.join(UNITS)}, or a unit file; the controller cannot report it, and "
-            "with the other unit's zeros angles are wrong by up to 11 degrees",
+            f"with the other unit's zeros angles are wrong by up to 11 degrees{_is_unit(folder)}",
             option="--unit",
             choices=list(UNITS),
         )
@@ -160,12 +160,20 @@ def _asked(folder: Path, console: Console, answer: Answer | None) -> Own:
     return Own(unit, port, camera, length)
 
 
+def _is_unit(folder: Path) -> str:
+    """Say that the name of a folder is that of a unit; "" if it is not."""
+    unit = folder.name.lower()
+    return f"; {folder} is read as the folder: a465 new-cell my-cell --unit {unit}" if unit in UNITS else ""
+
+
 def _unit(text: str) -> Unit:
     if text.endswith(SUFFIX):
         return load_unit(Path(text))
     if text not in UNITS:
+        meant = text.strip().lower()
+        help = f"; did you mean {meant}?" if meant in UNITS else ""
         raise InputError(
-            f"--unit {text}: must be one of {', '.join(UNITS)}, or a unit file (.toml)", unit=text
+            f"--unit {text}: must be one of {', '.join(UNITS)}, or a unit file (.toml){help}", unit=text
         )
     return load_unit(text)
 

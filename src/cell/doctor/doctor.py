@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from arm.errors import shortened
 from arm.io.outputs import keep_page
 from cell.console import WIDTH, Console
 from cell.doctor import devices, installation
@@ -72,6 +73,12 @@ def doctor_step(
         "open": [item["item"] for item in items if not item["ticked"]],
         "checks": [asdict(f) for f in findings],
     }
+
+
+def wrong_in(report: dict[str, Any]) -> str:
+    """Return in one line what a report has that is wrong, the first of it with what was found."""
+    found = next(check["found"] for check in report["checks"] if check["check"] == report["wrong"][0])
+    return shortened(f"doctor: wrong: {', '.join(report['wrong'])}; {report['wrong'][0]}: {found}")
 
 
 def _findings(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from arm.board import PLATE, Board, Plate
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
-from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, standing, tables
+from arm.io.rules import integer, is_whole, number, numbers, path, rule_of, same, standing, tables, turn
 from arm.numerics.products import mul
 from arm.robot.link_errors import LinkErrors
 from arm.se3 import Array, frozen, inverse, rot_z, rotation, transform
@@ -140,9 +140,9 @@ class TrueBoardKeys(Keys):
 
     file: Path = key("file", path())
     centre: Array = key("centre_mm", standing(3, -2000, 2000))
-    yaw: float = key("yaw_deg", number("deg", -360, 360))
+    yaw: float = key("yaw_deg", turn())
     tilt: float = key("tilt_deg", number("deg", 0, 60))
-    lean_azimuth: float = key("lean_azimuth_deg", number("deg", -360, 360), 0)
+    lean_azimuth: float = key("lean_azimuth_deg", turn(), 0)
     stand: Array | None = key("stand_mm", numbers(2, "mm", 10, 1000), None)
     shift: Array = key("shifts_mm", numbers(2, "mm", -100, 100), [0, 0])
     shift_turn: float = key("shifts_deg", number("deg", -45, 45), 0)
@@ -151,7 +151,16 @@ class TrueBoardKeys(Keys):
 
 
 class WorldKeys(
-    ImageKeys, TableKeys, PrintKeys, MadeKeys, ArmKeys, ToolKeys, WorkKeys, ContactKeys, WorldValues
+    ImageKeys,
+    TableKeys,
+    PrintKeys,
+    MadeKeys,
+    ArmKeys,
+    ToolKeys,
+    WorkKeys,
+    ContactKeys,
+    WorldValues,
+    file="a world file",
 ):
     """Keys of a world file."""
 

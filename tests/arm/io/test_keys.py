@@ -118,7 +118,7 @@ def test_declarations_are_the_keys_in_order() -> None:
         ),
         (
             {"load_kg": 101, "q": 2},
-            r"load_kg = 101: must be a number in kg from 0 to 100 \(q is not a known key\)",
+            r"load_kg = 101: must be a number in kg from 0 to 100 \(is it in g\?; q is not a known key\)",
         ),
         (
             {"q": 1, "wheels": [{"radius_mm": 0, "r": 1}]},

@@ -22,6 +22,7 @@ from arm.io.rules import (
     tables,
     text,
     triple,
+    turn,
     turns,
     zero_or,
 )
@@ -220,6 +221,14 @@ def test_a_pose_is_rigid_with_numbers_of_this_world(tmp_path: Path) -> None:
 def test_multiples_of_5_deg_in_rad_are_told_where_deg_belong(value: list[float]) -> None:
     with pytest.raises(FileInputError, match=r"has a multiple of 5 deg in rad \(in deg: \[.*\]\)$"):
         Node(Path("a.toml"), "rpy_deg", value).read(turns(3))
+
+
+def test_one_angle_is_read_as_several_are() -> None:
+    assert Node(Path("a.toml"), "yaw_deg", 175).read(turn()) == pytest.approx(np.radians(175))
+    with pytest.raises(FileInputError, match=r"yaw_deg = 3.0543: must be in deg, .* \(in deg: 174.998\)$"):
+        Node(Path("a.toml"), "yaw_deg", 3.0543).read(turn())
+    with pytest.raises(FileInputError, match="must be a number in deg from -360 to 360"):
+        Node(Path("a.toml"), "yaw_deg", [175]).read(turn())
 
 
 @pytest.mark.parametrize(

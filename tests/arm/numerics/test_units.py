@@ -24,6 +24,11 @@ from arm.numerics.units import unit_meant
         (2000, "mm", 15, 1000, ""),  # nothing that it is in makes it smaller
         (300, "", 0.01, 1, ""),
         (0.5, "deg", 1, 90, ""),
+        (3.1, "deg/s", 100, 1000, "is it in rad/s?"),
+        (7500, "V", 0.75, 11.25, "is it in mV?"),
+        (40, "kg", 0.005, 2, "is it in g?"),
+        (99, "", 0.9, 1.1, "is it in percent? 99 % are 0.99"),
+        (50, "", 0.9, 1.1, ""),
     ],
 )
 def test_the_unit_is_asked_for_in_which_all_are_inside(

@@ -195,6 +195,10 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
         (["."], "is the current folder and cannot be replaced; give a new one"),
         (["new", "--unit", "crs3"], "--unit crs3: must be one of crs93, crs97"),
         (
+            ["new", "--unit", "CRS93"],
+            "--unit CRS93: must be one of crs93, crs97, or a unit file (.toml); did you mean crs93?",
+        ),
+        (
             ["new", "--unit", "crs93", "--name", "two\nlines"],
             "must be a line of 1 to 60 printable characters",
         ),
@@ -338,3 +342,8 @@ def test_a_folder_that_is_named_as_a_file_is_written_and_told(tmp_path: Path) ->
     note = "note: hall.toml is a folder, though its name ends as a file's does; did you mean hall?"
     assert note in " ".join(told.split())
     assert "note:" not in a465("new-cell", "hall", "--unit", "crs93", cwd=tmp_path)[0]
+
+
+def test_a_unit_in_place_of_the_folder_is_told(tmp_path: Path) -> None:
+    _, told = a465("new-cell", "crs93", code=2, cwd=tmp_path)
+    assert told.endswith("; crs93 is read as the folder: a465 new-cell my-cell --unit crs93\n")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cell.doctor.doctor import wrong_in
 from cell.doctor.finding import NOTE, OK, WRONG
 from pictures.cameras import SERIAL
 from timed.relative import cost_s, interpreted
@@ -76,7 +77,8 @@ def test_what_is_wrong_is_told_and_ends_with_3(scenes: Path) -> None:
         in checks["photograph"]["found"]
     )
     assert all(checks[name]["help"] for name in report["wrong"])
-    assert told.splitlines()[-1] == "a465: doctor: wrong: controller, photograph, self-test: plan"
+    wrong = "a465: doctor: wrong: controller, photograph, self-test: plan; controller: "
+    assert told.splitlines()[-1].startswith(wrong)
     assert checks["cell"]["found"].startswith(f"{scenes / 'task2.toml'} is valid: crs93")
     table = told.splitlines()
     start = next(i for i, line in enumerate(table) if line.startswith("self-test: plan"))
@@ -130,3 +132,10 @@ def test_a_checklist_that_needs_a_missing_library_is_a_row(scenes: Path) -> None
     found = by_name(json.loads(ran.stdout))["checklist"]
     assert found["verdict"] == WRONG
     assert "import of serial halted" in found["found"]
+
+
+def test_what_is_wrong_is_told_in_the_last_line_with_its_cause() -> None:
+    found = ("lens", "old"), ("cell", "no.toml: is not there"), ("arm", "x")
+    checks = [{"check": check, "found": what} for check, what in found]
+    told = wrong_in({"wrong": ["cell", "arm"], "checks": checks})
+    assert told == "doctor: wrong: cell, arm; cell: no.toml: is not there"
