@@ -137,7 +137,13 @@ class Task(TaskValues):
         """Say which values of the task file may be in another unit."""
         yaw = None if self.places is None else round(float(np.degrees(self.places.yaw)), 6)
         doubt = "" if yaw is None else doubt_of_small(yaw)
-        return (f"{self.file.name}: places.yaw_deg = {doubt}",) if doubt else ()
+        found = [f"places.yaw_deg = {doubt}"] if doubt else []
+        holes = 0 if self.kind == POSES else len(self.from_board.holes)
+        if isinstance(self.look_after, int) and self.look_after > holes > 0:
+            found.append(
+                f"look_after = {self.look_after}: is more than the {holes} cubes of a board: no look follows"
+            )
+        return tuple(f"{self.file.name}: {words}" for words in found)
 
 
 class TaskKeys(TaskValues):

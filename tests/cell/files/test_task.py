@@ -126,3 +126,17 @@ def test_a_yaw_of_places_in_rad_is_told(scenes: Path) -> None:
     assert read_task(file).doubts() == (
         "task1.toml: places.yaw_deg = 0.785: is it in rad? Then it must be 44.98 in deg",
     )
+
+
+def test_more_looks_than_cubes_are_told(scenes: Path) -> None:
+    file = scenes / "task2.toml"
+    for stated, told in (("4", 0), ("9", 1)):
+        replace_in(
+            file, 'look_after = "each"' if stated == "4" else "look_after = 4", f"look_after = {stated}"
+        )
+        found = read_task(file).doubts()
+        assert len(found) == told
+        assert (
+            not found
+            or found[0] == "task2.toml: look_after = 9: is more than the 4 cubes of a board: no look follows"
+        )

@@ -11,12 +11,16 @@ from xml.etree import ElementTree
 import numpy as np
 
 from arm.io.toml_reader import read_toml
+from arm.numerics.products import mul, norm
+from arm.se3 import apply
 from cell.config.doubts.angles import doubt_of_small
-from cell.program.path_step import PathStep
+from cell.program.path_step import PathStep, ThreadedLine
 from cell.program.program_file import ProgramTask
+from plan.collision.covers import hull
 
 _AT_BOARD = 2.0  # mm from a board's origin; a place in m, read as mm, is nearer
 _AT_CENTRE = 1.0  # mm from the workpiece's origin; the same for the middle of a body
+_PAST_END, _ABOUT_RAY = 0.01, 0.02  # m, of bodies of a wire beyond its end, and beside the ray there
 _SHORT_MM = 2.0  # of a path; one in m, read as mm, is shorter
 _MOST_ROUNDED = (
     0.1  # of the size of a path, by which its corners are rounded; more leaves little of its shape
@@ -30,6 +34,12 @@ _TURNS = ("tilt_deg", "turn_deg", "rpy_deg")
 def stated_doubts(task: ProgramTask) -> Iterator[str]:
     """Say of each value that is doubtful what it may be meant as, with its key."""
     root = read_toml(task.file)
+    for line in task.threads:
+        if (beyond := _beyond_end(line)) > _PAST_END:
+            yield (
+                f"{line.name}.toml: line_mm: its bodies reach {1e3 * beyond:.0f} mm beyond its free end, on which the "
+                "ring is threaded: is the line in cm, or does it end too early?"
+            )
     for key, words in (*_angles(root), *_origin(task, root), *_bodies(root), *_steps(task, root)):
         yield f"{task.file.name}: {key}{words}"
 
@@ -102,6 +112,19 @@ def _of_speed(one: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "speed_mm_s", ': has no effect without lines: give by = "line", approach_mm or retract_mm'
     if speed > _FAST_MM_S and one.get("touch"):
         yield "speed_mm_s", f" = {speed}: is it in mm/min? Then it must be {speed / 60:.4g} in mm/s"
+
+
+def _beyond_end(line: ThreadedLine) -> float:
+    """Return how far the bodies of a wire reach beyond its free end, about the ray that prolongs it there, m."""
+    along = (line.points[-1] - line.points[-2]) / norm(line.points[-1] - line.points[-2])
+    beyond = 0.0
+    for body in line.bodies:
+        points, radius = hull(body.shape)
+        away = apply(body.T_base_body, points) - line.points[-1]
+        ahead = mul(away, along)
+        beside = np.sqrt(((away - ahead[:, None] * along) ** 2).sum(axis=1))
+        beyond = max([beyond, *(ahead[beside < _ABOUT_RAY] + radius).tolist()])
+    return beyond
 
 
 def _width_mm(task: ProgramTask, svg: str) -> float | None:

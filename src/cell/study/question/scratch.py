@@ -164,6 +164,8 @@ def _require_values(scratch: Scratch, files: Mapping[str, Path]) -> None:
         else:
             return
     help = next((f" ({words})" for one in study.vary if (words := _elsewhere(one.file, one.key, files))), "")
+    if not help and "whole number" in str(wrong) and any(not one.grid for one in study.vary):
+        help = " (a range without steps is sampled, with fractions: give steps, or values)"
     raise InputError(
         f"{study.file.name}: neither the first nor the last point has values that the files may have; the last: "
         f"{wrong}{help}",

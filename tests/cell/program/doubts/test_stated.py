@@ -56,3 +56,11 @@ def test_a_doubtful_value_is_told(tmp_path: Path, name: str, old: str, new: str,
     file = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / name
     replace_in(file, old, new)
     assert list(stated_doubts(read_program(file))) == [f"{file.name}: {told}"]
+
+
+def test_a_wire_whose_bodies_go_on_where_its_line_ends_is_told(tmp_path: Path) -> None:
+    file = Path(shutil.copytree(data_file("scenes"), tmp_path / "scenes")) / "hoop/a.toml"
+    replace_in(file.parent / "wires/a.toml", "  [0, 0, 200],", "  [0, 0, 20],")
+    told = "a.toml: line_mm: its bodies reach 180 mm beyond its free end, on which the ring is threaded: is the line"
+    (found,) = stated_doubts(read_program(file))
+    assert found.startswith(told)

@@ -184,6 +184,12 @@ def test_a_study_is_asked_if_one_of_its_ends_can_be_read(scenes: Path, values: l
     bundle_of(read_study(write_study(scenes, [vary])))
 
 
+def test_a_whole_number_that_is_sampled_is_told_to_need_steps(scenes: Path) -> None:
+    study = write_study(scenes, [{"key": "seed", "from": 1, "to": 4}], points=4)
+    with pytest.raises(InputError, match=r"must be a whole number .* is sampled, with fractions: give steps"):
+        bundle_of(read_study(study))
+
+
 @pytest.mark.parametrize("key", ["tool.lenght_mm", "tool.length_mm"])
 def test_a_study_of_which_no_point_can_be_read_is_refused(scenes: Path, key: str) -> None:
     vary = {"file": "cell", "key": key, "from": 4000.0, "to": 5000.0}
