@@ -93,3 +93,8 @@ def page_fault(output: Path) -> str:
     return (
         "" if output.suffix.lower() in PAGES else f"must end in {' or '.join(PAGES)}, as it is an HTML page"
     )
+
+
+def named_as_file(folder: Path) -> bool:
+    """Whether the name of a folder that is to be made is that of a file, such as ``cell.urdf``."""
+    return folder.suffix.lower() in _OTHERS and not folder.is_dir()

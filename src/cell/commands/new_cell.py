@@ -16,6 +16,7 @@ from typing import Any
 from arm.controller.unit import SUFFIX, UNITS, Unit, load_unit
 from arm.errors import InputError
 from arm.io.keys import Keys
+from arm.io.kind import words_of
 from arm.io.slips.ports import port_fault
 from arm.io.storage import data_file, read_text
 from arm.io.toml_reader import read_toml
@@ -310,7 +311,8 @@ def _require_free(folder: Path, place: Path) -> None:
     try:
         held = sorted(os.listdir(place)) if os.path.lexists(place) else []
     except OSError as error:
-        raise InputError(f"{folder}: is not a usable folder: {error.strerror}", folder=str(folder)) from error
+        what = error.strerror if place.is_dir() else f"it is {words_of(place)}; give a new or an empty folder"
+        raise InputError(f"{folder}: is not a usable folder: {what}", folder=str(folder)) from error
     if held:
         why = f"{folder}: is not empty ({held[0]}); give a new or an empty folder"
         raise InputError(why, folder=str(folder), holds=held[0])

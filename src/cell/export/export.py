@@ -14,7 +14,7 @@ import numpy as np
 from arm.controller.unit import Unit
 from arm.errors import A465Error, InputError
 from arm.io.kind import KINDS, kind_of_file
-from arm.io.outputs import keep_apart
+from arm.io.outputs import keep_apart, named_as_file
 from arm.io.storage import keep_unread, read_text, write_atomic
 from arm.io.toml_reader import read_toml
 from arm.plan_file import read_plan
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 PERIOD_S = 0.02  # between samples of a plan
 URDF = "urdf"
 SUFFIXES = {"csv": ".csv", "trajectory": ".trajectory.json", "mcap": ".mcap"}
-_FILES = (".urdf", ".srdf", ".xml", ".json", ".csv", ".toml", ".mcap", ".html")  # suffixes that no folder has
 _KINDS = {"csv": "samples", "trajectory": "trajectory", "mcap": ""}  # of `arm.io.kind`
 
 
@@ -202,7 +201,7 @@ def _urdf_step(there: Surroundings, output: Path, console: Console) -> dict[str,
     from cell.export.folder import write_folder
     from cell.export.urdf import describe
 
-    if output.suffix.lower() in _FILES:
+    if named_as_file(output):
         why = f"{output}: must be a folder, in which {URDF} writes cell.urdf and cell.srdf; give another name"
         raise InputError(why, file=str(output))
     made = describe(there)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from arm.errors import FileInputError, InputError
 from arm.io.foreign import archive
 from arm.io.kind import kind_of_file, words_of
+from arm.io.outputs import named_as_file
 from arm.io.slips.names import missing
 from arm.io.storage import open_file, read_bytes
 
@@ -114,7 +115,7 @@ def require_folder(path: Path) -> None:
 
 
 def require_folder_name(path: Path) -> None:
-    """Refuse the name of a folder for images that is the name of an image.
+    """Refuse the name of a folder for images that is the name of an image, or of another file.
 
     Raises:
         InputError: it is, and there is no folder of this name.
@@ -123,6 +124,9 @@ def require_folder_name(path: Path) -> None:
         raise InputError(
             f"-o {path}: is the name of an image; give that of a folder for images", path=str(path)
         )
+    if named_as_file(path):
+        why = f"-o {path}: is the name of a file ({path.suffix}); give that of a folder for images"
+        raise InputError(why, path=str(path))
 
 
 def _beginning(path: Path) -> bytes:

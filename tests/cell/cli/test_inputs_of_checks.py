@@ -46,6 +46,7 @@ def at(scenes: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("export headless.jsonl", "headless.jsonl: is part of a log: its first line, of the kind open, is missing"),
         ("export cell.toml -o cell.urdf", "cell.urdf: must be a folder, in which urdf writes cell.urdf and cell.srdf"),
         ("export cell.toml -o x.json", "x.json: must be a folder, in which urdf writes cell.urdf and cell.srdf"),
+        ("render task2.toml -o x.html", "-o x.html: is the name of a file (.html); give that of a folder for images"),
         ("export list.json -o x.urdf", "x.urdf: is of --format urdf, which is not given; without it a table"),
         ("certify samples.csv cell.toml", "samples; a465 export --format trajectory writes what certify takes"),
         ("certify nod.json hoop/d.toml -o p.json", "hoop/d.toml is a program: give hoop/cell.toml"),

@@ -190,7 +190,7 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
     ("arguments", "told"),
     [
         (["full"], "full: is not empty (.hidden); give a new or an empty folder"),
-        (["file"], "file: is not a usable folder: Not a directory"),
+        (["file"], "file: is not a usable folder: it is a file; give a new or an empty folder"),
         (["file/mine"], "file/mine: "),
         (["."], "is the current folder and cannot be replaced; give a new one"),
         (["new", "--unit", "crs3"], "--unit crs3: must be one of crs93, crs97"),
