@@ -102,7 +102,7 @@ def open_file(path: Path, kind: str) -> BinaryIO:
                 path, "", None, f"is {_what(found.st_mode)}; only regular files are read", help
             )
         if found.st_size > MOST_BYTES[kind]:
-            raise _too_large(path, kind)
+            raise _too_large(path, kind, os.pread(handle, 512, 0))
         if (found.st_dev, found.st_ino) in (_OVERWRITTEN.get() or ()):
             raise read_by_the_command(path)
         if (read := _READ.get()) is not None:
@@ -125,6 +125,9 @@ def _inside(folder: Path) -> str:
     )
 
 
+_TEXTS = ("TOML", "JSON", "CSV")  # kinds of files that no image or archive is
+
+
 def read_bytes(path: Path, kind: str) -> bytes:
     """Return the content of a regular file of at most `MOST_BYTES` of its kind.
 
@@ -137,11 +140,13 @@ def read_bytes(path: Path, kind: str) -> bytes:
         except OSError as error:
             raise FileInputError(path, "", None, f"cannot be read: {error.strerror}") from error
     if len(data) > MOST_BYTES[kind]:
-        raise _too_large(path, kind)
+        raise _too_large(path, kind, data)
     return data
 
 
-def _too_large(path: Path, kind: str) -> FileInputError:
+def _too_large(path: Path, kind: str, begin: bytes) -> FileInputError:
+    if kind in _TEXTS and (foreign := binary(begin)):
+        return FileInputError(path, "", None, f"{foreign}; a text file belongs here")
     rule = f"has more than {MOST_BYTES[kind] // MB} MB, which is the limit for a {kind} file"
     return FileInputError(path, "", None, rule)
 

@@ -26,6 +26,7 @@ _FARTHER, _NOISIER = (
 )  # times that a recording fits better if it is told, and that its corners may fit worse
 _TURN, _SHIFT = np.radians(2.0), 0.010  # rad and m within which the pairs of poses of any arm agree
 _GROSS = 1.0  # px; the worst corners that are found in images fit to 0.3 px
+_DIGITS = 1e-3  # deg; fewer than those of a reading
 _SIZE = 0.05  # relative; a size nearer to the stated one has a test of its own
 
 
@@ -74,6 +75,12 @@ def likely_mistake(recording: ArmRecording) -> str:
             f"each image alone, without the arm, fits the target to {as_is.noise:.2g} px only, and corners that are "
             "found in images fit to 0.3 px: are corners_px in the order of target.points_m, and is camera the one that "
             "took the images?"
+        )
+    whole = np.degrees(recording.joints)
+    if not told and np.abs(whole - np.rint(whole)).max() < _DIGITS:
+        return (
+            "joints_rad are whole degrees in all poses: are they those that were commanded? What the encoders read "
+            "when the image was taken belongs here"
         )
     if not told:
         return ""

@@ -43,6 +43,19 @@ ALSO = {
     **dict.fromkeys(("show", "visualize", "visualise", "plot"), "preview PLAN TASK"),
     **dict.fromkeys(("plan-poses", "plan-list"), "plan CELL LIST"),
     **dict.fromkeys(("capture", "photo", "photograph"), "snap CELL"),
+    **dict.fromkeys(("lens", "intrinsics", "intrinsic"), "calibrate camera IMAGES"),
+    **dict.fromkeys(
+        ("extrinsics", "extrinsic", "arm", "robot", "handeye", "hand_eye"), "calibrate hand-eye DATA"
+    ),
+    "nao": "calibrate kinematic DATA",
+    **dict.fromkeys(("print", "charuco", "chessboard", "checkerboard"), "calibrate target"),
+}
+# What takes a file, by `arm.io.kind.KINDS`, that stands where the name of a calibration belongs.
+CALIBRATIONS = {
+    "recording": "hand-eye",
+    "nao recording": "kinematic",
+    "target": "target",
+    "task": "background",
 }
 # Options that a command does not need, or has in another one.
 ITSELF = {
@@ -69,6 +82,9 @@ def usage_help(words: str, typed: Sequence[str], verbs: Sequence[str], commands:
         return f"it is a465 {ALSO[found[1].lower()]}"
     if found and (named := found[1].lower()) in {one.split()[0] for one in commands} - {found[1]}:
         return f"it is {named}, in small letters"
+    if found and list(typed[:1]) == ["calibrate"] and (path := Path(found[1])).exists():
+        takes = "camera" if path.is_dir() else CALIBRATIONS.get(kind_of_file(path), "")
+        return f"what is calibrated comes first: a465 calibrate {takes or 'camera, hand-eye, ..'} {found[1]}"
     if found and found[1] == "help":
         return f"help is an option: a465 {' '.join(typed[1:2])} --help".replace("  ", " ")
     if found := re.search(r"No such option: (-\S+)", words):
@@ -126,6 +142,8 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
     if option.startswith("--") and all(_NUMBER.fullmatch(word) for word in (first, *extra)):
         return f"the values of a list are joined by commas: {option}={','.join((first, *extra))}"
     options = _options(command)
+    if "--images" in options and (folder := next((word for word in typed[1:] if Path(word).is_dir()), "")):
+        return f"a folder of images is given by --images {folder}"
     for word in extra:
         kind = kind_of_file(Path(word)) if Path(word).is_file() else ""
         if (option := KINDS.get(kind, "")) in options:

@@ -24,6 +24,14 @@ def test_images_are_told(tmp_path: Path, suffix: str) -> None:
             read(file)
 
 
+def test_a_large_image_is_told_as_one_and_not_by_its_size(tmp_path: Path) -> None:
+    file = tmp_path / "picture.png"
+    cv2.imwrite(str(file), np.random.default_rng(0).integers(0, 255, (1500, 2000), dtype=np.uint8))
+    assert file.stat().st_size > 2_500_000
+    with pytest.raises(FileInputError, match=r"is a PNG image; a text file belongs here$"):
+        read_toml(file)
+
+
 def test_arrays_and_archives_are_told(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros(3))
     np.savez(tmp_path / "b.npz", x=np.zeros(3))

@@ -48,6 +48,7 @@ MISTAKES = {
     "corners_px rather count v upwards": with_pixels(lambda px, last: px * [1, -1] + [0, last[1]]),
     "corners_px are rather of images 0.5 times as large": with_pixels(lambda px, last: px / 2.0),
     "target.points_m are rather 0.01 times as large": lambda r: replace(r, points=100.0 * r.points),
+    "joints_rad are whole degrees in all poses": with_joints(lambda q: np.radians(np.rint(np.degrees(q)))),
     "each image alone, without the arm, fits the target to": lambda r: replace(
         r, points=np.roll(r.points, 1, axis=0)
     ),

@@ -52,6 +52,11 @@ from typed.command_line import a465
         ),
         ("emulate --cell c.toml", "No such option: --cell (it is --task here); see"),
         ("emulate --speed 2", "No such option: --speed (it is --time-scale here); see"),
+        ("calibrate intrinsics photos", "(it is a465 calibrate camera IMAGES); see"),
+        ("calibrate nao r.json", "(it is a465 calibrate kinematic DATA); see"),
+        ("calibrate r.json", "(what is calibrated comes first: a465 calibrate hand-eye r.json); see"),
+        ("calibrate photos", "(what is calibrated comes first: a465 calibrate camera photos); see"),
+        ("look photos t.toml", "(a folder of images is given by --images photos); see"),
         ("look a.toml b.toml", "look: Got unexpected extra argument(s) (b.toml); see a465 look"),
     ],
 )
@@ -60,6 +65,8 @@ def test_words_are_told_where_they_belong(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("poses.json").write_text('{"entries": []}')
+    Path("r.json").write_text('{"poses": [], "dh": {}, "camera": {}, "target": {}}')
+    Path("photos").mkdir()
     assert help in a465(*typed.split(), code=2)[1]
 
 

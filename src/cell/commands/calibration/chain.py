@@ -144,6 +144,11 @@ def hand_eye_step(data: Path, options: ChainOptions, console: Console) -> dict[s
         rule = f"must be {cell.unit.name!r}, the unit of {cell.file}"
         help = f"record that arm, or give the cell of the {recording.unit}"
         raise FileInputError(data, "unit", recording.unit, rule, help)
+    if cell is not None and recording.camera.lens_digest != cell.nominal_camera.lens_digest:
+        console.say(
+            f"NOTE: the lens of {data} is not that of {cell.camera_file.name}: {cell.file} takes no calibration that "
+            "was made with another lens; record with this lens, or give the cell of the recording"
+        )
     return solve_hand_eye(data, recording, options, console, cell=cell)
 
 

@@ -127,10 +127,16 @@ def test_a_cell_to_compare_with_gives_the_first_line_the_limits_and_the_places(
     heard = Heard()
     result = hand_eye_step(data, ChainOptions(cell=scenes / "task2.toml"), heard)
     hand_eye_step(data, ChainOptions(cell=scenes / "cell.toml", limit_mm=0.5), Heard())
-    (limits, place), (by_option, _) = asked
+    (limits, place), (by_option, _), *_ = asked
     assert (limits.sideways, limits.height) == pytest.approx((0.4e-3, 0.8e-3))
     assert (by_option.held_out, by_option.sideways, by_option.height) == pytest.approx((0.5e-3,) * 3)
     assert np.array_equal(place.holes, work_place(read_cell(scenes / "cell.toml")).holes)  # type: ignore[arg-type]
+    assert not any("NOTE" in line for line in heard.told)
+    replace_in(scenes / "cameras/lab.toml", "4746.48725", "4746.5")
+    other = Heard()
+    hand_eye_step(data, ChainOptions(cell=scenes / "cell.toml"), other)
+    (note,) = (line for line in other.told if "NOTE" in line)
+    assert f"the lens of {data} is not that of lab.toml: {scenes / 'cell.toml'} takes no calibration" in note
     first = next(line for line in heard.told if "camera" in line)
     assert first.startswith("camera moved ")
     assert first.endswith("(against cell.toml)")
