@@ -349,7 +349,9 @@ def _flat(*counts: int) -> Rule[Array]:
         rows = isinstance(node.value, list) and bool(node.value) and isinstance(node.value[0], list)
         values = np.ravel(node.read(numbers((None, None)) if rows else numbers(None)))
         if rows and np.shape(node.value) not in ((4, 4), (3, 4)):
-            raise node.error("must be 4 (or 3) rows of 4 numbers")
+            raise node.error(
+                "must be 4 (or 3) rows of 4 numbers" if counts else "must be one list of numbers"
+            )
         if counts and len(values) not in counts:
             raise node.error(f"must be {words}, not {len(values)}")
         return values

@@ -371,3 +371,10 @@ def test_angles_in_rad_and_speeds_without_lines_are_noted(
     file.write_text(json.dumps([{"T_base_tool": T, **more}]))
     said = a465("plan", data_file("scenes/cell.toml"), file, "-o", tmp_path / "plan.json")[0]
     assert f"NOTE: q.json: {told}" in said.replace("\n", " ")
+
+
+def test_angles_in_rows_are_told_to_be_one_list(tmp_path: Path) -> None:
+    file = tmp_path / "q.json"
+    file.write_text(json.dumps([{"q_deg": [[0, -10, -90, 0, -70, 0]]}]))
+    with pytest.raises(FileInputError, match=r"\[0\].q_deg = .*: must be one list of numbers$"):
+        read_pose_list(file)

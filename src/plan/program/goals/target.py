@@ -189,7 +189,10 @@ class Target:
                 rule = f"must be a lowest and a highest value from {-most:.5g} to {most:.5g} m or rad"
                 raise self.error(f"ranges[{name!r}]", limits, rule)
         if self.tilt > 0.0 and {"rx", "ry"} & {*free, *self.ranges}:
-            raise self.error("tilt", self.tilt, "cannot be combined with rx or ry")
+            in_deg = f"{np.degrees(self.tilt):g} deg"
+            raise self.error(
+                "tilt", self.tilt, f"cannot be combined with rx or ry; tilt, {in_deg}, frees both"
+            )
         # a rotation that is free within limits would rotate the axes of the other free directions
         turns = self.tilt > 0.0 or bool({"rx", "ry", "rz"} & set(self.ranges))
         every = {"x", "y", "z"}.issubset(free)

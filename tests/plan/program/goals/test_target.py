@@ -38,7 +38,10 @@ from plan.program.goals.target import Target
         ({"attach": "cup", "detach": True}, "attach = 'cup': must not be combined with detach"),
         ({"T_base_tool": None, "q": [0.0] * 6, "by": "line"}, "q = 'a configuration': needs by='transit'"),
         ({"T_base_tool": None, "q": [0.0] * 6, "free": "rz"}, "q = 'a configuration': .* must not have free"),
-        ({"free": "rx", "tilt": 0.2}, "tilt = 0.2: cannot be combined with rx or ry"),
+        (
+            {"free": "rx", "tilt": 0.2},
+            "tilt = 0.2: cannot be combined with rx or ry; tilt, 11.4592 deg, frees both",
+        ),
         ({"ranges": {"ry": (0.0, 0.1)}, "tilt": 0.2}, "tilt = 0.2: cannot be combined with rx or ry"),
         ({"ranges": {"x": (0.1, -0.1)}}, "ranges\\['x'\\] = .*: must be a lowest and a highest value"),
         ({"ranges": {"rz": (-4.0, 0.0)}}, "ranges\\['rz'\\] = .*: must be a lowest .* from -3.1416"),
