@@ -64,7 +64,22 @@ ITSELF = {
     ("reach", "--world"): "a look is made in a world: a465 look TASK --world FILE -o LOOK, then --look LOOK",
 }
 # Names that options of files have in other programs.
-FILES = ("task", "cell", "plan", "program", "file", "input", "list", "poses", "log", "arm")
+FILES = (
+    "task",
+    "cell",
+    "plan",
+    "program",
+    "file",
+    "input",
+    "list",
+    "poses",
+    "log",
+    "arm",
+    "scene",
+    "trajectory",
+)
+ROBOT = ("--urdf", "--srdf", "--robot-description")  # of an arm, which a file of ours names
+FORMATS = ("csv", "trajectory", "mcap", "urdf")  # of an export
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
 
 
@@ -118,7 +133,11 @@ def _of_option(
         if named and option in _options(commands[named]):
             return f"{option} stands after the command: a465 {named} ... {option}"
         return ""
+    if option in ROBOT:
+        return "an arm file names URDF and SRDF, as arm.urdf and arm.srdf; give that file"
     name = option.lstrip("-").replace("-", "_")
+    if name in FORMATS and "--format" in _options(command):
+        return f"it is --format {name}"
     arguments = [one for one in (command.params if command else ()) if one.param_type_name == "argument"]
     metavars = [one.make_metavar(None) for one in arguments]
     usage = " ".join(["a465", *verbs, *(one.upper() if one.islower() else one for one in metavars)])
@@ -148,6 +167,8 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
         kind = kind_of_file(Path(word)) if Path(word).is_file() else ""
         if (option := KINDS.get(kind, "")) in options:
             return f"a {kind} is given by {option} {word}"
+        if word.lower() in FORMATS and "--format" in options:
+            return f"it is --format {word.lower()}"
         if kind == "plan" and "PLAN" not in _metavars(command):
             return f"a plan is executed by a465 execute {word} TASK"
         if "--images" in options and Path(word).suffix.lower() in IMAGES:

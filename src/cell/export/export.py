@@ -285,6 +285,10 @@ def _cell_of_log(session: Session, samples: Executed, cell: Path | None, console
         kept = folder / str(note.data.get("file"))
         if kept.parent == folder and kept.is_file():
             plans.append((note.time_s, read_plan(kept)))
+    if any(plan.scene.get("robot_open") != place.robot().digest for _, plan in plans):
+        console.say(
+            f"NOTE: {file}: its arm or tool is not that of the log's plans; shown is what the file describes"
+        )
     return [*images, *messages_of_log(session, samples, place, plans)]
 
 

@@ -17,6 +17,7 @@ from cell.console import Console
 from cell.export.export import ExportOptions, export_file
 from cell.export.series import executed, planned
 from driver.log.read import Session
+from typed.command_line import a465
 from wire.exported import export, seconds
 from wire.logged_session import LoggedRun
 
@@ -98,3 +99,17 @@ def test_a_log_shows_its_cell_and_the_images_of_its_looks(run: LoggedRun, tmp_pa
     for form in ("csv", "trajectory"):
         with pytest.raises(InputError, match="--cell goes with --format mcap only"):
             export_file(log, ExportOptions(form, cell=data_file("scenes/cell.toml")), Console(as_json=True))
+
+
+def test_a_cell_with_another_tool_than_the_plans_of_a_log_is_told(
+    run: LoggedRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "list.json").write_text('{"entries": [{"q_deg": [-60, -40, -80, 0, -55, 0]}]}')
+    a465("plan", data_file("scenes/cell.toml"), "list.json", "-o", "plan.json", cwd=tmp_path)
+    lines = run.log.read_text().splitlines()
+    note = {"t": json.loads(lines[-1])["t"], "kind": "plan", "file": "plan.json", "sha256": ""}
+    (log := tmp_path / "wire.jsonl").write_text("\n".join([*lines, json.dumps(note)]) + "\n")
+    for name, told in (("cell.toml", False), ("hoop/cell.toml", True)):
+        options = ExportOptions("mcap", tmp_path / "a.mcap", cell=data_file(f"scenes/{name}"))
+        export_file(log, options, Console())
+        assert ("its arm or tool is not that of the log's plans" in capsys.readouterr().out) == told
