@@ -115,7 +115,9 @@ class Node:
             guess = difflib.get_close_matches(name, [one for one in self.value if one not in known], n=1)
             near = f"the file has {self._child(guess[0], None).key}" if guess else ""
             near = near or ("the file is empty" if not (self.value or self.key) else "")
-            raise self._child(name, None).error(f"is missing; it must be {rule.words}", self.help or near)
+            raise self._child(name, None).error(
+                f"is missing; it must be {rule.words}", self.help or ("" if self.unknown else near)
+            )
         made: Any = None if default is None else rule.read(self._child(name, default))
         return made  # type: ignore[no-any-return]
 

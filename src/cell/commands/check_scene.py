@@ -246,9 +246,8 @@ def closest_pairs(scene: SceneFile, configuration: str, console: Console) -> dic
         raise InputError(f"q = {configuration!r}: {rule}", q=configuration)
     found = scene.world().distances_below(np.radians(degrees), float("inf"))[:CLOSEST]
     console.table(("closest", "mm"), [(" - ".join(d.pair), 1e3 * d.value) for d in found])
-    doubt = doubt_of_deg(np.radians(degrees), scene.unit)
-    for line in (*scene.doubts, *([f"--q {doubt}"] if doubt else [])):
-        console.say(f"NOTE: {line}")
+    if doubt := doubt_of_deg(np.radians(degrees), scene.unit):
+        console.say(f"NOTE: --q {doubt}")
     verdict = QUERY_VERDICTS[bool(found) and found[0].value <= 0.0]
     console.say(f"{scene.file}: {verdict}")
     return {

@@ -22,7 +22,6 @@ from arm.se3 import Array, frozen, transform
 from cell.config.arm_file import ARM
 from cell.config.bodies import ON_FLANGE, PLACE, PLACES, TURN, pose_of, read_body
 from cell.config.cell import Cell
-from cell.config.doubts.cell_doubts import cell_doubts
 from cell.files.task import cell_of
 from plan.collision.world import World
 
@@ -85,7 +84,6 @@ class SceneFile:
         allowed: allowed collisions (ACM) of all queries and motions.
         padding: subtracted from every distance, m.
         queries, motions: what to check.
-        doubts: of the cell file that it is of, see `cell.config.doubts`.
     """
 
     file: Path
@@ -99,7 +97,6 @@ class SceneFile:
     padding: float
     queries: tuple[Query, ...]
     motions: tuple[Query, ...]
-    doubts: tuple[str, ...] = ()
 
     def world(self, allowed: Iterable[Pair] = ()) -> World:
         """Return the collision world, with further allowed collisions if given."""
@@ -249,7 +246,6 @@ def _of_cell(cell: Cell) -> SceneFile:
         0.0,
         (),
         (),
-        cell_doubts(cell),
     )
 
 

@@ -19,6 +19,7 @@ from plan.collision.world import distance_of
 _THIN_STAND, _THIN = 0.025, 0.01  # m; below these, what is meant is rather in cm
 _TALL = 0.1  # m; a wall that is lower may be sunk into the table
 _IN_BASE = 0.02  # m by which the base may be in a wall, such as a pedestal
+_HIGH = 5e-4  # m; a grip height that is less is rather in metres
 _BESIDE = 0.001  # m by which the zone for boards may reach beyond the table
 
 
@@ -85,7 +86,7 @@ def _short_fingers(cell: Cell) -> Iterator[str]:
     if not isinstance(cell.tool, Gripper) or cell.tool.urdf is not None:
         return
     room = cell.grip_height + cell.tool.finger[2] - (cell.cube_size - CUBE_SEAT_DEPTH)
-    if room < 0.0:
+    if room < 0.0 and cell.grip_height >= _HIGH:
         yield (
             f"tool.finger_mm = {[round(1e3 * v, 6) for v in cell.tool.finger]}: with tool.grip_height_mm = "
             f"{1e3 * cell.grip_height:g} the palm is {-1e3 * room:.0f} mm inside a gripped cube: is the third of them "
