@@ -183,9 +183,10 @@ def _left_over(folder: Path, seen: Observation) -> str:
     used = len(seen.images)
     if len(names) <= used:
         return ""
+    which = f"the first {used} by name were used, {names[0]} to" if used > 1 else "one was used,"
     return (
-        f"has {len(names)} images, of which the first {used} by name were used, {names[0]} to {names[used - 1]} "
-        "(look.photographs): are they those of the cell as it is now?"
+        f"has {len(names)} images, of which {which} {names[used - 1]} (look.photographs): are they those of the cell "
+        "as it is now?"
     )
 
 

@@ -21,6 +21,7 @@ from vision.markers.detect import Marker
 
 RESIDUAL_PX = 1.0  # largest rms residual of the mean corners, per coordinate
 LENS_PX = 0.3  # residual from which the lens or the board is rather wrong than the images noisy
+_LEAST_DEG, _IN_RAD = 0.05, ": is that limit in rad? The unit is deg"  # no look is as certain as this
 MOVED_PX = 2.0  # largest deviation of a frame's markers from the median of all frames, and
 SHAKEN_PX = 4.0  # at most, if the camera shakes
 # Standard deviations of that deviation in images of a camera that shakes, and how many images tell that it does: a
@@ -230,7 +231,7 @@ def uncertain(pose: BoardPose, limits: BoardLimits) -> Iterator[ImpossibleError]
         ("its rotation", np.degrees(spread.turn), np.degrees(limits.turn_rad), "deg"),
     )
     over = [
-        f"{what} to {value:.3g} {unit} (allowed {limit:g})"
+        f"{what} to {value:.3g} {unit} (allowed {limit:g}{_IN_RAD if unit == 'deg' and limit < _LEAST_DEG else ''})"
         for what, value, limit, unit in values
         if value > limit
     ]

@@ -26,6 +26,14 @@ def pose_of(size: float, common_px: float, seed: int = 0) -> BoardPose:
     return pose
 
 
+def test_a_limit_in_rad_is_told() -> None:
+    rng = np.random.default_rng(0)
+    frames = seen_corners(lab_board(), random_pose(rng, 7.0), CAMERA, rng)
+    in_rad = BoardLimits(turn_rad=np.radians(0.0175))
+    doubts = [str(d) for d in assess_board(lab_board(), frames, CAMERA, in_rad).doubts]
+    assert any("(allowed 0.0175: is that limit in rad? The unit is deg)" in d for d in doubts)
+
+
 def test_an_uncertain_pose_that_fits_badly_doubts_the_lens_first() -> None:
     rng = np.random.default_rng(0)
     frames = seen_corners(lab_board(), random_pose(rng, 15.0), CAMERA, rng)
