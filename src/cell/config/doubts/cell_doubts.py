@@ -14,6 +14,7 @@ from cell.config.cell import Cell
 from cell.config.doubts.angles import doubt_of_deg
 from cell.config.doubts.camera_doubts import camera_doubts
 from cell.config.doubts.scale_doubts import scale_doubts
+from cell.config.doubts.unit_doubts import unit_doubts
 from plan.collision.world import distance_of
 
 _THIN_STAND, _THIN = 0.025, 0.01  # m; below these, what is meant is rather in cm
@@ -32,6 +33,7 @@ def cell_doubts(cell: Cell) -> tuple[str, ...]:
     found.extend(enclosing(cell).values())
     found.extend(camera_doubts(cell))
     found.extend(scale_doubts(cell))
+    found.extend(unit_doubts(cell.nominal_unit))
     small = _small(cell)
     if "tool.finger_mm" not in small:
         found.extend(_short_fingers(cell))
