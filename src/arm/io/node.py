@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from arm.errors import MOST_VALUE, FileInputError
 from arm.io.kind import read_kind, require_kind
-from arm.io.storage import read_json
+from arm.io.storage import leaves, read_json
 from arm.io.toml_reader import read_toml
 
 T = TypeVar("T")
@@ -114,12 +114,21 @@ class Node:
         if default is REQUIRED:
             guess = difflib.get_close_matches(name, [one for one in self.value if one not in known], n=1)
             near = f"the file has {self._child(guess[0], None).key}" if guess else ""
-            near = near or ("the file is empty" if not (self.value or self.key) else "")
+            near = near or ("the file is empty" if not (self.value or self.key) else self._below(name))
             raise self._child(name, None).error(
                 f"is missing; it must be {rule.words}", self.help or ("" if self.unknown else near)
             )
         made: Any = None if default is None else rule.read(self._child(name, default))
         return made  # type: ignore[no-any-return]
+
+    def _below(self, name: str) -> str:
+        """Say that a key of a TOML file stands in one of its last tables, below which it was written; "" if not."""
+        if self.key or self.file.suffix != ".toml":
+            return ""
+        found = next(
+            (key for key, _ in leaves(self.value) if key.rpartition(".")[2] == name and "." in key), ""
+        )
+        return f"{found} is there: keys of the file itself stand above its first table" if found else ""
 
     def read(self, rule: Rule[T]) -> T:
         """Return this value, checked.

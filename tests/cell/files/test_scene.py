@@ -71,6 +71,11 @@ def test_the_fixtures_cover_what_they_should() -> None:
         ("asked_mm = 5", 'asked_mm = 5\nallowed = ["rail"]', r"motions\[0\].allowed = .*must name two"),
         ("[[queries]]", "[queries", "is not valid TOML"),
         (
+            'unit = "crs93"\n',
+            '[[cubes]]\nname = "c"\ncentre_mm = [400, 300, 20]\nunit = "crs93"\n',
+            r"unit: is missing; .*\(cubes\[0\].unit is there: keys of the file itself stand above its first table\)$",
+        ),
+        (
             "[[bodies]]",
             "[[walls]]",
             r"walls.*: is not a known key of a scene file \(its bodies are \[\[bodies\]\]\)",
