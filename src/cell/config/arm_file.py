@@ -8,6 +8,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,13 @@ class ArmFile:
         ):
             for told in _joint_doubts(turns, float(v), float(a)):
                 yield f"{self.file.name}: joint {name}: {told}"
+        links = [body for body in self.robot.bodies if body.link]
+        pairs = [(a, b) for a, b in combinations(links, 2) if abs(a.joint - b.joint) > 1]
+        if pairs and all(frozenset((a.name, b.name)) in self.robot.disabled_collisions for a, b in pairs):
+            yield (
+                f"{self.file.name}: the SRDF or arm.disabled_collisions disable all pairs of links: the arm is not "
+                "checked against itself"
+            )
         if not self.tool_frame_given:
             yield (
                 f"{self.file.name}: arm.tool_mm is missing although there are arm.tool_bodies: the tool frame is then "

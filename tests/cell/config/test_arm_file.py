@@ -171,3 +171,12 @@ def test_limits_of_another_unit_are_a_note(file: Path, old: str, new: str, told:
     replace_in(file.with_suffix(".urdf") if '="' in old else file, old, new)
     (found,) = read_arm_file(file).doubts()
     assert found.startswith(f"scara.toml: {told}")
+
+
+def test_an_arm_that_is_not_checked_against_itself_is_a_note(file: Path) -> None:
+    links = "".join(
+        f'<disable_default_collisions link="{name}"/>' for name in ("base", "upper", "lower", "quill")
+    )
+    file.with_suffix(".srdf").write_text(f'<robot name="scara">{links}</robot>')
+    (found,) = (doubt for doubt in read_arm_file(file).doubts() if "against itself" in doubt)
+    assert found.startswith("scara.toml: the SRDF or arm.disabled_collisions disable all pairs of links")
