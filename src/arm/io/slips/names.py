@@ -54,6 +54,8 @@ def no_file(path: Path, of: Path) -> tuple[str, str]:
 
 def _unexpanded(name: str) -> str:
     """Say what of a name only a shell or a browser understands; "" if nothing."""
+    if re.match(r"(?:package|model):/", name):
+        return "packages of ROS are not searched; give the file's path"
     if re.match(r"(?:https?|ftp|file):/", name):
         return "it is an address; download the file, and give its path"
     if name.startswith("~") or "$" in name:

@@ -26,6 +26,7 @@ def test_a_file_that_is_not_there_is_told_by_what_is_near(
         "scenes\\cell.toml": "with / for \\ it is scenes/cell.toml",
         "Scenes/cell.toml": "there is no folder Scenes",
         "https:/host/cell.toml": "it is an address; download the file, and give its path",
+        "package:/lab/cell.toml": "packages of ROS are not searched; give the file's path",
         "~/cell.toml": "~ and $NAME stand for nothing within quotes or in a file; write the path out",
         "$HOME/cell.toml": "~ and $NAME stand for nothing within quotes or in a file; write the path out",
         "scenes/*.json": "no name matches the pattern",
