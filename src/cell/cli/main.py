@@ -208,9 +208,9 @@ def plan(
         allowed = budget_of(budget, give_up)
         if poses is not None:
             from cell.commands.plan_poses import plan_poses_step
-            from cell.files.pose_list import reading_of
+            from cell.files.reading import reading_of
 
-            reading = reading_of(frame, angles, "m" if lengths is None else lengths)
+            reading = reading_of(frame, angles, lengths)
             console.result(
                 plan_poses_step(place, poses, look, output, reading, speed, back, console, allowed, advice)
             )

@@ -23,7 +23,8 @@ from cell.config.cell import Cell
 from cell.config.doubts.angles import doubt_of_deg, doubt_of_small
 from cell.console import Console
 from cell.files.observation import read_observation, require_boards
-from cell.files.pose_list import PoseList, Reading, read_pose_list
+from cell.files.pose_list import PoseList, read_pose_list
+from cell.files.reading import Reading
 from cell.files.task import POSES, place_or_arm
 from cell.program.doubts.depths import buried, depths
 from cell.program.doubts.hints import in_metres, turned_up, unplaced

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from arm.errors import A465Error, FileInputError, InputError
+from arm.errors import A465Error, FileInputError
 from arm.io.foreign import binary, markup
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
@@ -24,11 +24,9 @@ from arm.io.rules import is_number, line, number, numbers, rule_of, zero_or
 from arm.io.storage import read_bytes
 from arm.number_rows import cells_of, has_decimal_commas, has_empty_cell, help_of, is_header, unit_of
 from arm.number_rows import is_number as is_number_word
-from arm.se3 import Array, frozen, orthonormalised
+from arm.se3 import Array, orthonormalised
+from cell.files.reading import ANGLES, FRAMES, LENGTHS, Reading
 
-FRAMES = ("flange", "tool")
-ANGLES = {"rad": 1.0, "deg": float(np.radians(1.0))}
-LENGTHS = {"m": 1.0, "mm": 1e-3}
 WAYS = ("transit", "line")
 JAWS = {"open": 0.0, "close": 1.0}
 FARTHEST, NEAREST = 5.0, 2e-3  # largest coordinate in the base frame, and least largest one, m
@@ -38,50 +36,6 @@ PRINTED = 1e-3  # tolerance of a rotation matrix that was printed with few digit
 _POSES = {12: "the upper three rows of a 4x4 pose", 16: "a 4x4 pose"}  # by their count of numbers
 _BY_KEY = ("T_base_flange", "T_base_tool", "q_rad", "q_deg")
 _AT_A_POSE = ("by", "free", "tilt_deg", "ranges", "approach_mm", "retract_mm", "within_mm", "speed_mm_s")
-
-
-@dataclass(frozen=True)
-class Reading:
-    """Interpretation of numbers without a key; None: not stated.
-
-    Attributes:
-        frame: frame of poses, of `FRAMES`.
-        angles: unit of joint angles, of `ANGLES`.
-        lengths: unit of positions in poses, of `LENGTHS`.
-        joints: number of the arm's joints; two that are as many as the numbers of a pose cannot be told from it.
-        slides: whether one of them slides; then configurations are in rad and m.
-    """
-
-    frame: str | None = None
-    angles: str | None = None
-    lengths: str = "m"
-    joints: int = 6
-    slides: bool = False
-
-    def q(self, node: Node, values: Array, angles: str) -> Array:
-        """Return a configuration, rad (m), of numbers in a unit of `ANGLES`.
-
-        Raises:
-            FileInputError: not one number for each joint, or degrees where a joint slides.
-        """
-        if len(values) != self.joints:
-            raise node.error(f"must be {self.joints} numbers, not {len(values)}")
-        if self.slides and angles != "rad":
-            raise node.error("must be in rad, and in m where a joint slides")
-        return frozen(values * ANGLES[angles])
-
-
-def reading_of(frame: str | None, angles: str | None, lengths: str) -> Reading:
-    """Return the interpretation from the options of a command.
-
-    Raises:
-        InputError: an option has an unknown value.
-    """
-    known = {"frame": FRAMES, "angles": ANGLES, "lengths": LENGTHS}
-    for (option, choices), value in zip(known.items(), (frame, angles, lengths), strict=True):
-        if value is not None and value not in choices:
-            raise InputError(f"--{option} {value}: must be one of {', '.join(choices)}", value=value)
-    return Reading(frame, angles, lengths)
 
 
 JAWS_RULE = rule_of(
@@ -335,6 +289,9 @@ def _of_json(path: Path, reading: Reading) -> Iterator[Entry]:
             raise root.error("is one entry, must be a list of entries", "put it in [ ]")
         given = _ListKeys.read(root)
         stated = {name: value for name, value in vars(given).items() if name != "entries" and value}
+        for name in reading.options:
+            if name in stated and stated[name] != (other := getattr(reading, name)):
+                raise root[name].error(f"differs from --{name} {other}", "give one of both")
         reading = replace(reading, **stated)
         root = root["entries"]
     for place, node in enumerate(root.items(), start=1):

@@ -17,7 +17,8 @@ import pytest
 from arm.errors import FileInputError
 from arm.io.storage import data_file
 from arm.se3 import angle_between, rot_x, transform
-from cell.files.pose_list import MOST, PoseList, Reading, read_pose_list
+from cell.files.pose_list import MOST, PoseList, read_pose_list
+from cell.files.reading import Reading
 from cell.files.task import read_place
 from cell.task.plan_matches import check_plan
 from tasks.pose_list_files import CELL, CTU_DEG, DOWN, FLANGE, planned, written

@@ -22,7 +22,7 @@ from cell.commands.plan_poses import plan_poses_step
 from cell.commands.run import resume_plan
 from cell.config.cell_file import read_cell
 from cell.console import Console
-from cell.files.pose_list import Reading
+from cell.files.reading import Reading
 from cell.files.task import read_place
 from cell.session.connection import WhichCell
 from cell.task.plan_matches import check_plan

@@ -11,7 +11,8 @@ import numpy as np
 from arm.io.storage import data_file
 from arm.plan_file import Plan
 from arm.se3 import rot_x, rot_z, transform
-from cell.files.pose_list import Reading, read_pose_list
+from cell.files.pose_list import read_pose_list
+from cell.files.reading import Reading
 from cell.files.task import read_place
 from cell.task.pose_list_planning import place_of_cell, plan_pose_list
 

@@ -35,7 +35,8 @@ from cell.commands.manual.teach import taught_otherwise
 from cell.config.cell import Cell
 from cell.config.doubts.angles import doubt_of_deg, doubt_of_turn
 from cell.console import Console
-from cell.files.pose_list import PoseList, Reading, read_pose_list
+from cell.files.pose_list import PoseList, read_pose_list
+from cell.files.reading import Reading
 from cell.files.task import read_place
 from cell.session.homed import home_or_check
 from cell.task.pose_list_planning import place_of_cell, plan_pose_list

@@ -20,7 +20,7 @@ from cell.config.cell import Cell
 from cell.console import Console
 from cell.doctor.devices import FIRMWARE
 from cell.files.pose_list import PoseList, read_pose_list
-from cell.files.pose_list import Reading as Interpretation
+from cell.files.reading import Reading as Interpretation
 from cell.files.task import cell_of
 from cell.session.ports import choose_port
 from driver.mars.identity import identified

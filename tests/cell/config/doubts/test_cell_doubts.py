@@ -14,7 +14,7 @@ from cell.config.cell_file import read_cell
 from cell.config.doubts.cell_doubts import cell_doubts
 from cell.console import Console
 from cell.doctor.cell import check_cell
-from cell.files.pose_list import Reading
+from cell.files.reading import Reading
 from cell.files.task import read_task
 from cell.session.connection import WhichCell
 from typed.command_line import replace_in

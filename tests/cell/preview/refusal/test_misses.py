@@ -14,7 +14,7 @@ from arm.errors import ImpossibleError, InputError
 from cell.commands.plan_poses import plan_poses_step, plan_program_step, reach_program_step
 from cell.commands.steps import plan_step
 from cell.console import Console
-from cell.files.pose_list import reading_of
+from cell.files.reading import reading_of
 from cell.preview.of_place import place_shown
 from cell.preview.refusal.misses import MOST, Miss, misses_of
 from cell.program.program_file import is_program
