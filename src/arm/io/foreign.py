@@ -35,7 +35,7 @@ _BINARY = {
 def binary(data: bytes) -> str:
     """That bytes are no text, and what they are, for a message; "" if their beginning shows none of the known kinds."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "is UTF-16 text, such as a spreadsheet's 'Unicode text' (save it as 'CSV UTF-8')"
+        return "is UTF-16 text, as editors and spreadsheets write 'Unicode' (save it as UTF-8, a table as 'CSV UTF-8')"
     return next((f"is {what}" for begin, what in _BINARY.items() if data.startswith(begin)), "")
 
 

@@ -17,6 +17,7 @@ from arm.io.node import REQUIRED, Node, Rule
 T = TypeVar("T")
 _TOP = "above the first table"
 _FEW = 3  # places that are named of a key that stands elsewhere; one with more is too common for a hint
+_MORE_ALIKE = 0.15  # of ratios of `difflib`
 
 
 @dataclass(frozen=True)
@@ -111,10 +112,11 @@ def _unknown(
             absent = [
                 other for other in beside if other not in node.value
             ]  # more likely than one that is there
-            guess = alike(name, absent) or alike(name, beside)
+            meant = _synonym(name, absent)
+            guess = meant or _likelier(name, alike(name, absent), alike(name, beside))
             before = one.key.removesuffix(name)
             near = f"did you mean {before}{guess[0]}?" if guess else f"known: {', '.join(beside)}"
-            home = _home(name, every)
+            home = "" if meant else _home(name, every)
             if isinstance(one.value, dict) and home == f"it belongs {_TOP}":  # no table belongs there
                 home = ""
             yield one, home or near
@@ -123,6 +125,30 @@ def _unknown(
 _UNIT = re.compile(
     r"_(m|mm|cm|deg|rad|s|ms|us|px|mm_s|deg_s|rad_s|v|db)$"
 )  # with which the name of a key ends
+
+
+# What other formats call one and the same, without units.
+_SYNONYMS = (
+    ("centre", "center", "position", "pos", "place", "origin", "xyz"),
+    ("size", "dimensions", "dims", "extent", "extents"),
+    ("rpy", "orientation", "rotation", "euler"),
+    ("speed", "velocity", "vel"),
+)
+
+
+def _synonym(name: str, absent: Sequence[str]) -> list[str]:
+    """Return the key, of those that are not there, for which another format has this name; none or one."""
+    word = _UNIT.sub("", name.lower())
+    same = next((words for words in _SYNONYMS if word in words), ())
+    return [one for one in absent if _UNIT.sub("", one.lower()) in same][:1]
+
+
+def _likelier(name: str, absent: list[str], there: list[str]) -> list[str]:
+    """Return the key that is not there, or one that is if it is much more alike, as one that is mistyped beside it."""
+    if not absent or not there:
+        return absent or there
+    near, nearer = (difflib.SequenceMatcher(None, name, one[0]).ratio() for one in (absent, there))
+    return there if nearer > near + _MORE_ALIKE else absent
 
 
 def alike(name: str, known: Sequence[str]) -> list[str]:

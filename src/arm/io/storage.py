@@ -172,7 +172,9 @@ def read_text(path: Path, kind: str = "text") -> str:
     except UnicodeDecodeError as error:
         foreign = binary(data)
         rule = (
-            f"{foreign}; a text file belongs here"
+            foreign
+            if "text" in foreign
+            else f"{foreign}; a text file belongs here"
             if foreign
             else f"is not UTF-8 text: byte {error.start} cannot be read"
         )

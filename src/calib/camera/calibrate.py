@@ -24,7 +24,7 @@ from calib.camera.next_views import NextView, next_views
 from calib.camera.result import CalibrationLimits, CalibrationView, CameraCalibration
 from calib.camera.score_tests import error_hypotheses
 from calib.camera.verdict import with_verdict
-from calib.camera.view_selection import TargetPhoto, outlying_corner, outlying_views, unusable
+from calib.camera.view_selection import TargetPhoto, left_out, outlying_corner, outlying_views, unusable
 from calib.camera.working_volume import working_volume
 from calib.model.intrinsics import NAMES, pinhole, vector_of
 from calib.model.optimal_design import OptimalDesign
@@ -71,7 +71,7 @@ def calibrate_camera(
     free = np.array([name not in held for name in NAMES])
     reasons = unusable(photos)
     if (left := reasons.count("")) < FEWEST_VIEWS:
-        why = "; ".join(f"{p.name}: {reason}" for p, reason in zip(photos, reasons, strict=True) if reason)
+        why = left_out([photo.name for photo in photos], reasons)
         raise CalibrationRefused(
             f"{left} of {len(photos)} images are usable, at least {FEWEST_VIEWS} are needed"
             f"{f': {why}' if why else ''}",

@@ -11,6 +11,7 @@ from arm.se3 import Indices
 from calib.camera import score_tests
 from calib.camera.result import CameraCalibration
 from calib.camera.score_tests import ErrorHypothesis
+from calib.camera.view_selection import left_out
 from calib.model.intrinsics import NAMES, vector_of
 
 BIASED = 1 / 3  # of the limit: a model error that moves the work points further is a reason to refuse
@@ -60,8 +61,8 @@ def cells(c: CameraCalibration) -> Indices:
 
 def _too_few_views(c: CameraCalibration) -> Iterator[str]:
     if len(c.used) < c.limits.views:
-        left = [f"{v.photo.name}: {v.why_not}" for v in c.views if not v.used]
-        why = f" ({'; '.join(left)})" if left else ""
+        left = [v for v in c.views if not v.used]
+        why = f" ({left_out([v.photo.name for v in left], [v.why_not for v in left])})" if left else ""
         yield f"{len(c.used)} views are usable, at least {c.limits.views} are needed{why}"
 
 

@@ -17,6 +17,7 @@ from vision.targets.target import FEWEST_CORNERS, TargetFinder, TargetView
 BLURRED, LEAST_BLUR_PX, MOST_BLUR_PX = 2.0, 1.5, 4.0
 LEAST_CONTRAST = 25.0  # grey levels
 SATURATED = 0.5  # largest fraction of saturated white
+MOST_NAMED = 3  # images of one reason, before their number stands for them
 THINNEST = 0.02  # width of a view's corners, relative to their length: thinner is one line
 SAME_PX = 4.0  # views whose corners differ by less are the same view
 # an outlying view exceeds all three:
@@ -69,6 +70,21 @@ def unusable(photos: Sequence[TargetPhoto]) -> list[str]:
     return reasons
 
 
+def left_out(names: Sequence[str], reasons: Sequence[str]) -> str:
+    """Return for a message which images are left out and why: each reason once, "" where none is."""
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in zip(names, reasons, strict=True):
+        if reason:
+            by_reason.setdefault(reason, []).append(name)
+    return "; ".join(f"{_some(images)}: {reason}" for reason, images in by_reason.items())
+
+
+def _some(names: Sequence[str]) -> str:
+    if len(names) <= MOST_NAMED:
+        return ", ".join(names)
+    return f"{names[0]} and {len(names) - 1} more"
+
+
 def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
     if photo.view is None or photo.quality is None:
         return (
@@ -91,7 +107,7 @@ def _why_unusable(photo: TargetPhoto, blur_limit: float, sharp: float) -> str:
 def _same_as(photo: TargetPhoto, kept: Sequence[TargetPhoto]) -> str:
     for other in kept:
         if photo.view and other.view and corner_shift(photo.view, other.view) < SAME_PX:
-            return f"shows the target in the same place as {other.name}"
+            return f"shows the target in the same place as {other.name} (move and tilt it between images)"
     return ""
 
 

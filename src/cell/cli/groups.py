@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from copy import copy
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 from typer import Typer
@@ -38,7 +39,8 @@ class GroupedCommands(TyperGroup):
 
 
 class OnceEach(TyperCommand):
-    """A command that refuses an option whose value is given twice: of two values one would be passed over unseen.
+    """A command that refuses an option whose value is given twice: of two values one would be passed over unseen; and
+    one whose value is another option, as where a variable of the shell is not set.
 
     Options that collect their values, and flags, may be repeated. Help is printed all the same.
     """
@@ -47,9 +49,10 @@ class OnceEach(TyperCommand):
         """Parse the command line.
 
         Raises:
-            InputError: an option that has one value is given twice.
+            InputError: an option that has one value is given twice, or has another option as its value.
         """
         typed = list(args)
+        _require_values(self.params, typed)
         rest = super().parse_args(ctx, args)
         if ctx.resilient_parsing:
             return rest
@@ -62,6 +65,16 @@ class OnceEach(TyperCommand):
                 raise InputError(f"{one.opts[-1]}: is given twice", option=one.opts[-1])
             given.add(one.opts[-1])
         return rest
+
+
+def _require_values(params: list[Any], typed: list[str]) -> None:
+    options = [one for one in params if one.param_type_name == "option"]
+    every = {name for one in options for name in one.opts}
+    with_value = {name for one in options if not (one.is_flag or one.count) for name in one.opts}
+    for option, word in pairwise(typed):
+        if option in with_value and word.partition("=")[0] in every:
+            why = f"{option} has no value: {word} after it is an option; is a variable of the shell not set?"
+            raise InputError(why, option=option)
 
 
 def built_for(app: Typer, arguments: list[str]) -> Typer:

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from arm.controller.unit import Unit, load_unit, unit_called
-from arm.errors import ExecutionStopped, InputError
+from arm.errors import ExecutionStopped, FileInputError, InputError
 from arm.io.outputs import keep_apart
+from cell.console import say_on_stderr
 from driver.emulator import Emulator, EmulatorOptions
 from driver.emulator.faults.file import read_faults
 from driver.line.clock import Clock
@@ -124,10 +125,18 @@ def _cell(task_file: Path | None, world: Path | None, hand_file: Path | None) ->
     """Return the simulated cell of the task, or None."""
     if task_file is None:
         return None
+    from cell.files.task import Task
     from cell.program.program_file import task_of_file
     from cell.session.connection import simulated_cell
+    from cell.sim.made import require_boards_of
 
-    simulated = simulated_cell(task_of_file(task_file), world)
+    task = task_of_file(task_file)
+    simulated = simulated_cell(task, world)
+    if hand_file is None and isinstance(task, Task):  # worlds for hand-eye have a target in place of boards
+        try:
+            require_boards_of(task, simulated.world)
+        except FileInputError as error:
+            say_on_stderr(f"NOTE: {error}")
     if hand_file is not None:
         from cell.files.hand_target import read_hand_target
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from arm.controller.unit import Limits
-from arm.errors import InputError
+from arm.errors import FileInputError, InputError
 from arm.io.keys import Keys, key
 from arm.io.node import Node, Rule
 from arm.io.rules import flag, is_number, line, number, numbers, path, rule_of, same, table, tables
@@ -177,7 +177,7 @@ def read_arm_file(path: Path) -> ArmFile:
             robot = with_disabled_collisions(robot, arm.disabled, arm.neighbours)
         limits = urdf_limits(robot, arm.acceleration)
     except InputError as error:
-        raise node.error(str(error)) from error
+        raise FileInputError(path, ARM, None, str(error)) from error
     if not any(body.link and body.joint for body in robot.bodies):
         rule = "no link that moves has a <collision>: nothing of the arm would be checked"
         raise node.error_at("urdf", rule, "a <visual> is not checked; give the links a <collision> too")

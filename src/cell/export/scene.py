@@ -26,6 +26,7 @@ from cell.files.task import POSES, Task, is_task_file, read_place
 from cell.program.planning import program_scene
 from cell.program.program_file import ProgramTask, is_program_file, read_program
 from cell.scene.build import build_scene
+from cell.scene.fingerprint import NO_CALIBRATION
 from cell.task.plan_matches import require_arm
 from plan.program.stated_arm import StatedArm, stated_arm
 from plan.scene import Scene
@@ -166,6 +167,10 @@ def unit_of_plan(path: Path, plan: Plan, place: Task | ArmFile | None) -> Unit:
     if plan.unit != unit.name:
         raise FileInputError(path, "unit", plan.unit, f"must be that of the cell, {unit.name}", _GIVE_CELL)
     if plan.provenance.get("unit") != unit.digest:
+        calibrated = plan.provenance.get("calibration_id", NO_CALIBRATION)
+        if place is None and calibrated != NO_CALIBRATION:
+            rule = f"is of a calibrated arm ({calibrated}), whose counts become angles with that calibration only"
+            raise FileInputError(path, "", None, rule, _GIVE_CELL)
         of = "as it is in its own file" if place is None else f"of {place.file.name}"
         stated = str(plan.provenance.get("unit"))[:12]
         rule = f"must be {unit.digest[:12]}, the unit {of}; its counts would give other angles"

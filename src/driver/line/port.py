@@ -234,7 +234,11 @@ def missing_port(url: str) -> str:
         return f"is not there: with a number alone the host is missing: socket://127.0.0.1:{url}, or a device"
     if re.fullmatch(r"video\d+", name):
         return "is not there: video is a camera's name, and the controller's port belongs here"
-    return f"is not there; is {like} meant, which is?" if (like := _alike(url)) else ""
+    if like := _alike(url):
+        return f"is not there; is {like} meant, which is?"
+    if re.fullmatch(r"(tty|pts/)\w*\d", url):
+        return f"is not there: the names of devices begin with /dev/: is /dev/{url} meant?"
+    return ""
 
 
 def _alike(url: str) -> str:

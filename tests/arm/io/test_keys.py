@@ -160,3 +160,33 @@ def test_a_name_in_capitals_or_without_its_unit_is_recognised(
     name: str, known: list[str], meant: list[str]
 ) -> None:
     assert alike(name, known) == meant
+
+
+class Wall(Keys):
+    centre: float = key("centre_mm", number("mm", 0, 10))
+    size: float = key("size_mm", number("mm", 0, 10))
+    rpy: float = key("rpy_deg", number("deg", 0, 10), 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("position_mm", "centre_mm"),
+        ("xyz", "centre_mm"),
+        ("Center", "centre_mm"),
+        ("orientation_deg", "rpy_deg"),
+        ("rotation", "rpy_deg"),
+    ],
+)
+def test_names_of_other_formats_are_recognised(name: str, meant: str) -> None:
+    there = {"size_mm": 3} if meant == "centre_mm" else {"size_mm": 3, "centre_mm": 1}
+    with pytest.raises(FileInputError, match=rf"{name}.* is not a known key.*did you mean {meant}\?\)$"):
+        Wall.read(Node(Path("a.toml"), "", {name: 1, **there}))
+
+
+def test_a_mistyped_key_beside_the_right_one_is_recognised() -> None:
+    table = {"size_mm": 1, "centre_mm": 1, "cenrte_mm": 2}
+    with pytest.raises(
+        FileInputError, match=r"cenrte_mm = 2: is not a known key \(did you mean centre_mm\?\)$"
+    ):
+        Wall.read(Node(Path("a.toml"), "", table))

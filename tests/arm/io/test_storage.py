@@ -197,7 +197,7 @@ def test_text_in_utf_16_is_told_as_that(tmp_path: Path, order: str) -> None:
     (tmp_path / "a.csv").write_bytes("\ufeff"[: order != "utf-16"].encode(order)[-2:] + "1,2\n".encode(order))
     with pytest.raises(FileInputError) as refused:
         read_text(tmp_path / "a.csv")
-    told = "is UTF-16 text, such as a spreadsheet's 'Unicode text' (save it as 'CSV UTF-8'); a text file belongs here"
+    told = "is UTF-16 text, as editors and spreadsheets write 'Unicode' (save it as UTF-8, a table as 'CSV UTF-8')"
     assert str(refused.value) == f"{tmp_path / 'a.csv'}: {told}"
 
 

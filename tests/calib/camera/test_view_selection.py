@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.camera.view_selection import TargetPhoto, outlying_views, unusable
+from calib.camera.view_selection import TargetPhoto, left_out, outlying_views, unusable
 from pictures.targets import CHARUCO, photos, poses, quality, seen
 from vision.targets.target import TargetView
 
@@ -50,3 +50,10 @@ def test_a_view_is_out_for_several_times_the_error_of_the_others(ratio: float, o
 def test_photographs_that_all_are_blurred_beyond_use_are_named() -> None:
     found = photos([seen(T, np.random.default_rng(1)) for T in poses(3, 4)], quality(blur_px=4.5))
     assert all(reason.startswith("blurred: edges are 4.5 px wide") for reason in unusable(found))
+
+
+def test_each_reason_is_told_once_with_its_images() -> None:
+    names, same = [f"{k:02d}.png" for k in range(7)], "shows the target in the same place as 00.png"
+    assert left_out(names, ["", *[same] * 5, "blurred"]) == f"01.png and 4 more: {same}; 06.png: blurred"
+    assert left_out(names[:3], ["", same, same]) == f"01.png, 02.png: {same}"
+    assert left_out(names[:1], [""]) == ""

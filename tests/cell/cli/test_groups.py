@@ -100,3 +100,20 @@ def test_lists_and_flags_are_given_as_often_as_one_likes(tmp_path: Path, typed: 
 
 def test_help_is_printed_whatever_is_given_twice() -> None:
     assert "Usage: " in a465("run", "--speed", 1, "--speed", 0.5, "--help")[0]
+
+
+@pytest.mark.parametrize(
+    ("typed", "option", "after"),
+    [
+        ("execute plan.json task.toml --port --images shots", "--port", "--images"),
+        ("plan task.toml -o --json", "-o", "--json"),
+        ("status --cell --json", "--cell", "--json"),
+        ("run task.toml --speed --world=w.toml", "--speed", "--world=w.toml"),
+    ],
+)
+def test_an_option_without_its_value_takes_no_other_for_it(
+    tmp_path: Path, typed: str, option: str, after: str
+) -> None:
+    _, told = a465(*typed.split(), code=2, cwd=tmp_path)
+    why = f"{option} has no value: {after} after it is an option; is a variable of the shell not set?"
+    assert told == f"a465: wrong input: {why}\n"

@@ -211,6 +211,15 @@ def test_a_whole_task_over_a_port_with_photographs_from_a_folder(
     assert len(list(shots.iterdir())) in (2, 4, 6)
 
 
+def test_a_world_of_another_task_is_a_note(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    task, world = data_file("scenes/task2.toml"), data_file("scenes/task1.world.toml")
+    assert emulating._cell(task, world, None) is not None
+    told = capsys.readouterr().err
+    assert told.startswith(f"NOTE: {world}: boards: have no board 03-04, which {task} needs")
+    assert emulating._cell(task, None, None) is not None
+    assert capsys.readouterr().err == ""
+
+
 def test_what_happened_to_cubes_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     task = read_task(data_file("scenes/task2.toml"))
     simulated = simulated_cell(task, None)

@@ -243,6 +243,12 @@ def test_counts_of_another_arm_are_refused_until_its_cell_is_given(
     write_plan(other, replace(plan, provenance={**plan.provenance, "unit": calibrated.digest}))
     with pytest.raises(InputError, match="counts would give other angles"):
         export(other, output=tmp_path / "never")
+    changed = {"unit": calibrated.digest, "calibration_id": "hand-eye-1"}
+    write_plan(other, replace(plan, provenance={**plan.provenance, **changed}))
+    with pytest.raises(
+        InputError, match=r"other.json: is of a calibrated arm \(hand-eye-1\), .*give --cell FILE"
+    ):
+        export(other, output=tmp_path / "never")
     write_plan(other, replace(plan, unit="crs97"))
     with pytest.raises(InputError, match=r"unit = 'crs97': must be that of the cell, crs93"):
         export(other, output=tmp_path / "never", cell=CELL)

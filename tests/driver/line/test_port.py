@@ -51,6 +51,7 @@ from wire.whole_line import send_many
         ("~/mars", "is not there: the shell did not replace its beginning"),
         ("$PORT", "is not there: the shell did not replace its beginning"),
         ("crs93", "is not there: it is a unit's name, and its port belongs here"),
+        ("ttyUSB77", "is not there: the names of devices begin with /dev/: is /dev/ttyUSB77 meant?"),
         ("19200", "is not there: it is the line's speed, which is fixed"),
         ("4650", "the host is missing: socket://127.0.0.1:4650, or a device$"),
         ("/dev/video71", "is a camera's name, and the controller's port belongs here"),

@@ -200,7 +200,7 @@ def _option(goal: Goal) -> str:
 def _typed(file: Path, goal: Goal, text: str) -> str:
     """Return a message about the list of a goal with what the user typed in place of the list."""
     small = goal.kind in TOOL and max(map(abs, goal.values)) < FEW_MM
-    unit = "; the numbers are mm" if small else ""
+    unit = "; the numbers are mm: are these in metres?" if small else ""
     return text.replace(f"{file}: entries[0]", _option(goal)).replace(f"target {NAME!r}", "the goal") + unit
 
 

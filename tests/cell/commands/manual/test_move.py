@@ -149,7 +149,10 @@ def test_what_is_not_certified_is_refused_and_nothing_moves(
         ) as refused:
             _move(Goal("to", (2000.0, 0.0, 300.0)))
         assert "poses.json" not in str(refused.value)
-        with pytest.raises(ImpossibleError, match=r"^--to=0\.42,0,0\.3: the goal at .*; the numbers are mm$"):
+        with pytest.raises(
+            ImpossibleError,
+            match=r"^--to=0\.42,0,0\.3: the goal at .*; the numbers are mm: are these in metres\?$",
+        ):
             _move(Goal("to", (0.42, 0.0, 0.3)))
         with pytest.raises(InputError, match=r"^--by=0,0,6000: leads the tool 6\d+ mm from the base; must"):
             _move(Goal("by", (0.0, 0.0, 6000.0)))
