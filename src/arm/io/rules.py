@@ -23,7 +23,7 @@ from arm.se3 import Array, frozen, orthonormalised
 T = TypeVar("T")
 LARGEST = 1e9  # of any number in a file; lengths, angles, pixels and counts are smaller
 _LEAST_MM = 0.5  # from a flange to a tool that is not in it; a tool in m, read as mm, is nearer
-_DIGITS = 6e-5  # as exact as four decimals; no multiple of 5 deg in rad is as near to two decimals
+_DECIMALS, _ROUNDED = 4, 1e-12  # no multiple of 5 deg in rad has fewer; of conversions, rad
 _OFF_AXIS = 2e-3  # m from the arm's axis, about which nothing stands; a place in m, read as mm, is nearer
 SLACK, ROUNDING = 1e-6, 1e-9  # of correlations: as of a matrix typed with seven digits; of their eigenvalues
 _SI: dict[str, Callable[[Any], Any]] = {
@@ -284,10 +284,17 @@ def carried(most: float) -> Rule[Array]:
 
 
 def _require_not_rad(node: Node, found: Array) -> None:
-    """Refuse angles, read in rad from deg, of which one is a multiple of 5 deg if it was typed in rad."""
+    """Refuse angles, read in rad from deg, of which one has all digits of a multiple of 5 deg in rad, within a turn.
+
+    Numbers with fewer than `_DECIMALS` decimals, as a person types degrees, have too few to tell.
+    """
     typed = np.degrees(found)
     meant = np.radians(5.0) * np.rint(typed / np.radians(5.0))  # if they are in rad
-    if np.any((meant != 0.0) & (np.abs(typed - meant) < _DIGITS)):
+    digits = [len(repr(one).partition(".")[2]) for one in np.ravel(node.value).astype(float).tolist()]
+    decimals = np.array(digits).reshape(typed.shape)
+    is_alike = np.abs(typed - meant) < 0.51 * 10.0**-decimals + _ROUNDED
+    within = (meant != 0.0) & (np.abs(typed) <= 2.0 * np.pi + _ROUNDED)
+    if np.any(within & is_alike & (decimals >= _DECIMALS)):
         in_deg = ", ".join(f"{v:.6g}" for v in np.degrees(typed).ravel().tolist())
         help = f"in deg: [{in_deg}]" if typed.ndim else f"in deg: {in_deg}"
         raise node.error("must be in deg, and has a multiple of 5 deg in rad", help)

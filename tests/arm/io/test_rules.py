@@ -223,6 +223,26 @@ def test_multiples_of_5_deg_in_rad_are_told_where_deg_belong(value: list[float])
         Node(Path("a.toml"), "rpy_deg", value).read(turns(3))
 
 
+@pytest.mark.parametrize(
+    "value",
+    [
+        [-170.082299, 0, 0],  # 1949 times 5 deg in rad, to four decimals, and more than a turn
+        [1.570828, 0, 0],  # 90 deg in rad to four decimals, but not to its six
+        [1.57, 0.79, 3.14],
+        [1.571, 0.524, -0.35],
+        [5, 10, -360],
+    ],
+)
+def test_angles_that_have_not_all_digits_of_a_multiple_of_5_deg_in_rad_are_read(value: list[float]) -> None:
+    np.testing.assert_allclose(Node(Path("a.toml"), "rpy_deg", value).read(turns(3)), np.radians(value))
+
+
+def test_no_drawn_angles_are_refused() -> None:
+    rng = np.random.default_rng(0)
+    for value in rng.uniform(-180.0, 180.0, (20000, 3)).round(6).tolist():
+        Node(Path("a.toml"), "rpy_deg", value).read(turns(3))
+
+
 def test_one_angle_is_read_as_several_are() -> None:
     assert Node(Path("a.toml"), "yaw_deg", 175).read(turn()) == pytest.approx(np.radians(175))
     with pytest.raises(FileInputError, match=r"yaw_deg = 3.0543: must be in deg, .* \(in deg: 174.998\)$"):
