@@ -70,6 +70,10 @@ KINDS = {  # the first of whose sets of marks one is there
     "tool": _kind("a tool file", "bodies[] origin_mm[]", "a cell file names it as tool.bodies"),
     "samples": Kind("a table of samples", (), "a465 export writes it"),  # told by its first line
 }
+_INSTEAD: dict[tuple[str, tuple[str, ...]], str] = {  # by what a file is and what belongs there, what helps
+    ("cell", ("unit",)): "give the unit that it names",
+    ("task", ("recording",)): "--collect TASK makes a recording in its cell",
+}
 _POSE_SIZES = (6, 12, 16)  # numbers in a row of a list of poses
 
 
@@ -98,7 +102,7 @@ def require_kind(path: Path, value: object, *wanted: str) -> None:
         before = ", ".join(words.removesuffix(" file") for words in others)
         belongs = f"{before} or {last}" if others else last
         rule = f"is {KINDS[found].words}, and {belongs} belongs here"
-        help = "give the unit that it names" if (found, wanted) == ("cell", ("unit",)) else KINDS[found].use
+        help = _INSTEAD.get((found, wanted), KINDS[found].use)
         raise FileInputError(path, "", None, rule, help)
 
 

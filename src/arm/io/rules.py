@@ -15,7 +15,7 @@ from arm.errors import A465Error
 from arm.io.node import Node, Rule
 from arm.io.slips.names import no_file
 from arm.io.slips.ports import port_fault
-from arm.io.slips.values import as_text, other_count
+from arm.io.slips.values import as_text, number_of, other_count
 from arm.numerics.products import mul, norm
 from arm.numerics.units import unit_meant
 from arm.se3 import Array, frozen, orthonormalised
@@ -53,8 +53,15 @@ def rule_of(
 
     def read(node: Node) -> T:
         if not good(node.value):
-            raise node.error(f"must be {words}", "" if help is None else help(node.value))
+            raise node.error(f"must be {words}", (help or _unquoted)(node.value))
         return into(node.value)
+
+    def _unquoted(value: Any) -> str:
+        """Say that a text would be right as a number."""
+        is_number_as_text = (
+            isinstance(value, str) and bool(unquoted := number_of(value)) and good(unquoted[0])
+        )
+        return f"a number stands without quotation marks: {value.strip()}" if is_number_as_text else ""
 
     return Rule(words, read)
 

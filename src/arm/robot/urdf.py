@@ -36,6 +36,7 @@ _SEVERAL = 5  # pairs of an SRDF, of which one at least is of links of its URDF
 _ALIKE = 0.8  # of a misspelt name and the one that is meant; 0.89 of 'uper' and 'upper'
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
+_MOVES = (*_LIMITED, "continuous", "planar")  # along or about an axis; others often have one of zeros
 _NUMBERS = {"xyz": 3, "rpy": 3, "size": 3, "radius": 1, "length": 1, "lower": 1, "upper": 1, "velocity": 1}
 _LARGE = {
     "size": (20.0, "m", "is it in mm?"),
@@ -87,11 +88,15 @@ def _parsed(urdf: Path, text: str) -> ElementTree.Element:
         if "<xacro:" in text:
             raise _is_xacro(urdf) from error
         raise FileInputError(urdf, "", None, f"is not a URDF: {error}") from error
-    for element in root.iter():
-        if "xacro" in element.tag or any("${" in value or "$(" in value for value in element.attrib.values()):
+    if any("xacro" in element.tag for element in root.iter()):
+        raise _is_xacro(urdf)
+    parts = [*root.findall("link"), *root.findall("joint")]  # not what simulators read, such as <gazebo>
+    for part in parts:
+        values = (value for element in part.iter() for value in element.attrib.values())
+        if any("${" in value or "$(" in value for value in values):
             raise _is_xacro(urdf)
     _require_tree(urdf, root)
-    for part in (*root.findall("link"), *root.findall("joint")):
+    for part in parts:
         _require_numbers(urdf, part)
     return root
 
@@ -163,9 +168,11 @@ def _require_numbers(urdf: Path, part: ElementTree.Element) -> None:
                 )
                 raise FileInputError(urdf, where, value, f"must be {what}", help)
             most, unit, help = _LARGE.get(key, (np.inf, "", ""))
-            if max(map(abs, found)) > most:
+            if min(map(abs, found)) > most or (
+                key == "rpy" and max(map(abs, found)) > most
+            ):  # a floor may be large
                 raise FileInputError(urdf, where, value, f"must be within {most:.4g} {unit}", help)
-            if element.tag == "axis" and not any(found):
+            if part.get("type") in _MOVES and (element.tag, key) == ("axis", "xyz") and not any(found):
                 raise FileInputError(urdf, where, value, "must not be 0 along all three axes")
 
 

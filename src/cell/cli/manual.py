@@ -34,6 +34,11 @@ def _no_port(context: typer.Context, place: Path) -> Path:
     name, verb = str(place).replace("socket:/", "socket://"), context.info_name or ""
     is_port = place.suffix != ".toml" and (name.startswith(("/dev/", "socket://")) or place.is_char_device())
     if is_port and any(one.name == "port" for one in context.command.params):
+        first = str(context.params.get("action", ""))
+        if first.endswith(".toml"):
+            right = f"a465 gripper open|close|WIDTH {first} {name}"
+            why = f"{first}: is a file; the action comes first, then the cell, then the port: {right}"
+            raise InputError(why, argument=first)
         words = f"a465 {_BEFORE.get(verb, verb)} CELL {name}"
         why = f"{name}: is a port; the cell or task file is missing before it: {words}"
         raise InputError(why, argument=name)

@@ -160,6 +160,8 @@ def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
     option, _, first = "=".join(before[-1:] if "=" in "".join(before[-1:]) else before[-2:]).partition("=")
     if option.startswith("--") and all(_NUMBER.fullmatch(word) for word in (first, *extra)):
         return f"the values of a list are joined by commas: {option}={','.join((first, *extra))}"
+    if len(extra) > 1 and all(Path(word).is_file() for word in extra):
+        return "one file belongs here: did the shell replace a * by several?"
     options = _options(command)
     if "--images" in options and (folder := next((word for word in typed[1:] if Path(word).is_dir()), "")):
         return f"a folder of images is given by --images {folder}"

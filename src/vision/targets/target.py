@@ -232,8 +232,21 @@ class TargetFinder:
             return "its mirror image: print it again, or take the image without a mirror"
         shown = MarkerPrint.in_image(image)
         if shown is None or not (shown.layout or (is_charuco and loose)):
-            return ""
+            return "" if is_charuco else self._other_checkerboard(as_grey(image))
         return f"{shown.words()}: {self._remedy(shown)}"
+
+    def _other_checkerboard(self, grey: Image) -> str:
+        """Describe a checkerboard with other squares than the target's; "" if there is none."""
+        columns, rows = self.target.columns, self.target.rows
+        flags = cv2.CALIB_CB_NORMALIZE_IMAGE
+        if cv2.findChessboardCornersSB(grey, (columns, rows), flags=flags)[0]:
+            fits = f"squares = [{columns + 1}, {rows + 1}]"
+            return f"one of {columns} x {rows} inner corners: the file of --target needs {fits}, which counts squares"
+        found, _, inner = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags | cv2.CALIB_CB_LARGER)
+        if not found:
+            return ""
+        across, down = sorted(inner.shape, reverse=True)
+        return f"a checkerboard of about {across + 1} x {down + 1} squares: count them, and correct squares"
 
     def read_in_part(self, image: Image) -> str:
         """Describe the larger print that has the target as its upper rows, with a remedy; "" if there is none.

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from arm.errors import FileInputError
-from arm.io.kind import KINDS, kind_of, read_kind
+from arm.io.kind import KINDS, kind_of, read_any, read_kind, require_kind
 from arm.io.storage import data_file, read_json
 from arm.io.toml_reader import read_toml
 
@@ -71,3 +71,11 @@ def test_a_log_is_known_by_its_first_line(tmp_path: Path) -> None:
     for read in (read_json, read_toml):
         with pytest.raises(FileInputError, match="is the log of a run, and a plan belongs here"):
             read_kind(log, read, "plan")
+
+
+def test_a_task_in_place_of_a_recording_is_told_how_one_is_made() -> None:
+    file = data_file("scenes/task2.toml")
+    with pytest.raises(
+        FileInputError, match=r"is a task file, .* belongs here \(--collect TASK makes a recording"
+    ):
+        require_kind(file, read_any(file), "recording")

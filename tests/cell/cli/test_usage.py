@@ -26,6 +26,11 @@ from typed.command_line import a465
         ("Check t.toml", "(it is check, in small letters)"),
         ("plan --task t.toml", "(task is an argument and has no option: a465 plan FILE POSES)"),
         ("execute --plan p.json", "(plan is an argument and has no option: a465 execute PLAN TASK)"),
+        ("look a.toml poses.json r.json", "(one file belongs here: did the shell replace a * by several?)"),
+        (
+            "gripper c.toml /dev/null open",
+            "c.toml: is a file; the action comes first, then the cell, then the port",
+        ),
         ("reset", "No such command 'reset'; see a465 --help"),  # release, which is alike, may drop the arm
         ("run t.toml --speed 30s", "(give the number alone, such as 30; the help states its unit)"),
         ("calibrate camera x --world y", "No such option: --world (Possible options: "),

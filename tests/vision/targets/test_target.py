@@ -1,5 +1,6 @@
 """Calibration targets: their files, their corners in an image, and what a photograph of one is worth."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -108,6 +109,18 @@ def test_a_target_that_is_a_part_of_a_larger_print_is_told():
     assert TargetFinder(BOARD).read_in_part(image) == ""
     assert TargetFinder(replace(BOARD, rows=7)).read_in_part(image) == ""
     assert TargetFinder(CHESS).read_in_part(image) == ""
+
+
+def test_a_checkerboard_whose_inner_corners_were_counted_is_told() -> None:
+    image, _ = photograph(CHESS, 2)
+    counted = TargetFinder(replace(CHESS, columns=CHESS.columns - 1, rows=CHESS.rows - 1))
+    assert counted.find(image) is None
+    assert counted.seen_instead(image) == (
+        "one of 8 x 5 inner corners: the file of --target needs squares = [9, 6], which counts squares"
+    )
+    other = TargetFinder(replace(CHESS, columns=12, rows=11))
+    assert re.match(r"a checkerboard of about \d+ x \d+ squares: count them", other.seen_instead(image))
+    assert TargetFinder(CHESS).seen_instead(np.full((300, 300), 128, np.uint8)) == ""
 
 
 def test_a_mirrored_target_is_named_and_a_stray_marker_is_not():

@@ -29,6 +29,13 @@ def as_text(value: object) -> str:
     return ""
 
 
+def number_of(text: str) -> list[float]:
+    """Return the number that a text is, whole if it has no point; none if it is no number."""
+    if not _NUMBER.fullmatch(text):
+        return []
+    return [int(text) if text.strip().lstrip("+-").isdigit() else float(text)]
+
+
 def other_count(given: object, wanted: int | None) -> str:
     """Say how many values a list has instead of `wanted`; "" if that is not what is wrong."""
     if wanted is None or not isinstance(given, list) or len(given) == wanted:

@@ -161,7 +161,8 @@ def _stated(file: Path, content: Mapping[str, Any], key: str, name: tuple[str | 
     for step in name[:-1]:
         known = isinstance(table, list) and isinstance(step, int) and step < len(table)
         if not known and not (isinstance(table, dict) and step in table):
-            help = f"it has {_names(table)}; write the table into the file first"
+            more = "" if isinstance(table, list) and table else "; write the table into the file first"
+            help = f"it has {_names(table)}{more}"
             raise FileInputError(file, key, None, NOT_THERE, help)
         table = table[step]
     if not isinstance(table, dict):
@@ -174,5 +175,6 @@ def _stated(file: Path, content: Mapping[str, Any], key: str, name: tuple[str | 
 
 def _names(table: Any) -> str:
     if isinstance(table, list):
-        return f"{len(table)} of them, counted from 0"
+        last = f": the last is [{len(table) - 1}]" if table else ""
+        return f"{len(table)} of them, counted from 0{last}"
     return ", ".join(table) if isinstance(table, dict) else "a value there"

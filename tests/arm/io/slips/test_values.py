@@ -7,7 +7,7 @@ import pytest
 
 from arm.errors import FileInputError
 from arm.io.node import Node
-from arm.io.rules import integer, integers, number, numbers, text, triple
+from arm.io.rules import integer, integers, is_whole, number, numbers, rule_of, same, text, triple
 
 UNIT = "a number stands without its unit, which the key names, and without quotation marks"
 
@@ -50,3 +50,12 @@ def test_what_is_not_certain_enough_is_not_told(value: Any, rule: Any) -> None:
 def test_a_word_in_other_letters_or_with_spaces_is_recognised(value: str) -> None:
     with pytest.raises(FileInputError, match=r"\(did you mean 'crs93'\?\)$"):
         Node(Path("a.toml"), "unit", value).read(text("crs93", "crs97"))
+
+
+def test_a_number_in_quotation_marks_is_told_where_words_may_stand_too() -> None:
+    rule = rule_of("each, or a whole number from 1", lambda v: v == "each" or is_whole(v, 1), same)
+    with pytest.raises(FileInputError, match=r"\(a number stands without quotation marks: 2\)$"):
+        Node(Path("a.toml"), "look_after", "2").read(rule)
+    for other in ("0", "1.5", "two"):
+        with pytest.raises(FileInputError, match=r"must be each, or a whole number from 1$"):
+            Node(Path("a.toml"), "look_after", other).read(rule)

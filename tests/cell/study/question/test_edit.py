@@ -54,7 +54,7 @@ def test_the_same_values_give_the_same_content() -> None:
 @pytest.mark.parametrize(
     ("key", "words"),
     [
-        ("u[2].a", "2 of them"),
+        ("u[2].a", "it has 2 of them, counted from 0: the last is [1])"),
         ("v.a", "it has a, b, t, u"),
         ("t", "is a table"),
         ("u", "is a table"),
