@@ -71,7 +71,7 @@ def _too_little_tilt(c: CameraCalibration) -> Iterator[str]:
         return
     tilts = np.array([v.tilt for v in c.used])
     tilted = int((tilts >= c.limits.tilt).sum())
-    if tilted < c.limits.tilted:
+    if tilted < min(c.limits.tilted, len(tilts)):  # if all are, only views are missing, which is told
         known = ""
         if c.focal_interval is not None:
             known = " (fx is within {:.0f} to {:.0f} px, 95 %)".format(*c.focal_interval)

@@ -16,6 +16,7 @@ _DASHES = {
     "\N{HYPHEN}": "a typographic hyphen",
 }
 _DASH = re.compile(rf"^[{''.join(_DASHES)}]|(?<=[=,\s])[{''.join(_DASHES)}](?=[\d.])")
+MOST_WORDS = 4  # of a path with spaces
 _QUOTES = (
     "\u201c\u201d\u201e\u201f\u2018\u2019\u201a\u00ab\u00bb"  # double, single and angular, of both sides
 )
@@ -28,8 +29,10 @@ def refuse_mistyped(typed: Sequence[str]) -> None:
         typed: the command line after the program's name.
 
     Raises:
-        InputError: names the word, and what to type.
+        InputError: names the word, or both halves of a path that the shell split, and what to type.
     """
+    if split := _split_path(typed):
+        raise InputError(f"a path with a space needs quotes: '{split}'", argument=split)
     for before, word in pairwise(["", *typed]):
         if not word or (word.startswith("--") and word.endswith("=")):
             after = before if before.startswith("-") else f"the argument after {before or 'a465'}"
@@ -43,3 +46,13 @@ def refuse_mistyped(typed: Sequence[str]) -> None:
         if found := re.search(f"^[{_QUOTES}]|[{_QUOTES}]$|=[{_QUOTES}]", word):
             what = "a typographic quotation mark, as a word processor makes it, which the shell does not know"
             raise InputError(f"{word}: has {what}; type ' or \"", option=word)
+
+
+def _split_path(typed: Sequence[str]) -> str:
+    """Return a path with spaces of which the shell made several words; "" if there is none."""
+    for first in range(len(typed)):
+        for count in range(2, MOST_WORDS + 1):
+            path = " ".join(typed[first : first + count])
+            if not typed[first].startswith("-") and not Path(typed[first]).exists() and Path(path).is_file():
+                return path
+    return ""

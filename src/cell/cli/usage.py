@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -154,8 +153,6 @@ def _of_option(
 
 
 def _of_extra(extra: Sequence[str], typed: Sequence[str], command: Any) -> str:
-    if split := _split_path(typed):
-        return f"a path with a space needs quotes: '{split}'"
     before = typed[: max((k for k, word in enumerate(typed) if word == extra[0]), default=0)]
     option, _, first = "=".join(before[-1:] if "=" in "".join(before[-1:]) else before[-2:]).partition("=")
     if option.startswith("--") and all(_NUMBER.fullmatch(word) for word in (first, *extra)):
@@ -197,12 +194,3 @@ def _metavars(command: Any) -> set[str]:
 
 def _options(command: Any) -> set[str]:
     return {option for one in (command.params if command else ()) for option in one.opts}
-
-
-def _split_path(typed: Sequence[str]) -> str:
-    """Return a path with a space of which the shell made two arguments; "" if there is none."""
-    for first, second in pairwise(typed):
-        both = f"{first} {second}"
-        if not second.startswith("-") and not Path(first).is_file() and Path(both).exists():
-            return both
-    return ""

@@ -300,6 +300,8 @@ def opened(
         permitted = confirm is None
         try:
             run.introduce()
+            if confirm is not None:  # nobody is asked about another arm
+                connection.mars.require_unit()
             if run.homed_before:  # queried again before anything moves
                 refuse_unhomed(task.cell.unit, run.connection.mars.counters())
             if confirm is not None:

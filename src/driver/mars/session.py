@@ -98,6 +98,16 @@ class Session(Guarded):
         self.note("manners", **asdict(self.manners))
         return version
 
+    def require_unit(self) -> None:
+        """Refuse an arm that is not of this unit, by queries alone: one whose gripper is on the axis of another.
+
+        Raises:
+            InputError: it is another arm.
+        """
+        answers = gripper_answers(self.link)
+        self.note("whose_arm", unit=self.unit.name, gripper_axes=answers)
+        refuse_another(self.unit, answers)
+
     def initialise(self, home: bool = True, soft_home: bool = True) -> None:
         """Set the registers, form the coordinated group, and home.
 
@@ -114,9 +124,7 @@ class Session(Guarded):
         if not self.link.identified:
             raise InputError("initialise: call identify() first")
         self._initialised = False
-        answers = gripper_answers(self.link)
-        self.note("whose_arm", unit=self.unit.name, gripper_axes=answers)
-        refuse_another(self.unit, answers)
+        self.require_unit()
         with self.guarded("initialise"):
             self.link.send(encode("PURGE"))
             self.link.synchronise(attempts=2)  # a stop drops unsent bytes

@@ -29,6 +29,18 @@ def test_what_a_word_processor_makes_is_told(word: str, told: str) -> None:
         refuse_mistyped(["check", "cell.toml", word])
 
 
+def test_a_path_that_the_shell_split_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("my cell.toml", "b c.toml", "b"):
+        Path(name).touch()
+    with pytest.raises(InputError, match=r"a path with a space needs quotes: 'my cell\.toml'$"):
+        refuse_mistyped(["check", "my", "cell.toml"])
+    Path("my own cell.toml").touch()
+    with pytest.raises(InputError, match="needs quotes: .my own cell"):
+        refuse_mistyped(["check", "my", "own", "cell.toml"])
+    refuse_mistyped(["check", "b", "c.toml"])
+
+
 def test_names_of_files_and_words_within_may_have_any_sign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

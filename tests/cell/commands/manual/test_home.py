@@ -22,7 +22,7 @@ from typed.heard import Heard
 
 from .conftest import CELL
 
-QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEF")}
+QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEFGH")}
 
 
 def _sent_before_the_first_motion(names: list[str]) -> set[str]:

@@ -24,7 +24,7 @@ from typed.heard import Heard
 from .conftest import CELL
 
 AT = (10.0, -20.0, -90.0, 0.0, -70.0, 0.0)
-QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEFG")}
+QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEFGH")}
 
 
 def _tool(cell: Cell, emulator: Emulator) -> Any:

@@ -21,7 +21,7 @@ from typed.heard import Heard
 
 from .conftest import CELL
 
-QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEFG")}
+QUERIES = {"ECHO", "STAMP", "VER?", "ST?", *(f"AP{axis}?" for axis in "ABCDEFGH")}
 NEAR_START = (-57.0, -40.0, -80.0, 0.0, -60.0, 5.0)
 
 

@@ -7,14 +7,22 @@ from dataclasses import replace
 
 import pytest
 
+from arm.controller.unit import load_unit
 from arm.errors import InputError
+from cell.commands.manual.gripper import gripper_step
+from cell.commands.manual.home import home_step
+from cell.commands.manual.move import Goal, move_step
+from cell.commands.manual.park import park_step
 from cell.commands.manual.session import SPEED, holds_cube, manual_speed, require_consent, require_person
 from cell.config.cell import Cell
 from cell.files.task import read_place
 from cell.session.connection import NoImages, WhichCell, require_openable
+from emulated.stepped_cell import names_sent, stepped_cell
 from typed.heard import Heard
 
 from .conftest import CELL
+
+AT = (10.0, -20.0, -60.0, 0.0, -70.0, 0.0)  # deg
 
 
 def test_the_speed_is_low_unless_somebody_wants_another(here: Cell) -> None:
@@ -61,3 +69,25 @@ def test_a_cell_without_a_camera_opens_and_has_no_images() -> None:
         require_openable(task, WhichCell("/dev/mars"))
     with pytest.raises(InputError, match="this command opens no camera"):
         NoImages().grab(3)
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        lambda: home_step(CELL, "/dev/mars", 1.0, False, Heard()),
+        lambda: park_step(CELL, "/dev/mars", None, None, False, Heard()),
+        lambda: gripper_step("open", CELL, "/dev/mars", False, Heard()),
+        lambda: move_step(Goal("by", (0.0, 0.0, 10.0)), CELL, "/dev/mars", None, None, False, Heard()),
+    ],
+    ids=["home", "park", "gripper", "move"],
+)
+def test_nobody_is_asked_about_another_arm(
+    here: Cell, monkeypatch: pytest.MonkeyPatch, answers: Callable[..., None], verb: Callable[[], object]
+) -> None:
+    answers(lambda: pytest.fail("asked"))
+    with stepped_cell(replace(here, nominal_unit=load_unit("crs97")), monkeypatch, AT) as emulator:
+        with pytest.raises(
+            InputError, match="unit = crs93: its gripper is on axis G, but this arm has it on axis H"
+        ):
+            verb()
+        assert set(names_sent(emulator)) <= {"ECHO", "STAMP", "VER?", "ST?", "APG?", "APH?"}
