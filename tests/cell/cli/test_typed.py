@@ -36,7 +36,7 @@ def test_a_path_that_the_shell_split_is_told(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(InputError, match=r"a path with a space needs quotes: 'my cell\.toml'$"):
         refuse_mistyped(["check", "my", "cell.toml"])
     Path("my own cell.toml").touch()
-    with pytest.raises(InputError, match="needs quotes: .my own cell"):
+    with pytest.raises(InputError, match=r"needs quotes: .my own cell"):
         refuse_mistyped(["check", "my", "own", "cell.toml"])
     refuse_mistyped(["check", "b", "c.toml"])
 
