@@ -125,7 +125,7 @@ def main() -> None:
             name = list(ARMS)[seed % len(ARMS)]
             verdict, wrong, took = case(seed, name, Path(folder))
             counts[name][verdict] += 1
-            counts[name]["wrong"] += bool(wrong)
+            counts[name]["wrong"] += bool(wrong) and verdict != "undecided"
             cpu[name].append(took)
             if wrong or verdict == "undecided":
                 print(f"{verdict}, seed {seed}, {name}: {wrong}", flush=True)
@@ -142,7 +142,7 @@ def main() -> None:
 
 
 def case(seed: int, name: str, folder: Path) -> tuple[str, str, float]:
-    """Return the verdict on one trajectory, why it is wrong ("" if it is right), and the CPU time, s."""
+    """Return the verdict on one trajectory, why it is wrong or undecided ("" if it is right), and the CPU time, s."""
     rng = np.random.default_rng([2026, seed])
     robot = arm(folder, *ARMS[name])
     for _ in range(MOST_DRAWN):
