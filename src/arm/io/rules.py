@@ -216,10 +216,10 @@ def integer(low: int, high: int) -> Rule[int]:
     return rule_of(f"a whole number from {low} to {high}", lambda v: is_whole(v, low, high), int, as_text)
 
 
-def integers(count: int, low: int, high: int) -> Rule[tuple[int, ...]]:
-    """`count` whole numbers, each from `low` to `high`."""
+def integers(count: int, low: int, high: int, what: str = "") -> Rule[tuple[int, ...]]:
+    """`count` whole numbers, each from `low` to `high`; `what` they are, for messages."""
     return rule_of(
-        f"{count} whole numbers from {low} to {high}",
+        f"{what + ': ' if what else ''}{count} whole numbers from {low} to {high}",
         lambda v: isinstance(v, list) and len(v) == count and all(is_whole(one, low, high) for one in v),
         tuple,
         lambda v: as_text(v) or other_count(v, count),

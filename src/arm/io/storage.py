@@ -61,6 +61,7 @@ MOST_BYTES = {
 """Largest size of a file of each kind; larger ones are refused before they are read."""
 
 
+_FORMATS = ("TOML", "JSON", "SVG")  # kinds that a person knows by name
 _WIRE_LOG = "wire.jsonl"  # in the folder of a run
 LARGEST = 1e100  # largest number in a file
 
@@ -146,7 +147,7 @@ def read_bytes(path: Path, kind: str) -> bytes:
 
 def _too_large(path: Path, kind: str, begin: bytes) -> FileInputError:
     if kind in _TEXTS and (foreign := binary(begin)):
-        return FileInputError(path, "", None, f"{foreign}; a text file belongs here")
+        return FileInputError(path, "", None, f"{foreign}; {_belongs(kind)}")
     rule = f"has more than {MOST_BYTES[kind] // MB} MB, which is the limit for a {kind} file"
     return FileInputError(path, "", None, rule)
 
@@ -159,6 +160,10 @@ def _what(mode: int) -> str:
         stat.S_IFSOCK: "a socket",
     }
     return kinds.get(stat.S_IFMT(mode), "not a regular file")
+
+
+def _belongs(kind: str) -> str:
+    return f"a {kind if kind in _FORMATS else 'text'} file belongs here"
 
 
 def read_text(path: Path, kind: str = "text") -> str:
@@ -174,13 +179,13 @@ def read_text(path: Path, kind: str = "text") -> str:
         rule = (
             foreign
             if "text" in foreign
-            else f"{foreign}; a text file belongs here"
+            else f"{foreign}; {_belongs(kind)}"
             if foreign
             else f"is not UTF-8 text: byte {error.start} cannot be read"
         )
         raise FileInputError(path, "", None, rule) from error
     if "\0" in text[:1000] and (foreign := binary(data)):  # some are UTF-8 by chance
-        raise FileInputError(path, "", None, f"{foreign}; a text file belongs here")
+        raise FileInputError(path, "", None, f"{foreign}; {_belongs(kind)}")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

@@ -30,7 +30,9 @@ def with_verdict(c: CameraCalibration) -> CameraCalibration:
     if untilted:  # then no distance is meaningful
         reasons = (*_too_few_views(c), *untilted, *_no_inverse(c))
         return replace(c, reasons=reasons, remarks=tuple(_images(c)), next=())
-    reasons = (*_too_few_views(c), *_no_inverse(c), *_target(c), *_accuracy(c))
+    if few := tuple(_too_few_views(c)):  # what else may be wrong cannot be told from so few
+        return replace(c, reasons=few, remarks=tuple(_images(c)))
+    reasons = (*_no_inverse(c), *_target(c), *_accuracy(c))
     return replace(c, reasons=reasons, remarks=(*_images(c), *_distances(c), *_intrinsics(c)))
 
 
@@ -63,7 +65,11 @@ def _too_few_views(c: CameraCalibration) -> Iterator[str]:
     if len(c.used) < c.limits.views:
         left = [v for v in c.views if not v.used]
         why = f" ({left_out([v.photo.name for v in left], [v.why_not for v in left])})" if left else ""
-        yield f"{len(c.used)} views are usable, at least {c.limits.views} are needed{why}"
+        more = c.limits.views - len(c.used)
+        yield (
+            f"{len(c.used)} views are usable, at least {c.limits.views} are needed{why}: take {more} or more others, "
+            "tilted by 20 to 45 deg, also near the edges of the image"
+        )
 
 
 def _too_little_tilt(c: CameraCalibration) -> Iterator[str]:

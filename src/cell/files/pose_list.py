@@ -246,9 +246,11 @@ def _bare(node: Node, values: Array, number: int, reading: Reading) -> Entry:
         raise node.error("must be finite numbers")
     bare = replace(node, value=None)  # the numbers are right
     if len(values) not in _POSES:
+        if reading.angles is None and reading.frame:
+            why = "is no pose: a pose is 12 or 16 numbers, and x y z roll pitch yaw is not read"
+            raise bare.error(why, f"for {kinds[len(values)]} give --angles rad or deg in place of --frame")
         if reading.angles is None:
-            pose = "; a pose is 12 or 16 numbers, x y z roll pitch yaw is not read" if reading.frame else ""
-            raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg{pose}")
+            raise bare.error(f"has {kinds[len(values)]} without a unit; give --angles rad or deg")
         q = reading.q(node, values, reading.angles)
         name, in_deg = f"configuration {number}", reading.angles == "deg"
         return Entry(key=node.key, name=name, q=q, in_deg=in_deg, **_USUAL)

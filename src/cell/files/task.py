@@ -43,7 +43,7 @@ KINDS = ("clear-board", "board-to-board")
 KIND = text(*KINDS)
 POSES = "poses"  # kind of a task that was read from a cell file
 NOTHING: Array = frozen(np.zeros((0, 3)))  # no further points on a board
-_IDS = integers(2, 0, 999)
+_IDS = integers(2, 0, 999, "the two marker ids of a board, such as [1, 2]")
 HOLES = (1, 2, 3, 4)  # of a board
 _HOLES = rule_of(
     "different whole numbers from 1 to 4",

@@ -163,7 +163,9 @@ class Camera:
 def _intrinsic_matrix(node: Node) -> Array:
     K = numbers((3, 3), "px").read(node)
     if min(K[0, 0], K[1, 1]) <= 0.0 or K[1, 0] != 0.0 or not np.array_equal(K[2], (0.0, 0.0, 1.0)):
-        raise node.error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0")
+        is_transposed = not K[:2, 2].any() and K[2, :2].all()
+        help = "is it transposed, as MATLAB has it?" if is_transposed else ""
+        raise node.error("must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0", help)
     return K
 
 

@@ -67,6 +67,7 @@ _SLIPS = (  # what a line and an error of `tomllib` have, and what helps
     (r"^\s*\[\s*-?[\d.]+\s*,", "", "a row of a list whose first line, KEY = [, is missing"),
     (r"=\s*\.\d|=\s*-?\d+\.(?!\d)", "", "a digit stands on both sides of the decimal point"),
     (r"=\s*-?0\d", "", "a number does not begin with a 0"),
+    (r"[\[,]\s*-?0\d", "Invalid|Unclosed", "a number does not begin with a 0"),
     (r"=\s*[^\W\d]", "Invalid value", "text stands in quotation marks"),
     (r"^\s*(//|;|%)", "", "a comment begins with #"),
     (r"^\s*[\w.-]+\s*(:|==)", "", "a key and its value are separated by one ="),
@@ -94,6 +95,11 @@ def place_of(text: str, error: str) -> str:
         help = f"{name} stands above already; tables of which there may be several are written [[{name}]]"
     elif "overwrite" in error:
         help = _twice(lines, number)
-    elif not help and "Unclosed array" in error and (open_ := _without_comma(lines, number)):
+    elif (
+        not help
+        and "Unclosed array" in error
+        and not _KEY.match(line)
+        and (open_ := _without_comma(lines, number))
+    ):
         help = f"a comma is missing at the end of line {open_}"
     return f": {shortened(line, MOST_LINE)}{f' ({help})' if help else ''}" if line else ""

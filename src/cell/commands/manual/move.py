@@ -200,8 +200,8 @@ def _option(goal: Goal) -> str:
 def _typed(file: Path, goal: Goal, text: str) -> str:
     """Return a message about the list of a goal with what the user typed in place of the list."""
     small = goal.kind in TOOL and max(map(abs, goal.values)) < FEW_MM
-    unit = "; the numbers are mm: are these in metres?" if small else ""
-    return text.replace(f"{file}: entries[0]", _option(goal)).replace(f"target {NAME!r}", "the goal") + unit
+    given = f"{_option(goal)}{' (in mm: were metres meant?)' if small else ''}"
+    return text.replace(f"{file}: entries[0]", given).replace(f"target {NAME!r}", "the goal")
 
 
 def _entry_of(file: Path, name: str) -> PoseList:

@@ -30,6 +30,8 @@ ESCAPE = "a backslash in quotation marks begins an escape: write / instead, or '
         ("speed = .5", "a digit stands on both sides of the decimal point"),
         ("speed = 1.", "a digit stands on both sides of the decimal point"),
         ("id = 01", "a number does not begin with a 0"),
+        ("from_board = [01, 02]", "a number does not begin with a 0"),
+        ("from_board = [1, 02]", "a number does not begin with a 0"),
         ("unit = crs93", "text stands in quotation marks"),
         ("// unit", "a comment begins with #"),
         ("[t]\nx = 1\n[t]", "t stands above already; tables of which there may be several are written [[t]]"),

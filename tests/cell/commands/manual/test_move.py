@@ -151,7 +151,7 @@ def test_what_is_not_certified_is_refused_and_nothing_moves(
         assert "poses.json" not in str(refused.value)
         with pytest.raises(
             ImpossibleError,
-            match=r"^--to=0\.42,0,0\.3: the goal at .*; the numbers are mm: are these in metres\?$",
+            match=r"^--to=0\.42,0,0\.3 \(in mm: were metres meant\?\): the goal at .* is out of reach",
         ):
             _move(Goal("to", (0.42, 0.0, 0.3)))
         with pytest.raises(InputError, match=r"^--by=0,0,6000: leads the tool 6\d+ mm from the base; must"):
