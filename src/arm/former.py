@@ -11,10 +11,14 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader
+else:
+    Loader = object  # importlib.abc takes 5 ms, and a finder needs its methods only
 
 T = TypeVar("T")
 
@@ -169,7 +173,7 @@ def _warn_renamed(cls: type, name: str, now: str) -> None:
     warnings.warn(f"{cls.__name__}: {name} is {now} now", DeprecationWarning, stacklevel=3)
 
 
-class _Former(MetaPathFinder, Loader):
+class _Former(Loader):
     """Finds modules by their former names, after all other finders failed."""
 
     def find_spec(
@@ -180,6 +184,9 @@ class _Former(MetaPathFinder, Loader):
         # a former package of which all modules have moved
         moved = name.count(".") == 1 and any(other.startswith(f"{name}.") for other in PLACES)
         return ModuleSpec(name, self, is_package=True) if moved else None
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """The usual module."""
 
     def exec_module(self, module: ModuleType) -> None:
         """Copy every name of the renamed module; a former package is empty."""

@@ -13,7 +13,6 @@ import typer
 
 from arm.errors import A465Error, ExecutionStopped, InputError
 from cell.cli.options import refuse
-from cell.cli.usage import usage_help
 from cell.console import Console, OutputLost, say_on_stderr
 
 
@@ -50,6 +49,8 @@ def fail_usage(error: typer.TyperException, app: typer.Typer) -> NoReturn:
 
     A group without a command prints its help instead. `app` has all commands with their parameters.
     """
+    from cell.cli.usage import usage_help  # 7 ms, of which help has no need
+
     words, context = error.format_message(), getattr(error, "ctx", None)
     if context is not None and words == context.get_help():
         say_on_stderr(words)
