@@ -16,6 +16,7 @@ from cell.preview.overlays import ClearanceSample
 from plan.collision.world import World
 
 CLEARANCE_EVERY_S = 0.2
+MOST_SAMPLES = 1200  # of a plan, about 0.1 kB each, so that the page of a long one opens as fast
 
 
 def sample_clearance(
@@ -23,6 +24,7 @@ def sample_clearance(
 ) -> dict[int, tuple[ClearanceSample, ...]]:
     """Sample every move; return samples by index of the plan's step. A scene without bodies has no samples.
 
+    Samples are `every_s` apart, in plans of more than `MOST_SAMPLES` of these as far apart as that number needs.
     Each cube is where the plan has placed it by then. The move states what may touch.
 
     Raises:
@@ -34,6 +36,8 @@ def sample_clearance(
     tracks = cube_tracks(steps, cubes, robot_open, unit, plan.scene.get("supplies", ()))
     if not bodies and not cubes:
         return {}
+    moved = sum(timed.step.path.duration_s for timed in steps if isinstance(timed.step, Move))
+    every_s = max(every_s, moved / MOST_SAMPLES)
     sampled = {}
     for index, timed in enumerate(steps):
         move = timed.step

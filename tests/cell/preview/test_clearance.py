@@ -10,6 +10,7 @@ from arm.controller.segments import CountPath
 from arm.plan_file import Move
 from arm.robot.shapes import body_from_json
 from arm.se3 import rot_x, rot_z, transform
+from cell.preview import clearance
 from cell.preview.clearance import sample_clearance
 from cell.preview.content import page_content
 from plan.program.tasks import plan_task
@@ -111,3 +112,17 @@ def test_samples_agree_with_the_planners_certificate(preview_case) -> None:
         assert least >= move.clearance, move.name
         # the certificate is tight to 5 % or 0.5 mm; the samples lie up to 0.1 s beside the closest moment
         assert least <= 1.06 * move.clearance + 1.5e-3, move.name
+
+
+def test_a_long_plan_has_no_more_samples_than_a_page_can_show(
+    preview_case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = preview_case
+    of_case = case.plan, case.robot_open, case.robot_holding, case.unit
+    usual = sample_clearance(*of_case)
+    monkeypatch.setattr(clearance, "MOST_SAMPLES", 60)
+    few = sample_clearance(*of_case)
+    assert few.keys() == usual.keys()
+    assert sum(map(len, few.values())) <= 60 + 2 * len(few) < sum(map(len, usual.values()))
+    for index, samples in few.items():  # each move keeps its begin and its end
+        assert (samples[0].time_s, samples[-1].time_s) == (usual[index][0].time_s, usual[index][-1].time_s)
