@@ -201,7 +201,7 @@ def refusal_of(
     if (peaks.beyond > SLACK).any():
         joint = int(peaks.beyond.argmax())
         beyond = float(peaks.beyond[joint])
-        by = f"{np.degrees(beyond):.3g} deg" if asked.in_deg else f"{beyond:.3g} rad (m)"
+        by = f"{np.degrees(beyond):.4g} deg" if asked.in_deg else f"{beyond:.3g} rad (m)"
         meant = peaks.meant or peaks.in_deg()
         why = f"{file}: {joints[joint]} is beyond its position limits by {by}{meant}; {also}"
         return ImpossibleError(why, verdict=BEYOND, joint=joints[joint], beyond=beyond)
