@@ -122,9 +122,8 @@ def _unknown(
             yield one, home or near
 
 
-_UNIT = re.compile(
-    r"_(m|mm|cm|deg|rad|s|ms|us|px|mm_s|deg_s|rad_s|v|db)$"
-)  # with which the name of a key ends
+# With which the name of a key ends.
+_UNIT = re.compile(r"_(m|mm|cm|deg|rad|s|ms|us|px|mm_s|deg_s|rad_s|v|db)$")
 
 
 # What other formats call one and the same, without units.

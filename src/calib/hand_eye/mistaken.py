@@ -20,10 +20,8 @@ from calib.recordings.arm import ArmRecording
 from calib.robot_world.initial_guess import FEWEST, closed_form, residual_sizes
 
 _MOST = 16  # images that are tried
-_FARTHER, _NOISIER = (
-    5.0,
-    1.2,
-)  # times that a recording fits better if it is told, and that its corners may fit worse
+_FARTHER = 5.0  # times that a recording fits better without a mistake before that is told
+_NOISIER = 1.2  # times that its corners may fit worse then
 _TURN, _SHIFT = np.radians(2.0), 0.010  # rad and m within which the pairs of poses of any arm agree
 _GROSS = 1.0  # px; the worst corners that are found in images fit to 0.3 px
 _DIGITS = 1e-3  # deg; fewer than those of a reading

@@ -17,9 +17,7 @@ _DASHES = {
 }
 _DASH = re.compile(rf"^[{''.join(_DASHES)}]|(?<=[=,\s])[{''.join(_DASHES)}](?=[\d.])")
 MOST_WORDS = 4  # of a path with spaces
-_QUOTES = (
-    "\u201c\u201d\u201e\u201f\u2018\u2019\u201a\u00ab\u00bb"  # double, single and angular, of both sides
-)
+_QUOTES = "\u201c\u201d\u201e\u201f\u2018\u2019\u201a\u00ab\u00bb"  # double, single, angular
 
 
 def refuse_mistyped(typed: Sequence[str]) -> None:

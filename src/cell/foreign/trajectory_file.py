@@ -20,10 +20,8 @@ from arm.io.rules import is_number, numbers, rule_of
 from arm.se3 import Array, frozen
 from plan.collision.bezier import Curve
 
-WRAPPERS = (
-    "joint_trajectory",
-    "trajectory",
-)  # of RobotTrajectory, DisplayTrajectory's parts, FollowJointTrajectory
+# Of RobotTrajectory, of the parts of a DisplayTrajectory, and of a FollowJointTrajectory.
+WRAPPERS = ("joint_trajectory", "trajectory")
 POINT = ("positions", "velocities", "accelerations", "effort", "time_from_start")
 _UNITS = ("unit", "units", "angles")  # that a message has not, and that would be ignored
 _DEPTH = 4  # to which a trajectory is looked for in other messages

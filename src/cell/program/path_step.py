@@ -117,10 +117,8 @@ class FreedomKeys(Keys):
     touch: Pairs = key("touch", TOUCH, [])
 
 
-_WIDTH, _LIFT = (
-    number("mm", 1.0, 5000.0),
-    number("mm", 0.5, 200.0),
-)  # of a drawing, and of the arcs to its strokes
+_WIDTH = number("mm", 1.0, 5000.0)  # of a drawing
+_LIFT = number("mm", 0.5, 200.0)  # of the arcs to its strokes
 
 
 class PathKeys(FreedomKeys):

@@ -189,15 +189,11 @@ REGION = Rule(numbers(4, "px").words, _region)
 FARTHEST = 20.0  # m along each axis from the base to a camera; more is a pose in other units
 _FARTHEST_MM = 1e3 * FARTHEST
 _TURNED = "its sides are exchanged: was it turned by 90 deg? use it as the camera takes it"
-_UPWARDS = (
-    0.5  # sine of the angle above the horizon: a camera above the table sees no board along such a line
-)
+_UPWARDS = 0.5  # sine of the angle above the horizon: so a camera above the table sees no board
 LEAST_FOCAL = 0.25  # of the image's longer side: 127 deg, beyond which this model of a lens does not hold
 _NEAREST = 0.05  # m from the base: a position by tape is outside the arm
-SWAPPED = (
-    0.3,
-    0.2,
-)  # principal point off the middle, of the size: more if width and height are swapped, less if not
+# Principal point off the middle, of the size: more if width and height are swapped, less if not.
+SWAPPED = (0.3, 0.2)
 
 
 class CameraKeys(Keys, file="a camera file"):

@@ -22,9 +22,7 @@ _AT_BOARD = 2.0  # mm from a board's origin; a place in m, read as mm, is nearer
 _AT_CENTRE = 1.0  # mm from the workpiece's origin; the same for the middle of a body
 _PAST_END, _ABOUT_RAY = 0.01, 0.02  # m, of bodies of a wire beyond its end, and beside the ray there
 _SHORT_MM = 2.0  # of a path; one in m, read as mm, is shorter
-_MOST_ROUNDED = (
-    0.1  # of the size of a path, by which its corners are rounded; more leaves little of its shape
-)
+_MOST_ROUNDED = 0.1  # of a path's size, by which its corners are rounded; more leaves little of its shape
 _SAME_SIZE = 0.01  # of a drawing's width, by which another one may differ
 _FAST_MM_S = 250.0  # on a path in contact; more is rather in mm/min
 _PER_UNIT = {"mm": 1.0, "cm": 10.0, "in": 25.4}  # mm
@@ -130,9 +128,8 @@ def _beyond_end(line: ThreadedLine) -> float:
 def _width_mm(task: ProgramTask, svg: str) -> float | None:
     """Return the width of a drawing by its own statement, mm; None without one in mm, cm or inches."""
     with suppress(ElementTree.ParseError, OSError):
-        width = (
-            ElementTree.parse(task.file.parent / svg).getroot().get("width", "")
-        )  # read and checked before
+        root = ElementTree.parse(task.file.parent / svg).getroot()  # read and checked before
+        width = root.get("width", "")
         if found := re.fullmatch(r"\s*([\d.]+)\s*(mm|cm|in)\s*", width):
             return float(found[1]) * _PER_UNIT[found[2]]
     return None
