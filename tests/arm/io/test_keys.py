@@ -184,6 +184,11 @@ def test_names_of_other_formats_are_recognised(name: str, meant: str) -> None:
         Wall.read(Node(Path("a.toml"), "", {name: 1, **there}))
 
 
+class Jaws(Keys):
+    length: float = key("length_mm", number("mm", 0, 10))
+    close_to: float = key("close_to_mm", number("mm", 0, 10), 0)
+
+
 def test_a_mistyped_key_beside_the_right_one_is_recognised() -> None:
     table = {"size_mm": 1, "centre_mm": 1, "cenrte_mm": 2}
     with pytest.raises(

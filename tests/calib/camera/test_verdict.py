@@ -91,7 +91,16 @@ def test_too_few_views_are_refused_with_what_became_of_each():
     with pytest.raises(CalibrationRefused, match=r"2 of 2 images are usable, at least 3 are needed$"):
         calibrate_camera(photos(views[:2]), CHARUCO, SIZE)
     c = calibrate_camera(photos(views), CHARUCO, SIZE)
-    assert any("5 views are usable, at least 8 are needed" in reason for reason in c.reasons)
+    needed = "take 3 or more others, tilted by 20 to 45 deg, also near the edges of the image"
+    assert any(f"5 views are usable, at least 8 are needed: {needed}" in reason for reason in c.reasons)
+    three = calibrate_camera(
+        photos([v for v, p in zip(views, c.views, strict=True) if p.tilt > CalibrationLimits().tilt][:3]),
+        CHARUCO,
+        SIZE,
+    )
+    assert len(three.views) == 3
+    (reason,) = three.reasons  # not that views face the camera
+    assert reason.startswith("3 views are usable")
 
 
 @pytest.mark.slow

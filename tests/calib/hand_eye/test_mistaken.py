@@ -8,7 +8,7 @@ import pytest
 from arm.errors import CalibrationRefused
 from arm.robot.dh import DhTable
 from calib.hand_eye.calibrate import calibrate_hand_eye
-from calib.hand_eye.mistaken import likely_mistake
+from calib.hand_eye.mistaken import _Fit, likely_mistake
 from calib.hand_eye.next_poses import next_poses
 from recorded.arm_sets import TARGETS, draw_truth, recorded, wide
 
@@ -92,3 +92,19 @@ def test_another_arm_is_refused_with_its_cause_and_without_poses_that_would_help
         return
     assert not found.chain.accepted
     assert all(0.0 <= pose.gain <= 1.0 for pose in next_poses(found))
+
+
+@pytest.mark.parametrize(
+    ("free", "explains"),
+    [
+        (_Fit(0.1, 0.001, 0.0002), True),
+        (_Fit(0.1, 0.05, 0.0002), False),  # a turn that no arm has
+        (_Fit(0.1, 0.001, 0.02), False),  # a shift that no arm has
+        (_Fit(0.13, 0.001, 0.0002), False),  # the corners fit worse
+        (_Fit(0.1, 0.02, 0.009), False),  # better, but not five times
+    ],
+)
+def test_a_mistake_explains_a_recording_only_if_it_fits_far_better_without(
+    free: _Fit, explains: bool
+) -> None:
+    assert bool(free.explains(_Fit(0.1, 0.03, 0.02))) == explains

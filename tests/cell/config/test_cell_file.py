@@ -183,6 +183,12 @@ def test_only_what_is_meant_counts(scenes: Path) -> None:
         ("cell.toml", "[tool]", "[tool", "is not valid TOML"),
         (
             "cell.toml",
+            "centre_mm = [930, 0, 600]",
+            "position_mm = [930, 0, 600]",
+            r"walls\[0\].position_mm is not a known key: did you mean walls\[0\].centre_mm\?",
+        ),
+        (
+            "cell.toml",
             "# speed_registers = [7680, 2048",
             "speed_registers = [7680, 9999",
             "axis B must be at most 4096",
