@@ -50,3 +50,10 @@ def test_what_is_not_known_is_not_told(line: str) -> None:
     with pytest.raises(tomllib.TOMLDecodeError) as refused:
         tomllib.loads(text)
     assert place_of(text, str(refused.value)) == f": {line}"
+
+
+def test_a_line_with_a_key_of_its_own_does_not_go_on_the_one_before() -> None:
+    text = 'cell = "cell.toml"\nids = [1; 2]\n'
+    with pytest.raises(tomllib.TOMLDecodeError) as refused:
+        tomllib.loads(text)
+    assert "line 1" not in place_of(text, str(refused.value))
