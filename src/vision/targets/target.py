@@ -264,7 +264,7 @@ class TargetFinder:
         """What to change in the target file to read a print."""
         layout, target = shown.layout, self.target
         if layout is None:
-            return "give the board's own file with --target"
+            return "give images of the target, or the target file of this print with --target"
         is_charuco = target.kind == "charuco"
         has_all = is_charuco and len(predefined(target.dictionary).bytesList) > shown.ids.max()
         # the image may show some rows only, but a legacy board has an even number
