@@ -62,7 +62,7 @@ class ErringCell(ContactCell):
     """
 
     def __init__(self, task: Task, error: Array) -> None:
-        super().__init__(task.cell, read_world(world_file(task, None), task.cell.boards[0].marker_size))
+        super().__init__(task.cell, read_world(world_file(task, None), task.cell.marker_size))
         centres = [apply(b.T_base_board, (*PLATE_CENTRE, 0.0)) for b in self.world.boards]
         self._begin, self._way = centres[FROM], centres[TO] - centres[FROM]
         self.shift = self.world.boards[TO].T_base_board[:3, :2] @ error

@@ -253,7 +253,7 @@ def _tell_plans(scenes: Path, points: int) -> None:
     def agrees(row: dict[str, str]) -> bool:
         with tempfile.TemporaryDirectory() as folder:
             task = write_point(study, bundle, int(row["point"]), Path(folder) / "point")
-            world = read_world(task.with_suffix(".world.toml"), read_task(task).cell.boards[0].marker_size)
+            world = read_world(task.with_suffix(".world.toml"), read_task(task).cell.marker_size)
             look = task.with_name("look.json")
             seen = observation_to_json(exact_look(read_task(task), world), read_task(task).cell.camera)
             look.write_text(json.dumps(seen))

@@ -82,7 +82,7 @@ def look_step(
     task = task_of_file(task_file)
     with frames_of(task, images, camera, world) as frames:
         if images is None and camera is None:
-            require_boards_of(task, read_world(world_file(task, world), task.cell.boards[0].marker_size))
+            require_boards_of(task, read_world(world_file(task, world), task.cell.marker_size))
         seen = look_and_save(task, frames, picture, console, "at the cell")
     result = observation_to_json(seen, task.cell.camera)
     if output is not None:

@@ -67,6 +67,11 @@ class Cell(CellValues, JawValues):
     digest: str
 
     @property
+    def marker_size(self) -> float:
+        """Edge of the black squares of markers, m, of boards whose own file states none."""
+        return float(self.inputs["boards.marker_size_mm"]) / 1e3
+
+    @property
     def has_jaws(self) -> bool:
         """Whether the tool is a gripper."""
         return isinstance(self.tool, Gripper)

@@ -277,7 +277,7 @@ def simulated_cell(task: Task, world: Path | None, contact: bool = False) -> Sim
     from cell.sim.made import require_apart, require_on_table
 
     cell = task.cell
-    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    truth = read_world(world_file(task, world), cell.marker_size)
     require_apart(truth)
     require_on_table(truth, cell.table_z)
     if truth.camera is not None and truth.camera.size != cell.camera.size:
@@ -342,7 +342,7 @@ def target_camera(task: Task, world: Path | None, rng: np.random.Generator) -> T
     cell, file = task.cell, task.file.with_suffix(".world.toml")
     if world is None and not file.exists():
         return TargetCamera(cell.camera, None, rng)
-    truth = read_world(world_file(task, world), cell.boards[0].marker_size)
+    truth = read_world(world_file(task, world), cell.marker_size)
     return TargetCamera(cell.nominal_camera, truth, rng)
 
 

@@ -124,7 +124,7 @@ def point_step(file: Path, number: int, folder: Path | None, console: Console) -
         look_step(task_file, None, world_file, look, None, console)
     else:
         task = read_task(task_file)
-        world = read_world(world_file, task.cell.boards[0].marker_size)
+        world = read_world(world_file, task.cell.marker_size)
         seen = observation_to_json(exact_look(task, world), task.cell.camera)
         write_atomic(look, canonical_json(seen) + "\n")
     planned = plan_step(task_file, look, folder / "plan.json", None, console)

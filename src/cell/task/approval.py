@@ -65,7 +65,7 @@ class Approval:
             raise InputError(why, option="--yes", value=code)
         if not self._known and answer is None and not at_terminal():
             raise InputError(
-                f"no terminal to confirm {plan_file} on a real arm: give --yes CODE, the code shown by its preview; "
+                f"no terminal to confirm {plan_file}: give --yes CODE, the code shown by its preview; "
                 f"{self._where()}",
                 option="--yes",
             )

@@ -285,6 +285,7 @@ class OpenRun:
             "time_scale": self.connection.time_scale,
             "arm_shape": self.task.cell.arm_shape(),
             "simulated": simulated is not None,
+            "emulated": simulated is None and not may_be_real(self.connection.mars.link.url),
             "wires": [] if simulated is None else [touches.to_json() for touches in simulated.touches()],
             "placements": [budget_to_json(budget) for budget in self.budgets.values()],
             "second_looks": self.second_looks,

@@ -287,4 +287,4 @@ def test_a_plan_of_another_task_is_told_before_a_person_is_asked(
     told = a465("execute", "plan.json", "task1.toml", *port, code=3, cwd=planned_scenes)[1]
     assert "the plan is for task task2" in told
     told = a465("execute", "plan.json", "task2.toml", *port, code=2, cwd=planned_scenes)[1]
-    assert "no terminal to confirm plan.json on a real arm: give --yes CODE" in told
+    assert "no terminal to confirm plan.json: give --yes CODE" in told

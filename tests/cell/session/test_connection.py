@@ -161,6 +161,16 @@ def test_a_world_is_of_the_simulated_cell(task: Task) -> None:
         require_openable(task, where)
 
 
+def test_a_board_with_markers_of_its_own_size_leaves_the_others_theirs(scenes: Path) -> None:
+    """A plate of one's own comes first in the list: the markers of shipped boards are drawn as the cell file says."""
+    own = "markers = [21, 22]\nmarker_size_mm = 32\nsecond_marker_mm = [150, 110]\nsize_mm = [220, 180, 15]\n"
+    (scenes / "own.toml").write_text(f"{own}centre_mm = [75, 55]\n")
+    replace_in(scenes / "cell.toml", "files = [", 'files = ["own.toml", ')
+    simulated = simulated_cell(read_task(scenes / "task2.toml"), None)
+    assert simulated.cell.boards[0].marker_size == 0.032
+    assert [one.board.marker_size for one in simulated.world.boards] == [0.036, 0.036]
+
+
 def test_a_port_that_cannot_be_opened_leaves_an_empty_log(task: Task, tmp_path: Path) -> None:
     log = tmp_path / "wire.jsonl"
     opened = open_cell(task, WhichCell("/dev/mars-that-is-not-there", blind=True), log)

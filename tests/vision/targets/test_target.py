@@ -63,7 +63,9 @@ def test_no_target_is_none_and_another_dictionary_is_named():
     loose = np.full((400, 400), 255, np.uint8)
     for k, (x, y) in enumerate([(40, 40), (220, 60), (90, 250), (260, 270)]):
         loose[y : y + 90, x : x + 90] = cv2.aruco.generateImageMarker(predefined("DICT_4X4_50"), k, 90)
-    assert "4 markers of DICT_4X4_50 (ids 0 to 3): give images of the target, or" in finder.seen_instead(loose)
+    assert "4 markers of DICT_4X4_50 (ids 0 to 3): give images of the target, or" in finder.seen_instead(
+        loose
+    )
     assert finder.seen_instead(loose, loose=False) == ""
     empty = np.full((1200, 1920), 128, dtype=np.uint8)
     assert finder.find(empty) is None

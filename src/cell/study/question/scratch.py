@@ -191,7 +191,7 @@ def _read(task_file: Path, world_file: Path) -> tuple[Task, World]:
         raise InputError(
             f"{task_file}: is not a task of boards and cubes; a study asks such a task", file=str(task_file)
         )
-    return task, read_world(world_file, task.cell.boards[0].marker_size)
+    return task, read_world(world_file, task.cell.marker_size)
 
 
 def code_files() -> list[Path]:
@@ -318,7 +318,7 @@ class Scratch:
                     self.task, self.world = _read(self.study.task, self.study.world)
                 self._require_copies(read)
             else:
-                self.world = read_world(self.study.world, self.task.cell.boards[0].marker_size)
+                self.world = read_world(self.study.world, self.task.cell.marker_size)
         except OSError as error:
             why = f"{self._folder}: cannot be written: {error.strerror}"
             raise InputError(why, file=str(self._folder)) from error
