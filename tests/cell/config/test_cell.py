@@ -125,7 +125,9 @@ def test_a_runs_report_says_whose_word_the_arms_shape_is(scenes: Path, compared:
         rows=[],
         speed=0.5,
         control=SimpleNamespace(ceiling=1.0),
-        connection=SimpleNamespace(time_scale=1.0, simulated=None),
+        connection=SimpleNamespace(
+            time_scale=1.0, simulated=None, mars=SimpleNamespace(link=SimpleNamespace(url="/dev/mars"))
+        ),
         remarks=[],
         second_looks=[],
         budgets={},

@@ -320,4 +320,6 @@ def test_six_numbers_of_a_pose_are_told_with_the_frame_that_was_given(tmp_path: 
     (tmp_path / "p.csv").write_text("0.42,0,0.25,3.14,0,0\n")
     for options, told in ((("--frame", "tool"), True), ((), False)):
         refused = a465("plan", CELL, tmp_path / "p.csv", *options, "-o", tmp_path / "q.json", code=2)[1]
-        assert ("is no pose: a pose is 12 or 16 numbers, and x y z roll pitch yaw is not read" in refused) == told
+        assert (
+            "is no pose: a pose is 12 or 16 numbers, and x y z roll pitch yaw is not read" in refused
+        ) == told
