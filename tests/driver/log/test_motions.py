@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from driver.line.protocol import Position
+from driver.log.motions import LoggedMotion, _sampled
 from driver.log.read import Session, read_log
+from driver.log.samples import LoggedSample
 from wire.logged_session import LoggedRun
 from wire.written_log import write
 
@@ -48,3 +53,25 @@ def test_lines_are_put_together_over_records_and_a_stop_cuts_one(tmp_path: Path)
     ]
     assert session.statuses[0].status.faults() == ("arm power is off",)
     assert session.damaged == 1
+
+
+@pytest.mark.parametrize(
+    ("rate", "times_s"),
+    [
+        (1.0, (0.05, 0.20, 0.37, 0.45, 0.80)),
+        (2.0, (0.05, 0.39, 0.70, 1.0, 1.4)),
+        (0.99, (0.05, 0.2, 0.38, 0.6)),
+    ],
+)
+def test_the_dwell_lasts_by_the_units_clock(rate: float, times_s: tuple[float, ...]) -> None:
+    """Samples of a unit `rate` times as fast as the log's clock: those after the dwell do not give its number."""
+    dwell_s, motion = 0.374, LoggedMotion(10.0, dwell_ms=374, dwell_s=10.0)
+    samples = tuple(
+        LoggedSample(
+            10.0 + t,
+            10.0 + t / rate,
+            Position(round(1e3 * t), 5 if t < dwell_s else 6 + int(10 * t), 0, (0,) * 6),
+        )
+        for t in times_s
+    )
+    assert _sampled(motion, samples).number == 5
