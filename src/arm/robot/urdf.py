@@ -38,11 +38,10 @@ _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
 _MOVES = (*_LIMITED, "continuous", "planar")  # along or about an axis; others often have one of zeros
 _NUMBERS = {"xyz": 3, "rpy": 3, "size": 3, "radius": 1, "length": 1, "lower": 1, "upper": 1, "velocity": 1}
-_LARGE = {
-    "size": (20.0, "m", "is it in mm?"),
-    "radius": (20.0, "m", "is it in mm?"),
-}  # of a link, as of its meshes
-_LARGE |= {"length": _LARGE["radius"], "rpy": (2.0 * np.pi + 0.01, "rad", "is it in degrees?")}
+_LARGE = dict.fromkeys(
+    ("size", "radius", "length"), (20.0, "m", "is it in mm?")
+)  # of a link, as of its meshes
+_LARGE["rpy"] = (2.0 * np.pi + 0.01, "rad", "is it in degrees?")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _SCHEMES = ("package://", "model://")
 # and the folder of packages in each entry
@@ -168,9 +167,8 @@ def _require_numbers(urdf: Path, part: ElementTree.Element) -> None:
                 )
                 raise FileInputError(urdf, where, value, f"must be {what}", help)
             most, unit, help = _LARGE.get(key, (np.inf, "", ""))
-            if min(map(abs, found)) > most or (
-                key == "rpy" and max(map(abs, found)) > most
-            ):  # a floor may be large
+            beyond = max if key == "rpy" else min  # a floor may be large along two axes
+            if beyond(map(abs, found)) > most:
                 raise FileInputError(urdf, where, value, f"must be within {most:.4g} {unit}", help)
             if part.get("type") in _MOVES and (element.tag, key) == ("axis", "xyz") and not any(found):
                 raise FileInputError(urdf, where, value, "must not be 0 along all three axes")
