@@ -194,26 +194,19 @@ class MotionReader:
 def _sampled(motion: LoggedMotion, samples: tuple[LoggedSample, ...]) -> LoggedMotion:
     """Add samples to a motion. One taken in the dwell gives the unit's number, and the start if it is not known.
 
-    The dwell lasts by the unit's clock, which an emulated unit may have faster than the wall's.
+    It is the first after the dwell was sent, as the driver asks at once: an emulated unit that runs faster than the
+    log's clock has its dwell behind it at a later one.
     """
-    begin_s = motion.dwell_s + motion.dwell_ms / 1e3 / _rate(samples)
-    standing = [s for s in samples if motion.dwell_ms and motion.dwell_s <= s.heard_s <= begin_s]
+    standing = [s for s in samples if motion.dwell_ms and motion.dwell_s <= s.heard_s <= motion.begin_s]
     start = motion.start
     if start is None and samples:
         start = (standing or samples)[0].position.counts
     return replace(
         motion,
         start=start if start is None or len(start) == AXES else None,
-        number=standing[-1].position.segment if standing else None,
+        number=standing[0].position.segment if standing else None,
         samples=samples,
     )
-
-
-def _rate(samples: tuple[LoggedSample, ...]) -> float:
-    """Return how much faster than the log's clock that of the unit runs, 1 or more."""
-    if len(samples) < 2 or (heard_s := samples[-1].heard_s - samples[0].heard_s) <= 0.0:
-        return 1.0
-    return max(1.0, (samples[-1].time_s - samples[0].time_s) / heard_s)
 
 
 def _integers(text: str) -> list[int] | None:

@@ -63,8 +63,10 @@ def test_lines_are_put_together_over_records_and_a_stop_cuts_one(tmp_path: Path)
         (0.99, (0.05, 0.2, 0.38, 0.6)),
     ],
 )
-def test_the_dwell_lasts_by_the_units_clock(rate: float, times_s: tuple[float, ...]) -> None:
-    """Samples of a unit `rate` times as fast as the log's clock: those after the dwell do not give its number."""
+def test_the_first_sample_after_the_dwell_was_sent_gives_its_number(
+    rate: float, times_s: tuple[float, ...]
+) -> None:
+    """Samples of a unit `rate` times as fast as the log's clock: a later one may be of a segment."""
     dwell_s, motion = 0.374, LoggedMotion(10.0, dwell_ms=374, dwell_s=10.0)
     samples = tuple(
         LoggedSample(
